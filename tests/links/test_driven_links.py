@@ -10,6 +10,7 @@ from wbc.links import DrivenLinks
 from wbc.transmission import Flanks
 
 STEP = 0.002
+ONE = np.zeros(1, dtype=np.int64)  # window
 TIME = np.arange(800) * STEP
 INERTIA = np.array([[0.5, 0.15], [0.15, 0.1]])
 DRAG, PULL = np.array([[0.05, 0.01], [0.02, 0.03]]), np.array([[3.0, 0.4], [0.4, 0.8]])
@@ -68,7 +69,7 @@ def test_two_links_move_together_as_an_ode_solver_says(
     """Until strikes have made a difference of steps large, the motions are the same."""
     start = np.array([0.004, -0.006, 0.1, -0.2])
     truth = _truth(gears, np.array(level), start)
-    d, _, _ = _links(np.array(level)).follow(gears, start.reshape(2, 2, 1))
+    d = _links(np.array(level)).follow(gears, ONE, start.reshape(1, 2, 2, 1)).d
     seconds = 1.6 if gears == (SOFT, SOFT) else 0.6
     seen = seconds > TIME
     error = np.abs(d[seen, :, 0] - truth[seen]).max(axis=0)
@@ -77,10 +78,10 @@ def test_two_links_move_together_as_an_ode_solver_says(
 
 def test_many_starts_are_followed_as_each_alone() -> None:
     links, gears = _links(np.array([0.3, 0.1])), (SOFT, LOOSE)
-    starts = 0.01 * np.random.default_rng(0).standard_normal((2, 2, 7))
-    together = links.follow(gears, starts)
+    starts = 0.01 * np.random.default_rng(0).standard_normal((1, 2, 2, 7))
+    together = links.follow(gears, ONE, starts)
     for k in range(7):
-        alone = links.follow(gears, starts[..., k : k + 1])
+        alone = links.follow(gears, ONE, starts[..., k : k + 1])
         for one, other in zip(together, alone, strict=True):
             np.testing.assert_array_equal(one[..., k], other[..., 0])
 
@@ -89,9 +90,22 @@ def test_a_swing_without_losses_keeps_its_energy() -> None:
     one = np.ones((4000, 1, 1))
     nothing = np.zeros((4000, 1))
     links = DrivenLinks(0.1 * one, 0.0 * one, 0.0 * one, *(nothing,) * 4, STEP)
-    d, v, _ = links.follow([Flanks(400.0, 0.0)], np.array([[[0.01]], [[0.0]]]))
+    d, v, *_ = links.follow([Flanks(400.0, 0.0)], ONE, np.array([[[[0.01]], [[0.0]]]]))
     energy = 0.5 * 400.0 * d[:, 0, 0] ** 2 + 0.5 * 0.1 * v[:, 0, 0] ** 2
     assert energy == pytest.approx(0.5 * 400.0 * 0.01**2, rel=1e-9)
+
+
+def test_every_window_begins_anew() -> None:
+    """Each goes as it would by itself, and the log goes on behind it."""
+    links, gears = _links(np.array([0.3, 0.1])), (SOFT, LOOSE)
+    starts = 0.01 * np.random.default_rng(0).standard_normal((2, 2, 2, 1))
+    whole = links.follow(gears, np.array([0, 400]), starts)
+    before = links.follow(gears, ONE, starts[:1])
+    np.testing.assert_array_equal(whole.d[:400], before.d[:400])
+    np.testing.assert_array_equal(whole.ends[0, 0], before.d[400])
+    np.testing.assert_array_equal(whole.ends[0, 1], before.v[400])
+    np.testing.assert_array_equal(whole.d[400], starts[1, 0])
+    np.testing.assert_array_equal(whole.ends[1, 0], whole.d[-1])
 
 
 @pytest.mark.parametrize("stiffness", [400.0, 3000.0, 24000.0])
@@ -99,8 +113,8 @@ def test_a_link_that_crosses_its_play_keeps_its_energy(stiffness: float) -> None
     """Each arrival at a flank gained up to the share h^2 k / (4 I), here 0.1 to 6 percent."""
     one, nothing = np.ones((3000, 1, 1)), np.zeros((3000, 1))
     links = DrivenLinks(0.1 * one, 0.0 * one, 0.0 * one, *(nothing,) * 4, STEP / 2)
-    start = np.array([[[0.0, 0.003]], [[1.0, -0.7]]])
-    d, v, _ = links.follow([Flanks(stiffness, 0.0, 0.02)], start)
+    start = np.array([[[[0.0, 0.003]], [[1.0, -0.7]]]])
+    d, v, *_ = links.follow([Flanks(stiffness, 0.0, 0.02)], ONE, start)
     outside = np.maximum(np.abs(d[:, 0]) - 0.01, 0.0)
     energy = 0.05 * v[:, 0] ** 2 + 0.5 * stiffness * outside**2
     assert np.count_nonzero(np.diff(np.sign(d[:, 0, 0]))) > 40
@@ -110,7 +124,8 @@ def test_a_link_that_crosses_its_play_keeps_its_energy(stiffness: float) -> None
 def test_a_flank_takes_energy_and_never_pulls() -> None:
     one, nothing = np.ones((3000, 1, 1)), np.zeros((3000, 1))
     links = DrivenLinks(0.1 * one, 0.0 * one, 0.0 * one, *(nothing,) * 4, 1e-4)
-    d, v, _ = links.follow([Flanks(3000.0, 25.0, 0.02)], np.array([[[0.0]], [[1.0]]]))
+    start = np.array([[[[0.0]], [[1.0]]]])
+    d, v, *_ = links.follow([Flanks(3000.0, 25.0, 0.02)], ONE, start)
     d, v = d[:, 0, 0], v[:, 0, 0]
     # The speed changes towards the middle only: no flank holds back a link that leaves it.
     assert np.all(np.diff(v) * np.sign(d[:-1] + d[1:]) <= 1e-12)
@@ -130,8 +145,8 @@ def test_the_law_of_a_gear(gear: Flanks) -> None:
 def test_a_link_that_falls_off_is_not_followed() -> None:
     one, nothing = np.ones((4000, 1, 1)), np.zeros((4000, 1))
     links = DrivenLinks(0.1 * one, 0.0 * one, -30.0 * one, *(nothing,) * 4, STEP)
-    starts = np.array([[[0.0, 1e-3]], [[0.0, 0.0]]])
-    d, v, _ = links.follow([Flanks(10.0, 0.1)], starts)
+    starts = np.array([[[[0.0, 1e-3]], [[0.0, 0.0]]]])
+    d, v, *_ = links.follow([Flanks(10.0, 0.1)], ONE, starts)
     np.testing.assert_array_equal(d[:, 0, 0], 0.0)
     assert np.isinf(d[-1, 0, 1])
     assert np.isinf(v[-1, 0, 1])

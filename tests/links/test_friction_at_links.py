@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.identification.choice.gears.springs import best_springs
+from wbc.identification.choice.search.gears import best_gears
 from wbc.links import Deflections, LinkFriction, LinkResponse, deflections
 from wbc.transmission import Flanks
 
 STEP = 0.002
 TIME = np.arange(1000) * STEP
-AT_REST = Deflections([], np.zeros((2, 1)))
+AT_REST = Deflections([], np.zeros((1, 2, 1)))
 STEEP = 1e-4  # [rad/s] of the solver's friction
 INERTIA = np.array([[0.12, 0.03], [0.03, 0.05]])
 DRAG, PULL = np.array([0.05, 0.02]), np.array([0.7, 0.3])
@@ -70,6 +70,7 @@ def _responses(truth: np.ndarray, level: np.ndarray) -> list[LinkResponse]:
             stiffness=np.eye(n)[[k]] * PULL[k] * one,
             unexplained=torque[:, k],
             band=lambda values: values,
+            rows=np.arange(len(TIME)),
             friction=LinkFriction(speed[:, k], level[k] * one[:, 0], counted[:, k]),
         )
         for k in range(n)
@@ -97,7 +98,7 @@ def test_links_that_shake_one_another_hold_one_another() -> None:
     levels = np.array([0.8, 0.4])
     truth = _truth([Flanks(300.0, 0.5, 0.0), Flanks(150.0, 0.2, 0.0)], levels, np.zeros(4))
     springs = [Flanks(300.0, 0.5), Flanks(150.0, 0.2)]
-    found = deflections(_responses(truth, levels), springs, Deflections([], np.zeros((2, 2))))
+    found = deflections(_responses(truth, levels), springs, Deflections([], np.zeros((1, 2, 2))))
     for k, path in enumerate(found.paths):
         largest = np.abs(truth[:, 0, k]).max()
         assert path[:, 0] == pytest.approx(truth[:, 0, k], abs=0.03 * largest)
@@ -110,14 +111,14 @@ def test_where_a_held_link_began_is_found() -> None:
     found = None
     for _ in range(4):
         found = deflections(responses, [Flanks(300.0, 0.5)], found)
-    assert found.start[0, 0] == pytest.approx(0.012, rel=0.05)
-    assert found.start[1, 0] == pytest.approx(-0.3, rel=0.1)
+    assert found.starts[0, 0, 0] == pytest.approx(0.012, rel=0.05)
+    assert found.starts[0, 1, 0] == pytest.approx(-0.3, rel=0.1)
 
 
 def test_the_spring_behind_a_held_link_is_found() -> None:
     levels = np.array([1.5])
     truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, np.zeros(2))
-    found = best_springs(_responses(truth, levels), count=1)[0]
+    found = best_gears(_responses(truth, levels), has_play=False, count=1)[0][1]
     assert found.stiffness == pytest.approx(300.0, rel=0.1)
 
 

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfiltfilt
 
-from wbc.identification.choice.gears.plays import best_plays
-from wbc.identification.choice.gears.springs import best_springs
+from wbc.identification.choice.search.gears import best_gears
 from wbc.links import LinkResponse, deflections
 from wbc.transmission import Flanks
 
@@ -51,6 +50,7 @@ def _response(truth: np.ndarray, inertia: float = INERTIA) -> LinkResponse:
         stiffness=PULL * one,
         unexplained=torque,
         band=lambda values: values,
+        rows=np.arange(len(TIME)),
     )
 
 
@@ -87,7 +87,7 @@ def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_w
 
 def test_the_spring_behind_a_swing_is_found() -> None:
     truth = _truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0))
-    found = best_springs([_response(truth)], count=1)[0]
+    found = best_gears([_response(truth)], has_play=False, count=1)[0][1]
     assert found.stiffness == pytest.approx(300.0, rel=0.05)
     assert found.damping == pytest.approx(0.5, rel=0.6)
 
@@ -107,11 +107,11 @@ def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit(
     play: float, stiffness: float, near: float
 ) -> None:
     response = _response(_truth(Flanks(stiffness, 6.0, play), (0.5 * play, 0.0)))
-    found = best_plays([response], count=1)[0]
+    found = best_gears([response], has_play=True, count=1)[0][1]
     assert found.play == pytest.approx(play, rel=near)
 
 
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
-    assert best_springs([response], count=1) == []
-    assert best_plays([response], count=1) == []
+    assert best_gears([response], has_play=False, count=1) == []
+    assert best_gears([response], has_play=True, count=1) == []

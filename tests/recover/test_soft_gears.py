@@ -18,6 +18,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification import diagnose
+from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect
@@ -266,36 +267,67 @@ def _struck_logs(springs: tuple[tuple[float, float], ...], play: tuple[float, fl
     return [_log(stiffness, damping, 0.0, s, wound=(0.004, 0.004), play=play) for s in (5, 6)]
 
 
-# Links that bounce have many valleys: from 1 and 3 % beside the truth a soft hip with a loose knee
-# ends with a play 11 % too large and 2.6 % of the error, from 3 and 2 % below it with 0.3 % and
-# 1.9 %. The better end counts, as in a search.
-@pytest.mark.parametrize(
-    ("springs", "play", "starts"),
-    [(*TOGETHER[0], [(1.01, 1.03)]), (*TOGETHER[1], [(1.01, 1.03), (0.97, 0.98)])],
-)
-def test_links_that_strike_together_are_followed(
+def _last_digits(logs: list[Log], seed: int) -> list[Log]:
+    """Return the logs as another processor might have them: each number off by 1e-12 of itself."""
+    random = np.random.default_rng(seed)
+
+    def changed(values: np.ndarray) -> np.ndarray:
+        return values * (1.0 + 1e-12 * random.standard_normal(values.shape))
+
+    return [Log(log.time, {k: changed(v) for k, v in log.columns.items()}) for log in logs]
+
+
+def _gears(
     springs: tuple[tuple[float, float], ...],
     play: tuple[float, float],
-    starts: list[tuple[float, float]],
+    wider: float = 1.0,
+    stiffer: float = 1.0,
+) -> list[Effect]:
+    return [
+        Backlash(joint, wider * width, k, c) if width else JointCompliance(joint, stiffer * k, c)
+        for joint, width, (k, c) in zip(("hip", "knee"), play, springs, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("springs", "play"), TOGETHER)
+def test_links_that_strike_together_are_followed(
+    springs: tuple[tuple[float, float], ...], play: tuple[float, float], seed: int
 ) -> None:
-    """Links that strike throw one another: in turn they left more than stiff gears (1.8 times)."""
+    """Over a whole log what a link does depends on the last digits: fits ended 5 % off, or not."""
     problem = EstimationProblem.from_logs(
-        load_robot("planar_leg_fixed").lossless(), _struck_logs(springs, play)
+        load_robot("planar_leg_fixed").lossless(),
+        _last_digits(_struck_logs(springs, play), seed),
     )
-
-    def near(wider: float, stiffer: float) -> list[Effect]:
-        return [
-            Backlash(joint, wider * width, k, c)
-            if width
-            else JointCompliance(joint, stiffer * k, c)
-            for joint, width, (k, c) in zip(("hip", "knee"), play, springs, strict=True)
-        ]
-
-    fit = min((problem.fit(near(*start)) for start in starts), key=lambda fit: fit.error)
-    assert fit.error < 0.15**2 * problem.fit(()).error
+    fit = problem.fit(_gears(springs, play, 1.01, 1.03))
+    assert fit.error < 0.02**2 * problem.fit(()).error
     for effect, width, (k, _) in zip(fit.effects, play, springs, strict=True):
         name, true = ("width", width) if width else ("stiffness", k)
         assert effect.values[name] == pytest.approx(true, rel=0.05)
+
+
+@pytest.mark.parametrize(("springs", "play"), TOGETHER)
+def test_what_bouncing_links_leave_has_one_valley(
+    springs: tuple[tuple[float, float], ...], play: tuple[float, float]
+) -> None:
+    """One start for the whole log left 30, 29, 18, 4, 17, 18 and 37 % with 10 % less to 10 % more
+    play, and the true numbers twice to thirteen times of what they leave in windows."""
+    logs = _struck_logs(springs, play)
+    left = []
+    for seed in (1, 2):
+        problem = EstimationProblem.from_logs(
+            load_robot("planar_leg_fixed").lossless(), _last_digits(logs, seed)
+        )
+        costs = [
+            evaluate(problem.robot, effects, problem.records, problem.whitening).cost
+            for effects in ((), *(_gears(springs, play, w) for w in (0.9, 0.95, 1.0, 1.05, 1.1)))
+        ]
+        left.append(np.sqrt(np.array(costs[1:]) / costs[0]))
+        narrow, narrower, true, wider, wide = left[-1]
+        assert true < 0.01
+        assert true <= narrower < narrow
+        assert true <= wider < wide
+    np.testing.assert_allclose(*left, rtol=0.1)
 
 
 def test_a_soft_and_a_loose_gear_are_both_named() -> None:

@@ -3,24 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.links.response import LinkFriction, LinkResponse
 from wbc.transmission import Flanks
 
-FINEST = 5e-4
-"""The shortest step [s], of a link on stiff flanks."""
-COARSE = 2e-3
-"""The same while flanks and beginnings are only ranked."""
+_FINEST = 5e-4  # [s], the shortest step, of a link on stiff flanks
 _STEP = 1e-3  # [s] behind a spring: the frequency of a swing w is wrong by the share (w h)^2 / 12
 _TURN = 0.25  # [rad] of the swing on a flank that one step may cover
 _POSES = 200  # of a log in which inertias are compared
 _FARTHEST = 2.0 * np.pi  # [rad]: a link that strays by a whole turn is behind no gear
+
+
+class Motions(NamedTuple):
+    """How n links move in front of their motors, S times.
+
+    Behind springs accelerations are those of the balance at the samples. A strike may be shorter
+    than the distance of two samples: behind play they are means over the intervals beside a sample,
+    which keeps the impulse and its time. So is dry friction.
+    """
+
+    d: FloatArray
+    """(N, n, S) deflections; those with which a window begins where one does."""
+    v: FloatArray
+    """(N, n, S) their rates."""
+    a: FloatArray
+    """(N, n, S) their accelerations."""
+    dry: FloatArray
+    """(N, n, S) dry friction of the links [N m]."""
+    ends: FloatArray
+    """(W, 2, n, S) deflections and rates at the ends of the windows."""
+
+    def part(self, chosen: slice) -> Motions:
+        """Return some of the S motions."""
+        return Motions(*(values[..., chosen] for values in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,21 +99,8 @@ class DrivenLinks:
         """Whether any link has dry friction."""
         return bool(self.level.any())
 
-    def reacts_as(self, other: DrivenLinks) -> bool:
-        """Whether the links react to their deflections as others do, whatever loads them."""
-        names = "inertia", "drag", "pull", "level"
-        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
-
-    def part(self, samples: slice) -> DrivenLinks:
-        """Return some of the samples."""
-        names = (f.name for f in fields(self) if f.name not in ("step", "_between"))
-        cut = {name: getattr(self, name)[samples] for name in names}
-        return replace(self, **cut, _between={})
-
-    def follow(
-        self, gears: Sequence[Flanks], starts: FloatArray, coarsest: float = 0.0
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return deflections, rates and friction (N, n, S); infinite where a link flies off.
+    def follow(self, gears: Sequence[Flanks], first: IntArray, starts: FloatArray) -> Motions:
+        """Return motions, infinite where a link flies off.
 
             inertia d_dd + drag d_d + pull d + load + friction = torque of the gears (`Flanks`)
 
@@ -103,55 +112,61 @@ class DrivenLinks:
 
         Args:
             gears: of the links (n,).
-            starts: (2, n, S) deflections and rates at the beginning.
-            coarsest: [s] no step need be shorter, where motions are only ranked.
+            first: number of the first sample of each window (W,), from 0 on.
+            starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
         from wbc.links.steps import follow_links  # it loads the compiler
 
         numbers = np.array([(g.stiffness, g.damping, 0.5 * g.play) for g in gears], dtype=float)
         stiffness, damping, half = np.ascontiguousarray(numbers.T)
-        parts = self._parts(gears, coarsest)
+        parts = self._parts(gears)
         h = self.step / parts
         late = np.where(stiffness * h**2 < self.least_inertia, 0.5, 1.0)
-        d, v, dry = np.zeros((3, *self.load.shape, starts.shape[2]))
-        d[0], v[0] = starts
+        d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
+        ended, last = np.zeros((2, len(first), *d.shape[1:]))
         whole = np.ascontiguousarray
         follow_links(
             whole(self.inertia), whole(self.drag), whole(self.pull),
             whole(self._loads(parts)), whole(self.speed), whole(self.level),
-            self.step, parts, late, stiffness, damping, half, _FARTHEST, d, v, dry,
+            self.step, parts, late, stiffness, damping, half, _FARTHEST,
+            first, whole(starts[:, 0]), whole(starts[:, 1]), d, v, dry, ended, last,
         )  # fmt: skip
-        return d, v, dry
+        after = np.array(v[1:])  # where windows end, not where others begin
+        after[first[1:] - 1] = last[:-1]
+        with np.errstate(invalid="ignore"):  # a link that flies off has no numbers
+            a = self._accelerations(gears, d, v, dry, after)
+        return Motions(d, v, a, at_samples(dry), np.stack([ended, last], axis=1))
 
-    def torques(
-        self, gears: Sequence[Flanks], starts: FloatArray, coarsest: float = 0.0
+    def _accelerations(
+        self,
+        gears: Sequence[Flanks],
+        d: FloatArray,
+        v: FloatArray,
+        dry: FloatArray,
+        after: FloatArray,
     ) -> FloatArray:
-        """Return the links' additional torques (N, n, S) from starts, for ranking.
+        """Return accelerations (N, n, S); `after` are rates (N - 1, n, S) at ends of intervals."""
+        if any(gear.play > 0.0 for gear in gears):
+            return at_samples(np.concatenate([after - v[:-1], np.zeros_like(v[:1])]) / self.step)
+        pushed = np.stack([g.torque(d[:, k], v[:, k]) for k, g in enumerate(gears)], axis=1)
+        needed = self.drag @ v + self.pull @ d + self.load[..., None] + at_samples(dry)
+        return np.asarray(np.linalg.solve(self.inertia, pushed - needed))
 
-        Accelerations are taken over each interval, which keeps the impulse of a strike that is
-        shorter; the last row stays zero. See `follow` for the arguments.
-        """
-        from wbc.links.steps import torques_of
+    def torques(self, moved: Motions) -> FloatArray:
+        """Return the links' additional torques (N, n, S) along motions."""
+        rubs = moved.dry - self.counted[..., None]
+        return self.inertia @ moved.a + self.drag @ moved.v + self.pull @ moved.d + rubs
 
-        d, v, dry = self.follow(gears, starts, coarsest)
-        torques = np.zeros_like(d)
-        whole = np.ascontiguousarray
-        torques_of(
-            whole(self.inertia), whole(self.drag), whole(self.pull), whole(self.counted),
-            self.step, d, v, dry, torques,
-        )  # fmt: skip
-        return torques
-
-    def _parts(self, gears: Sequence[Flanks], coarsest: float) -> int:
+    def _parts(self, gears: Sequence[Flanks]) -> int:
         """Return into how many steps a sample is cut."""
         parts = 1
         for gear, inertia in zip(gears, self.least_inertia, strict=True):
             if gear.play == 0.0:
-                parts = max(parts, round(self.step / max(_STEP, coarsest)))
+                parts = max(parts, round(self.step / _STEP))
                 continue
-            most = max(1.0, self.step / max(FINEST, coarsest))
+            most = max(1.0, self.step / _FINEST)
             wanted = self.step * np.sqrt(gear.stiffness / inertia) / _TURN
-            parts = max(parts, int(2 ** np.ceil(np.log2(np.clip(wanted, 1.0, most)))))
+            parts = max(parts, int(2 ** np.ceil(np.log2(min(max(wanted, 1.0), most)))))
         return parts
 
     def _loads(self, parts: int) -> FloatArray:
@@ -163,3 +178,11 @@ class DrivenLinks:
             fine = np.arange((count - 1) * parts + 1) / parts
             self._between[parts] = CubicSpline(np.arange(count), self.load)(fine)
         return self._between[parts]
+
+
+def at_samples(means: FloatArray) -> FloatArray:
+    """Return means of intervals (N, ...), the last one missing, at the samples between them."""
+    result = np.array(means)
+    result[-1] = means[-2]
+    result[1:] = 0.5 * (result[1:] + result[:-1])
+    return result

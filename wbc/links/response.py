@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class LinkResponse:
         unexplained: (N,) torque that the log shows and the stiff robot does not explain [N m]: what
             the deflection may account for. How the link moved when the log began is in no
             channel, and is chosen by it.
-        band: filter along the first axis to the frequencies in which the torques are compared; it
-            takes a log, or the beginning of one.
+        band: filter along the first axis to the frequencies in which the torques are compared.
+        rows: numbers of the samples that the filter returns.
         friction: dry friction of the link; None where there is none, or where it rubs at the motor.
     """
 
@@ -61,6 +61,7 @@ class LinkResponse:
     stiffness: FloatArray
     unexplained: FloatArray
     band: Callable[[FloatArray], FloatArray]
+    rows: IntArray
     friction: LinkFriction | None = None
 
     def torque(self, deflection: FloatArray) -> FloatArray:

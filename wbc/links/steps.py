@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutDense, compiled
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Places, compiled
 from wbc.transmission.flank_steps import flank_impulse
 
 _Cube = types.Array(types.float64, 3, "C", readonly=True)
@@ -90,7 +90,8 @@ def _rub(
     *(Dense, Dense, Dense),
     *(Number, Count),
     *(_Row, _Row, _Row, _Row, Number),
-    *(_OutCube, _OutCube, _OutCube),
+    *(Places, _Cube, _Cube),
+    *(_OutCube, _OutCube, _OutCube, _OutCube, _OutCube),
 )
 def follow_links(
     inertia: FloatArray,
@@ -106,11 +107,16 @@ def follow_links(
     damping: FloatArray,
     half: FloatArray,
     farthest: float,
+    first: IntArray,
+    begun: FloatArray,
+    rates: FloatArray,
     d: FloatArray,
     v: FloatArray,
     dry: FloatArray,
+    ended: FloatArray,
+    last: FloatArray,
 ) -> None:
-    """Write how n links move together behind their gears, from S starts.
+    """Write how n links move together behind their gears, S times, in each of W windows anew.
 
     Every step of the theta rule is linear in rates, deflections and loads, with the matrices of
     the middle of the step, but for the flanks: `flank_impulse`, solved by Newton's method, which
@@ -127,24 +133,35 @@ def follow_links(
         late: theta of each link, the weight of a step's end (n,).
         stiffness, damping, half: of the flanks, and half of the play (n,); none makes a spring.
         farthest: [rad].
-        d, v: deflections and their rates (N, n, S) to write. The first of each is given.
+        first: number of the first sample of each window (W,), from 0 on.
+        begun, rates: deflections and their rates (W, n, S) with which the windows begin.
+        d, v: deflections and their rates (N, n, S) to write.
         dry: (N, n, S) to write, the mean of each interval; the last one stays.
+        ended, last: deflections and rates (W, n, S) to write, at the ends of the windows.
     """
     n, starts = d.shape[1], d.shape[2]
     h = step / parts
     m, whole, gain = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
     by_rate, by_place, push = np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    at, rate = np.ascontiguousarray(d[0].T), np.ascontiguousarray(v[0].T)
+    at, rate = np.empty((starts, n)), np.empty((starts, n))
     new, right, rubs = np.empty(n), np.empty(n), np.zeros((starts, n))
     motor, most, lost = np.empty(n), np.empty(n), np.zeros(starts)
     carried, slope, whole_slope = np.empty(n), np.empty(n), np.empty(n)
-    rough = False
+    rough, window = False, 0
     for a in range(n):
         whole_slope[a] = h * late[a] * (h * late[a] * stiffness[a] + damping[a])
     for i in range(level.shape[0]):
         for a in range(n):
             rough = rough or level[i, a] > 0.0
     for i in range(d.shape[0] - 1):
+        if window < first.size and first[window] == i:
+            for s in range(starts):
+                lost[s] = 0.0
+                for a in range(n):
+                    at[s, a], rate[s, a] = begun[window, a, s], rates[window, a, s]
+                    rubs[s, a] = 0.0
+                    d[i, a, s], v[i, a, s] = at[s, a], rate[s, a]
+            window += 1
         for part in range(parts):
             middle, end, now = (part + 0.5) / parts, (part + 1.0) / parts, i * parts + part
             for a in range(n):
@@ -221,36 +238,4 @@ def follow_links(
             for a in range(n):
                 d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[s, a]
                 v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]
-
-
-@compiled(Nothing, _Cube, _Cube, _Cube, Dense, Number, _Cube, _Cube, _Cube, _OutCube)
-def torques_of(
-    inertia: FloatArray,
-    drag: FloatArray,
-    pull: FloatArray,
-    counted: FloatArray,
-    step: float,
-    d: FloatArray,
-    v: FloatArray,
-    dry: FloatArray,
-    torques: FloatArray,
-) -> None:
-    """Write the additional torques of n links that moved from S starts.
-
-    Accelerations are those of the intervals, and the last row stays.
-
-    Args:
-        inertia, drag, pull: of the links at the samples (N, n, n).
-        counted: friction that the log's own rows have already (N, n).
-        step: distance of the samples [s].
-        d, v, dry: deflections, rates and friction (N, n, S).
-        torques: (N, n, S) to write.
-    """
-    for i in range(d.shape[0] - 1):
-        for a in range(d.shape[1]):
-            for s in range(d.shape[2]):
-                total = dry[i, a, s] - counted[i, a]
-                for b in range(d.shape[1]):
-                    total += inertia[i, a, b] * ((v[i + 1, b, s] - v[i, b, s]) / step)
-                    total += drag[i, a, b] * v[i, b, s] + pull[i, a, b] * d[i, b, s]
-                torques[i, a, s] = total
+                ended[window - 1, a, s], last[window - 1, a, s] = d[i + 1, a, s], v[i + 1, a, s]

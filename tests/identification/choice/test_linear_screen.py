@@ -25,7 +25,7 @@ AT_ONCE = [kind for name, kind in EFFECTS.items() if name not in ("joint_complia
 def screened() -> LinearScreen:
     problem = EstimationProblem.from_logs(LEG, record_with(LEG, HIDDEN, duration=3.0))
     fit = problem.fit([ViscousFriction("hip", 0.1)])
-    found, _ = screen(problem, fit, AT_ONCE, {("viscous_friction", "hip")}, {})
+    found, _ = screen(problem, fit, AT_ONCE, {("viscous_friction", "hip")})
     return found
 
 

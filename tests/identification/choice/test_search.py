@@ -145,7 +145,7 @@ def test_derivatives_say_what_an_exchange_changes() -> None:
     h = trials.of(tuple(hidden))
     assert h is not None
     fit = trials.fit(h)
-    _, regressors = screen(problem, fit, [QuadraticDrag, RotorInertia, CoulombFriction], (), {})
+    _, regressors = screen(problem, fit, [QuadraticDrag, RotorInertia, CoulombFriction], ())
     for regressor in regressors:
         own = [effect for effect in h.effects if effect.key != regressor.key][-1]
         if regressor.key in h.keys:

@@ -19,7 +19,7 @@ from wbc.identification.model.derivatives import (
 )
 from wbc.identification.model.information import scaled
 from wbc.identification.model.usual import UsualRows
-from wbc.identification.model.yielding import some_deflect
+from wbc.identification.model.yielding import loose, some_deflect
 from wbc.identification.records.folds import rows_of_folds
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot
@@ -186,10 +186,16 @@ def refine(
     """
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
     swings = some_deflect(effects)
+
+    def again(at: Evaluation) -> Evaluation:
+        """Return the same once more where links bounce: how windows begin settles in steps."""
+        return evaluate(robot, at.effects, records, whitening, at) if loose(at.effects) else at
+
     try:
         at = evaluate(robot, effects, records, whitening)
     except DynamicsError as error:
         return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
+    at = again(at)
     jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
     least = _CONVERGED_ROUGH if swings else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
@@ -202,6 +208,7 @@ def refine(
             if fresh:
                 ended = True
                 break
+            at = again(at)
             jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
             fresh = True
             continue
@@ -223,6 +230,7 @@ def refine(
             trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
         at = moved
         known = jacobian if trusted else None
+        at = at if trusted else again(at)
         jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
         if settled and (trusted or fresh):
             ended = True
@@ -319,7 +327,7 @@ def _line_search(
         }
         try:
             moved = with_changes(at.effects, changes, clip=True)
-            after = evaluate(robot, moved, records, whitening)
+            after = evaluate(robot, moved, records, whitening, at)
         except IMPOSSIBLE:
             length *= 0.4
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,21 +14,36 @@ from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.yielding import yielding_gears
 from wbc.identification.records.noise.load_noise import without_noise
 from wbc.identification.records.record import Record
-from wbc.links import Deflections, LinkResponse, deflections, own_frequency
+from wbc.links import Deflections, LinkResponse, deflections
 from wbc.robot import Motion, Robot
 from wbc.transmission import Flanks
 
+_SLACK = 1e-9  # [N m/rad] below which a spring holds nothing
 _LARGEST = 0.4  # [rad] of deflection up to which what is not linear in it is followed
 _ROUNDS, _ROUNDS_STRUCK = 8, 3  # a link that bounces is chaotic: more rounds do not settle it
 _SETTLED, _SETTLED_STRUCK = 1e-3, 2e-2  # share of a deflection by which it may still change
-_STARTS = 3  # rounds in which the beginning of a link with dry friction is chosen
 
 Unexplained = Callable[[FloatArray], FloatArray]
 """Additional torque of the links (N, nv) -> what the log then leaves unexplained (N, nv)."""
 
 
-def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
-    """Return the torque (N, nv) of links that swing behind their gears, all in one motion.
+@dataclass(frozen=True, eq=False)
+class LinkSwing:
+    """How links swing behind their gears along a log.
+
+    Attributes:
+        torque: (N, nv) that they need more.
+        bent: their deflections.
+    """
+
+    torque: FloatArray
+    bent: Deflections
+
+
+def swing(
+    robot: Robot, record: Record, unexplained: Unexplained, near: Deflections | None = None
+) -> LinkSwing:
+    """Return how links swing behind their gears, all in one motion.
 
     Linear in the deflections at first; what their size adds (a hip that winds up by 0.03 rad needs
     some 3 % less inertia there) is then a load of its own, from the dynamics where the links are,
@@ -39,6 +54,7 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
         robot: with its effects.
         record: along the true motion of its motors.
         unexplained: by which links choose how they moved when the log began.
+        near: how they move with numbers close by; where they bounce one round from there does.
 
     Raises:
         DynamicsError: a link flies off, so that this robot explains nothing.
@@ -51,16 +67,21 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
     sides = _rubbing(robot, record, gears)
     beyond, torque = np.zeros_like(load), np.zeros_like(load)
     links = [record.response_of(robot, joint) for joint in gears]
-    bent: Deflections | None = None
+    bent = near if struck else None
+    if bent is not None:
+        moved = _moved(robot, record, gears, bent)
+        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
+        beyond = _needed(robot, record, moved) - load - _torque(links, bent)
+        rounds = 1
     former = 1.0  # what is not linear in a deflection is at first the square of it in radians
-    for k in range(rounds):
+    for _ in range(rounds):
         known = beyond + _bends(load, sides.values())
         driving = _driving(robot, record, load + known, gears, sides)
         left = unexplained(known)
         plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
         responses = _with_friction(gears, plain, sides)
         before = bent
-        bent = deflections(responses, list(gears.values()), before, hold=k >= _STARTS)
+        bent = deflections(responses, list(gears.values()), before)
         if not bent.finite:
             raise DynamicsError(_flown(gears))
         torque = known + _torque(responses, bent)
@@ -73,7 +94,8 @@ def swing(robot: Robot, record: Record, unexplained: Unexplained) -> FloatArray:
             break
         former = change
         beyond = _needed(robot, record, moved) - load - _torque(plain, bent)
-    return torque
+    assert bent is not None
+    return LinkSwing(torque, bent)
 
 
 def _flown(gears: Mapping[str, Flanks]) -> str:
@@ -117,7 +139,9 @@ def _driving(
         driving[:, side.row] += side.motor.smooth
     for joint, gear in gears.items():
         if gear.play == 0.0:
-            frequency = own_frequency(record.response_of(robot, joint), gear)
+            response = record.response_of(robot, joint)
+            inertia = float(np.mean(response.inertia[:, response.row]))
+            frequency = float(np.sqrt(max(gear.stiffness, _SLACK) / inertia))
             driving = without_noise(record, driving, joint, frequency)
     return driving
 

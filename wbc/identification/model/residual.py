@@ -10,11 +10,11 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import motor_torque, output_torque
 from wbc.identification.model.link_friction import LinkSide
-from wbc.identification.model.link_motion import driven, swing
+from wbc.identification.model.link_motion import LinkSwing, driven, swing
 from wbc.identification.model.yielding import deflects, some_deflect
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
-from wbc.links import LinkResponse
+from wbc.links import Deflections, LinkResponse
 from wbc.robot import Motion, Robot
 
 _STEP = 1e-7  # of the largest load, by which loads are varied
@@ -69,7 +69,7 @@ def raw_residual(
     Args:
         robot: with its effects.
         record: one log.
-        swinging: what `swinging_torque` returned for a robot that differs little; None has links
+        swinging: torque of a `swing_of`, for a robot that differs little; None has links
             behind soft gears simulated again.
         asked: of the gears, if known; then nothing is computed of the links.
     """
@@ -81,12 +81,18 @@ def raw_residual(
     return _unexplained(robot, record, motion, links, contacts)
 
 
-def swinging_torque(robot: Robot, record: Record) -> FloatArray | None:
-    """Return what links that swing behind their gears need more (N, nv), None if none does."""
+def swing_of(robot: Robot, record: Record, near: Deflections | None = None) -> LinkSwing | None:
+    """Return how links swing behind their gears, None if none does.
+
+    Args:
+        robot: with its effects.
+        record: one log.
+        near: how they move with numbers close by.
+    """
     if not some_deflect(robot.effects):
         return None
     motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
-    return _swinging(robot, record, motion, links, contacts)
+    return _swinging(robot, record, motion, links, contacts, near)
 
 
 def _loads(
@@ -99,7 +105,7 @@ def _loads(
     moved = record.along(motion)
     links, contacts = moved.links_of(robot), moved.contacts_of(robot)
     if swinging is None and some_deflect(robot.effects):
-        swinging = _swinging(robot, record, motion, links, contacts)
+        swinging = _swinging(robot, record, motion, links, contacts).torque
     if swinging is not None:
         links = links + swinging
     return motion, links, contacts
@@ -116,7 +122,7 @@ def by_link_torque(
     Args:
         robot: with its effects.
         record: one log.
-        swinging: what `swinging_torque` returned.
+        swinging: torque of `swing_of`.
     """
     motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
     links = links if swinging is None else links + swinging
@@ -163,11 +169,12 @@ def _swinging(
     motion: Motion,
     links: FloatArray,
     contacts: FloatArray,
-) -> FloatArray:
+    near: Deflections | None = None,
+) -> LinkSwing:
     def unexplained(more: FloatArray) -> FloatArray:
         return _on_joints(robot, _unexplained(robot, record, motion, links + more, contacts))
 
-    return swing(robot, record.along(motion), unexplained)
+    return swing(robot, record.along(motion), unexplained, near)
 
 
 def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:

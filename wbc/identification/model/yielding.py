@@ -9,6 +9,8 @@ from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.robot import Effect, Robot
 from wbc.transmission import Flanks
 
+_PLAY = 0.25  # of what flanks wind up by, below which they are a spring
+
 
 def deflects(effect: Effect | type[Effect]) -> bool:
     """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
@@ -29,6 +31,11 @@ def some_deflect(effects: Iterable[Effect]) -> bool:
 def loose(effects: Iterable[Effect]) -> bool:
     """Whether a link behind one of the effects' gears bounces."""
     return any(isinstance(effect, YieldingGear) and effect.has_play for effect in effects)
+
+
+def plays(flanks: Flanks, load: float) -> bool:
+    """Whether play counts beside what its flanks wind up by under a load [N m]."""
+    return flanks.play * flanks.stiffness > _PLAY * load
 
 
 def yielding_gears(robot: Robot) -> dict[str, Flanks]:

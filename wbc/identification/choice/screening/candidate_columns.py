@@ -12,7 +12,6 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
-from wbc.identification.choice.gears.screens import screens
 from wbc.identification.model.columns.added_torque import (
     ADDS,
     AddedTorque,
@@ -28,9 +27,8 @@ from wbc.identification.model.residual import (
     asked_of_gears,
     drive_slopes,
     raw_residual,
-    swinging_torque,
+    swing_of,
 )
-from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
 
@@ -129,7 +127,7 @@ def make_regressors(
     offers = [
         offer
         for effect in candidates
-        for offer in _offers(robot, records, effect, known, failures)
+        for offer in _offers(robot, effect, known, failures)
         if places is None or offer[1] in places
     ]
     new = [o for o in offers if shelf_key(*o) not in shelf and _changed(robot, *o) is not None]
@@ -182,7 +180,6 @@ def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> Fl
 
 def _offers(
     robot: Robot,
-    records: Sequence[Record],
     effect: type[Effect],
     known: Evidence,
     failures: Counter[str] | None,
@@ -191,7 +188,7 @@ def _offers(
         return [
             (effect, where, screen)
             for where in effect.places(robot)
-            for screen in screens(effect, robot, where, known, records)
+            for screen in effect.search.screens(effect, robot, where, known)
         ]
     except Exception as error:  # whatever one effect does, the others are still offered
         _count(failures, effect, error)
@@ -241,7 +238,8 @@ def _columns(
     """Return (rows, outputs, r) what the units of every offer change, filtered all at once."""
     if not offers:
         return []
-    swinging = swinging_torque(robot, record)
+    swing = swing_of(robot, record)
+    swinging = None if swing is None else swing.torque
     base = raw_residual(robot, record, swinging)
     result: dict[int, SparseColumns] = {}
     if swinging is None:
@@ -255,9 +253,8 @@ def _columns(
         batch = slow[first : first + _BATCH]
         for offer in (offers[k] for k in batch):
             robots = _changed(robot, *offer) or []
-            # Another effect hardly changes how a link swings; one more soft gear does.
-            held = None if deflects(offer[0]) else swinging
-            changes += [base - _residual(changed, record, held, base) for changed in robots]
+            # Another effect hardly changes how a link swings.
+            changes += [base - _residual(changed, record, swinging, base) for changed in robots]
             sizes.append(len(robots))
         columns = record.condense(np.stack(changes, axis=-1))
         parts = np.split(columns, np.cumsum(sizes)[:-1], axis=-1)
@@ -314,7 +311,7 @@ def _gear_columns(
     alone: dict[type[Effect], bool] = {}  # whether it is so: people write effects of their own
     for k, (effect, where, screen) in offers.items():
         first = _made(effect, where, screen, screen.units[0])
-        gear = None if deflects(effect) else own_gear(robot, first, [record])
+        gear = own_gear(robot, first, [record])
         if gear is not None and effect not in alone:
             changed = base - _residual(robot.with_effect(first), record, swinging, base, asked)
             changed[:, outputs_of(robot, gear)] = 0.0

@@ -24,7 +24,6 @@ from wbc.identification.choice.screening.design_matrix import DesignMatrix, fold
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect, Robot
 
 # Rows are five per period of the band: half of them hold all that a screen, which only proposes,
@@ -230,9 +229,6 @@ class LinearScreen:
 Nearby = tuple[Robot, Shelf]
 """A robot close to those whose causes are sought, and the columns made of it so far."""
 
-Swinging = dict[type[Effect], list[Regressor]]
-"""What was simulated beside one model."""
-
 _WHOLE = "robot"  # where effects sit that have no place
 
 
@@ -241,7 +237,6 @@ def screen(
     fit: Fit,
     offered: Sequence[type[Effect]],
     taken: Collection[tuple[str, str]],
-    simulated: Swinging,
     near: Nearby | None = None,
     failures: Counter[str] | None = None,
     common: Shelf | None = None,
@@ -253,22 +248,16 @@ def screen(
         fit: the model that causes are added to.
         offered: effect classes.
         taken: names and places that are not offered.
-        simulated: links that swing beside this model; new ones are put there.
         near: whose columns stand for those of effects that act at once.
         failures: errors inside effects are counted there.
         common: columns that do not depend on the model; new ones are put there.
     """
     known = evidence(fit.robot, problem.records)
-    new = [c for c in offered if deflects(c) and c not in simulated]
-    swings = make_regressors(fit.robot, problem.records, new, known, None, failures)
-    simulated |= {c: [regressor for regressor in swings if regressor.effect is c] for c in new}
     robot, columns = near or (fit.robot, {})
-    direct = [c for c in offered if not deflects(c)]
     shared = common if alone_on(robot, problem.robot) else None
     regressors = make_regressors(
-        robot, problem.records, direct, known, columns, failures, common=shared
+        robot, problem.records, offered, known, columns, failures, common=shared
     )
-    regressors += [regressor for c in offered if deflects(c) for regressor in simulated[c]]
     order = {c: rank for rank, c in enumerate(offered)}
     free = [
         regressor

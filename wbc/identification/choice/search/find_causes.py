@@ -6,21 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from wbc.identification.choice.search import moves
+from wbc.identification.choice.search.gears import gears_beside, two_gears
 from wbc.identification.choice.search.proposals import Proposer
 from wbc.identification.choice.search.search import Search, best_of
-from wbc.identification.choice.search.yielding_search import YieldingSearch
 from wbc.identification.choice.weighing.certainty import UNEXPLAINED_SHARE
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials
 from wbc.identification.model.distorted import DISTORTED
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
+from wbc.identification.model.yielding import deflects
 from wbc.identification.records.preparation import REVERSAL
 from wbc.measurement import Log
 from wbc.robot import Effect
 
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
-_CLOSER = 0.5  # of the usual distance to reversals
+_SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
 
@@ -56,71 +56,92 @@ def find_causes(
         until: time [s] of the monotonic clock at which the search ends.
     """
     trials = Trials(problem, until)
-    everything = Search(Proposer(trials, tuple(classes)), report)
-    everything.path.append(trials.nothing)
+    at_once = tuple(kind for kind in classes if not deflects(kind))
+    direct = Search(Proposer(trials, at_once), report)
+    direct.path.append(trials.nothing)
     if not classes:
-        return SearchResult(trials, tuple(everything.path), trials.nothing)
+        return SearchResult(trials, tuple(direct.path), trials.nothing)
     stopped = ""
     try:
-        final = _best_end(everything)
+        final = _best_end(direct, tuple(kind for kind in classes if deflects(kind)))
     except OutOfTime:
         stopped = "its time was over"
     except KeyboardInterrupt:
         stopped = "it was interrupted"
     if stopped:
         trials.until = inf  # what the answer still needs is fitted
-        final = best_of(everything, everything.path)
-    return SearchResult(trials, tuple(everything.path), final, stopped)
+        final = best_of(direct, direct.path)
+    return SearchResult(trials, tuple(direct.path), final, stopped)
 
 
-def _best_end(everything: Search) -> Hypothesis:
-    direct = replace(everything, proposer=everything.proposer.at_once)
-    ends = [direct.climb(everything.proposer.trials.nothing)]
-    if everything.proposer.yielding.candidates:
-        ends += _with_yielding_gears(everything, direct, ends[0])
-    return best_of(everything, ends)
+def _best_end(direct: Search, gears: Sequence[type[Effect]]) -> Hypothesis:
+    ends = [direct.climb(direct.proposer.trials.nothing)]
+    if gears:
+        ends += _with_yielding_gears(direct, gears, ends[0])
+    return best_of(direct, ends)
 
 
-def _with_yielding_gears(everything: Search, direct: Search, known: Hypothesis) -> list[Hypothesis]:
+def _with_yielding_gears(
+    direct: Search, gears: Sequence[type[Effect]], known: Hypothesis
+) -> list[Hypothesis]:
     """Return where climbs end that begin with links that swing.
 
     They are simulated, which is slow: they are tried where what acts at once leaves something,
     takes several causes, or explains little to begin with.
     """
-    trials = everything.proposer.trials
-    first, yielding = trials.nothing, YieldingSearch(everything)
+    trials = direct.proposer.trials
+    first = trials.nothing
+    rough = ONLY_NOISE + _SIMULATED**2 * first.error
     fine = ONLY_NOISE + DISTORTED**2 * first.error
 
     def explained(h: Hypothesis) -> bool:
         # Repeats show a floor that a link which bounces is not simulated down to.
-        floor = fine if trials.problem.floor.repeats and not h.bounces else yielding.rough
+        floor = fine if trials.problem.floor.repeats and not h.bounces else rough
         return h.error < floor
 
     one, weak = len(known.effects) < _SEVERAL, first.error < _WEAK
     ends: list[Hypothesis] = []
-    if weak and known.effects:
-        # Where little was to be explained, much looks like a soft gear: what is tried in the
-        # place of a cause is at least an alternative.
-        other = everything.best(moves.swaps(everything.proposer, known), known)
-        ends += [] if other is None else [direct.climb(other)]
-    early = next((h for h in everything.path if len(h.effects) == 1), None)
+    early = next((h for h in direct.path if len(h.effects) == 1), None)
     for origin in dict.fromkeys((first, known, early or first)):
         best = min([known, *ends], key=lambda h: h.error)
         if explained(best) and (origin is not first or (one and not weak)):
             break
-        swung = yielding.swung(origin)
+        swung = _swung(direct, gears, origin, rough)
         if swung is not origin:
             ends.append(direct.climb(swung))
-    best = best_of(everything, [known, *ends])
-    soft = best.error > yielding.rough and best.swings and not best.bounces
-    if soft and (loose := yielding.loose_beside(best)) is not None:
-        ends.append(direct.climb(loose))
-        best = best_of(everything, [best, ends[-1]])
-    if best.error > yielding.rough:
-        both = yielding.pair_beside(best)
-        if both is not None:
-            ends.append(direct.climb(both))
+    if min(h.error for h in (known, *ends)) > rough:
+        # A loose gear found alone holds in its numbers what another one does.
+        two = direct.best(trials.all_of(two_gears(trials.problem, gears)), first)
+        ends += [] if two is None else [direct.climb(two)]
     return ends
+
+
+def _swung(
+    direct: Search, gears: Sequence[type[Effect]], origin: Hypothesis, enough: float
+) -> Hypothesis:
+    """Return a hypothesis with links that swing, as many as add to the evidence.
+
+    Args:
+        direct: the search among what acts at once.
+        gears: effects that let a link swing.
+        origin: beside which they are sought.
+        enough: error at which no more are sought.
+    """
+    trials, current = direct.proposer.trials, origin
+    while current is origin or current.error > enough:
+        offers = gears_beside(trials.problem, current, trials.fit(current), gears)
+        longer = direct.best(trials.all_of(offers), current)
+        if longer is None:
+            break
+        direct.report(
+            f"{longer.effects[-1].name} at {longer.effects[-1].where}: "
+            f"{longer.error**0.5:.2f} noise floors"
+        )
+        current = longer
+    return current
+
+
+_CLOSER = 0.5  # of the usual distance to reversals
 
 
 def look_closer(
@@ -170,7 +191,7 @@ def _closer(
     begun = first.lengthen(start)  # a swap of what is known is no answer here
     if begun is start:
         return found
-    whole = replace(first, proposer=Proposer(near, tuple(classes)).at_once)
+    whole = replace(first, proposer=Proposer(near, tuple(c for c in classes if not deflects(c))))
     final = whole.climb(begun)
     known, seen = set(found.final.keys), set(final.keys)
     slowly = any(e.search.near_rest for e in final.effects if e.key not in known)

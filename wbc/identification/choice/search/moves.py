@@ -41,7 +41,7 @@ def usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     has a false cause more and one a false cause less.
     """
     robot = proposer.trials.problem.robot
-    kinds = [c for c in proposer.at_once.candidates if c.search.expected > 0.0 and c.search.one_fit]
+    kinds = [c for c in proposer.candidates if c.search.expected > 0.0 and c.search.one_fit]
     joints = set(robot.transmission.joints)
     offer = tuple(
         kind.at(where, kind.null_values(robot, where))
@@ -78,9 +78,7 @@ def swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     """
     for effect in h.effects:
         near = None if deflects(effect) else proposer.near(h)
-        # One swinging link more was sought already where it was found.
-        among = proposer.at_once if h.swings and not deflects(effect) else proposer
-        yield from _instead(among, h, (effect,), _SWAPPED, (effect.key,), near)
+        yield from _instead(proposer, h, (effect,), _SWAPPED, (effect.key,), near)
     for name in _repeated(h):
         own = _named(h, name)
         yield from _instead(proposer, h, own, _SWAPPED, _but_at(proposer, h, own), None)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice
-from typing import Self
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from wbc.identification.choice.screening.linear_screen import (
     LinearScreen,
     Nearby,
     Subset,
-    Swinging,
     screen,
     screen_in_shares,
     screen_instead,
@@ -22,8 +20,7 @@ from wbc.identification.choice.screening.linear_screen import (
 from wbc.identification.choice.weighing.drop_screen import exchanged, until_null
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect
 
 Offer = tuple[Effect, ...]
 """Effects with start values, not yet fitted."""
@@ -31,14 +28,10 @@ Offer = tuple[Effect, ...]
 Screened = tuple[Offer, list[Regressor]]
 """An offer with the causes that are new in it."""
 
-_PROMISING = 0.5  # of the present error, that a swinging link must be screened to leave
-_ROUGHLY = 5.0  # times the error of the best one screened, from which on it cannot catch up
 _SCREEN_ERROR = 0.03
 _SCREEN_NOISE = 0.2
 _REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
 _LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
-_SIMULATED = 4  # joints behind which links are simulated in one screen
-_REMEMBERED = 6  # hypotheses whose simulated links are kept
 _SCREENED = 40  # causes of a screen that are looked at
 # Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
 # more (a quadruped, 22 generated logs) all were 41 behind or more once fitted, where derivatives
@@ -53,12 +46,11 @@ class Proposer:
 
     Attributes:
         trials: fitted so far, with the logs.
-        candidates: effect classes that may be used.
+        candidates: effect classes that may be used, all of what acts at once.
     """
 
     trials: Trials
     candidates: tuple[type[Effect], ...]
-    _simulated: dict[Offer, Swinging] = field(default_factory=dict)
     _common: Shelf = field(default_factory=dict)
     _near: dict[Offer, Nearby] = field(default_factory=dict)
     _instead: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
@@ -71,16 +63,6 @@ class Proposer:
             self._near.clear()
             self._near[h.effects] = (self.trials.fit(h).robot, {})
         return self._near[h.effects]
-
-    @property
-    def at_once(self) -> Self:
-        """The same among causes that act at once: no link is simulated for them."""
-        return replace(self, candidates=tuple(c for c in self.candidates if not deflects(c)))
-
-    @property
-    def yielding(self) -> Self:
-        """The same among gears that yield."""
-        return replace(self, candidates=tuple(c for c in self.candidates if deflects(c)))
 
     def beside(
         self,
@@ -142,10 +124,8 @@ class Proposer:
         self, h: Hypothesis, own: Sequence[Effect], rest: Hypothesis, exclude: Sequence[Key]
     ) -> tuple[LinearScreen, LinearScreen, list[Regressor]] | None:
         """Return the screen beside a hypothesis without some causes, that with them, the causes."""
-        some = any(deflects(c) for c in self.candidates) or any(
-            e.search.departures(e).size for e in own
-        )
-        if some or h.swings or not self.candidates:
+        drawn = any(e.search.departures(e).size for e in own)
+        if drawn or h.swings or not self.candidates:
             return None
         search, regressors = self._around(h)
         robot = self.trials.problem.robot
@@ -173,9 +153,8 @@ class Proposer:
         if key not in self._instead:
             self._instead.clear()
             problem, fit = self.trials.problem, self.trials.fit(h)
-            direct = [c for c in self.candidates if not deflects(c)]
             self._instead[key] = screen_instead(
-                problem, fit, direct, self.trials.failures, self._common
+                problem, fit, self.candidates, self.trials.failures, self._common
             )
         return self._instead[key]
 
@@ -195,23 +174,17 @@ class Proposer:
         replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
         offers: list[Screened] = []
         seen: set[tuple[Key, ...]] = set()
-        limits = None
+        limit = 0.0
         single = False  # whether the best single one was seen, which stands beside the best group
         for subset in islice(search.best_first(), _SCREENED):
-            limits = limits or _limits(start, subset.error, enough)
-            if (
-                len(seen) >= count
-                or subset.error > start
-                or (single and subset.error > max(limits))
-            ):
+            limit = limit or _limit(start, subset.error, enough)
+            if len(seen) >= count or subset.error > start or (single and subset.error > limit):
                 break
             first_single = not single and len(subset.regressors) == 1
             single |= first_single
             added = [regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
-            # How a link swings is screened roughly: the fit gains much over it.
-            swings = any(deflects(regressor.effect) for regressor in added)
-            enters = subset.error <= limits[swings] or (first_single and not swings)
+            enters = subset.error <= limit or first_single
             if around is not None and search.error(subset.regressors) > replaced + around.error(
                 subset.regressors
             ):
@@ -225,9 +198,6 @@ class Proposer:
             drawn = [regressors[k] for k in subset.regressors]
             if tuple(regressor.key for regressor in drawn) not in seen:
                 offers.append(((*h.effects, *search.effects(subset)), drawn))
-        if h.swings:
-            robot = self.trials.fit(h).robot
-            offers += [((*h.effects, e), []) for e in _swinging_too(robot, regressors, seen)]
         return offers
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
@@ -239,7 +209,7 @@ class Proposer:
         from its sensors' floor decides for all: a recorded six-axis arm, off by 103 floors at its
         fourth joint, kept 2.9 N m at its second (11 floors), where a pair leaves 1.3.
         """
-        if not any(not deflects(c) for c in self.candidates):
+        if not self.candidates:
             return []
         search, regressors = self._around(h)
         share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
@@ -259,32 +229,12 @@ class Proposer:
         near: Nearby | None = None,
     ) -> tuple[LinearScreen, list[Regressor]]:
         taken = {*h.keys, *exclude}
-        # One gear yields in one way: play before a spring is play with soft flanks.
-        yielding = [e.where for e in h.effects if deflects(e)]
-        yielding += self._calm_joints(h)
-        taken |= {(c.name, joint) for c in offered if deflects(c) for joint in yielding}
-        simulated = self._simulated.setdefault(h.effects, {})
-        while len(self._simulated) > _REMEMBERED:
-            del self._simulated[next(iter(self._simulated))]
-        fit = self.trials.fit(h)
-        failures = self.trials.failures
-        common = self._common
-        return screen(self.trials.problem, fit, offered, taken, simulated, near, failures, common)
-
-    def _calm_joints(self, h: Hypothesis) -> list[str]:
-        """Return the joints at which a gear that yields is not sought: little is left there.
-
-        Every joint is a simulation of its link per trial; of many, those with most left are tried.
-        """
-        problem = self.trials.problem
-        joints = problem.robot.transmission.joints
-        judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
-        order = np.argsort(-h.outputs[: len(judged)])
-        return [joints[judged[k]] for k in order[_SIMULATED:]]
+        fit, failures = self.trials.fit(h), self.trials.failures
+        return screen(self.trials.problem, fit, offered, taken, near, failures, self._common)
 
 
-def _limits(start: float, least: float, enough: float) -> tuple[float, float]:
-    """Return up to which errors a cause is offered: one that acts at once, a link that swings.
+def _limit(start: float, least: float, enough: float) -> float:
+    """Return up to which error a cause is offered.
 
     Args:
         start: error without any of them.
@@ -292,9 +242,7 @@ def _limits(start: float, least: float, enough: float) -> tuple[float, float]:
         enough: error up to which an offer counts as good; 0 where only the best one's counts.
     """
     # The screen is linear: leave room for what the fit may still gain over it.
-    worst = max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
-    rough = min(_PROMISING * start, _ROUGHLY * (enough or least))
-    return worst, max(rough, worst) if enough else rough
+    return max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
 
 
 def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
@@ -308,19 +256,3 @@ def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset
         if np.isfinite(subset.error) and (known is None or subset.error < known.error):
             best[regressor.effect] = subset
     return list(best.values())
-
-
-def _swinging_too(
-    robot: Robot, regressors: Sequence[Regressor], seen: set[tuple[Key, ...]]
-) -> list[Effect]:
-    """Return the best of every link that may swing, but those seen.
-
-    Two links that swing shake one another: no sum of columns says how both would move.
-    """
-    best = {
-        regressor.key: regressor for regressor in reversed(regressors) if deflects(regressor.effect)
-    }
-    effects = [
-        regressor.build(robot, np.ones(1)) for key, regressor in best.items() if (key,) not in seen
-    ]
-    return [effect for effect in effects if effect is not None]

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.identification.choice.gears.plays import plays
 from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
 from wbc.identification.model.residual import drive_gains, drive_misses
-from wbc.identification.model.yielding import deflects, yielding_gears
+from wbc.identification.model.yielding import deflects, plays, yielding_gears
 from wbc.robot import Effect
 
 _NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis

@@ -70,7 +70,7 @@ def inertial_columns(
     Args:
         robot: with its effects; none of its links swings with these parameters.
         records: the logs.
-        swinging: what `swinging_torque` returned for each record.
+        swinging: torque of `swing_of`, of each record.
         changes: (10 n_links, p) of the parameters.
     """
     parts = []

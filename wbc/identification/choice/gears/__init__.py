@@ -1,1 +1,0 @@
-"""Which gears that yield explain logs: simulated links follow no linear screen."""

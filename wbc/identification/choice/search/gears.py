@@ -1,0 +1,216 @@
+"""Gears that yield: flanks of a coarse grid are simulated, and the best are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from wbc.effects.gear.yielding_gear import Side, YieldingGear
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
+from wbc.identification.model.derivatives import evaluate
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.residual import link_response, rubbing_responses
+from wbc.identification.model.yielding import deflects, loose, plays
+from wbc.identification.records.record import Record
+from wbc.links import LinkResponse, deflections
+from wbc.robot import Effect, Robot
+from wbc.transmission import Flanks
+
+Offer = tuple[Effect, ...]
+
+_Factors = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+"""Of stiffness, damping and play: what is tried around the best of what was tried before."""
+
+_SWINGS = np.geomspace(2.0, 70.0, 22)  # [Hz] of a link behind a spring ...
+_DAMPING = (0.02, 0.1, 0.4)  # ... that is damped by these shares of the critical one
+_NEAR_SPRINGS: tuple[_Factors, ...] = (
+    ((0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25), (0.4, 1.0), (1.0,)),
+)
+_PLAYS = np.geomspace(5e-4, 0.12, 16)  # [rad] ...
+_FLANK, _FLANK_DAMPING = 30.0, 0.3  # ... between flanks of this frequency [Hz] and damping
+_NEAR_PLAYS: tuple[_Factors, ...] = (
+    ((0.25, 1.0, 4.0), (0.3, 1.0, 3.0), (1.0,)),
+    ((0.4, 1.0, 2.5), (1.0,), (0.83, 1.0, 1.2)),
+)
+_COARSE = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad], where two gears are tried ...
+_COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequencies [Hz]
+_PAIRED = 0.8  # of the squares, that two gears of this grid must leave at most
+_HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
+_OFFERS = 6  # gears that are fitted for one addition
+_COUNT = 2  # gears offered per joint, kind and side of friction
+_JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
+
+
+def gears_beside(
+    problem: EstimationProblem,
+    h: Hypothesis,
+    fit: Fit,
+    kinds: Sequence[type[Effect]],
+) -> list[Offer]:
+    """Return the effects of a hypothesis with a gear more, those that leave least first.
+
+    They are ranked on the log that leaves most, and fitted to all.
+
+    Args:
+        problem: the logs.
+        h: the hypothesis.
+        fit: of it.
+        kinds: effects that may be used.
+    """
+    offers: list[tuple[float, Offer]] = []
+    taken = {effect.where for effect in h.effects if deflects(effect)}
+    for joint, output in _loudest_joints(problem, h.outputs)[:_JOINTS]:
+        if joint in taken:
+            continue
+        floor = float(problem.floor.values[output]) ** 2
+        for side, responses in _by_side(fit.robot, joint, [_loudest(problem)]):
+            whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
+            for kind in _gears(kinds):
+                for left, flanks in best_gears(responses, kind.has_play, _COUNT):
+                    gear = kind.having(joint, flanks).with_friction_at(side)
+                    offers.append(((left - whole) / floor, (*h.effects, gear)))
+    offers.sort(key=lambda pair: pair[0])
+    return [offer for _, offer in offers[:_OFFERS]]
+
+
+def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:
+    """Return two gears that yield at once, at least one of them loose: the best of every way first.
+
+    Two links that move behind their gears shake one another, so that alone none of them explains
+    what both do: they are simulated together, on the log that leaves most. Empty where they
+    promise little.
+
+    Args:
+        problem: the logs.
+        kinds: effects that may be used.
+    """
+    record = _loudest(problem)
+    first = problem.residual @ problem.whitening
+    joints = _loudest_joints(problem, np.mean(first**2, axis=0))[:_JOINTS_OF_TWO]
+    nothing = evaluate(problem.robot, (), [record], problem.whitening).cost
+    best: dict[tuple[tuple[str, str], ...], tuple[float, Offer]] = {}
+    for offer in product(*(_coarse(joint, record, kinds) for joint, _ in joints)):
+        if len(offer) < _JOINTS_OF_TWO or not loose(offer):
+            continue
+        try:
+            left = evaluate(problem.robot, offer, [record], problem.whitening).cost
+        except IMPOSSIBLE:
+            continue
+        way = tuple(gear.key for gear in offer)
+        if left < best.get(way, (_PAIRED * nothing, offer))[0]:
+            best[way] = left, offer
+    return [offer for _, offer in sorted(best.values(), key=lambda pair: pair[0])]
+
+
+def best_gears(
+    responses: Sequence[LinkResponse], has_play: bool, count: int
+) -> list[tuple[float, Flanks]]:
+    """Return what flanks leave unexplained, and them: the `count` that leave least, best first.
+
+    A lightly damped swing keeps its phase for long, and a strike its time: around the best of a
+    grid more are tried.
+    A link without inertia about the joint (a point on its axis) swings behind nothing: the list is
+    empty. So it is where no link stays behind a gear.
+
+    Args:
+        responses: of the joint, one per log.
+        has_play: whether flanks with play are sought.
+        count: how many to return.
+    """
+    inertias = [r.inertia[:, r.row] for r in responses]
+    if min(float(inertia.min()) for inertia in inertias) <= 0.0:
+        return []
+    typical = float(np.mean([np.mean(inertia) for inertia in inertias]))
+    load = max(float(np.abs(r.load[:, r.row]).max()) for r in responses)
+    if has_play:
+        flank = _swinging(typical, _FLANK, _FLANK_DAMPING)
+        tried = [replace(flank, play=float(play)) for play in _PLAYS]
+    else:
+        tried = [_swinging(typical, *pair) for pair in product(_SWINGS, _DAMPING)]
+    known: dict[Flanks, float] = {}
+
+    def try_all(gears: Sequence[Flanks]) -> list[Flanks]:
+        new = [g for g in gears if g not in known and plays(g, load) == has_play]
+        known.update((gear, _left(responses, gear)) for gear in new)
+        return sorted(known, key=lambda gear: known[gear])
+
+    best = try_all(tried)
+    whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
+    for factors in _NEAR_PLAYS if has_play else _NEAR_SPRINGS:
+        if best and known[best[0]] < _HOPELESS * whole:
+            near = [gear.scaled(*few) for gear in best[:_COUNT] for few in product(*factors)]
+            best = try_all(near)
+    return [(known[gear], gear) for gear in best if np.isfinite(known[gear])][:count]
+
+
+def _left(responses: Sequence[LinkResponse], gear: Flanks) -> float:
+    """Return the squares that a gear leaves, infinite where the link flies off."""
+    total = 0.0
+    for response in responses:
+        bent = deflections([response], [gear])
+        if not bent.finite:
+            return np.inf
+        total += _squares(response, response.torque(bent.paths[0])[:, response.row])
+    return total
+
+
+def _squares(response: LinkResponse, torque: np.ndarray) -> float:
+    return float(np.sum(response.left(torque) ** 2))
+
+
+def _by_side(
+    robot: Robot, joint: str, records: Sequence[Record]
+) -> list[tuple[Side, tuple[LinkResponse, ...]]]:
+    """Return the sides on which the friction known at a joint may rub, with the link's responses.
+
+    They are those of a link without friction where it rubs at the motor.
+    """
+    plain = tuple(link_response(robot, record, joint) for record in records)
+    rubbing = rubbing_responses(robot, records, joint)
+    return [("motor", plain), ("link", rubbing)] if rubbing else [("either", plain)]
+
+
+def _loudest(problem: EstimationProblem) -> Record:
+    """Return the log with the largest residual, on which much can be tried in little time."""
+    ends = np.cumsum([record.rows for record in problem.records])
+    squares = np.split((problem.residual @ problem.whitening) ** 2, ends[:-1])
+    return problem.records[int(np.argmax([part.sum() for part in squares]))]
+
+
+def _loudest_joints(problem: EstimationProblem, left: np.ndarray) -> list[tuple[str, int]]:
+    """Return the judged joints with their outputs, by what (judged outputs,) is left there."""
+    joints = problem.robot.transmission.joints
+    judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
+    order = np.argsort(-left[: len(judged)])
+    return [(joints[judged[k]], judged[k]) for k in order]
+
+
+def _gears(kinds: Sequence[type[Effect]]) -> list[type[YieldingGear]]:
+    return [kind for kind in kinds if issubclass(kind, YieldingGear)]
+
+
+def _coarse(joint: str, record: Record, kinds: Sequence[type[Effect]]) -> list[YieldingGear]:
+    """Return the gears to try in front of one of two links: their flanks go by what it weighs."""
+    response = record.response(joint)
+    inertia = float(np.mean(response.inertia[:, response.row]))
+    if inertia <= 0.0:
+        return []
+    swings = [_swinging(inertia, f, _FLANK_DAMPING) for f in _COARSE_SWINGS]
+    flank = _swinging(inertia, _COARSE_FLANK, _FLANK_DAMPING)
+    bounces = [replace(flank, play=play) for play in _COARSE]
+    return [
+        kind.having(joint, f)
+        for kind in _gears(kinds)
+        for f in (bounces if kind.has_play else swings)
+    ]
+
+
+def _swinging(inertia: float, frequency: float, damping: float) -> Flanks:
+    """Return a spring behind which an inertia [kg m^2] swings at a frequency [Hz]."""
+    rate = 2.0 * np.pi * frequency
+    return Flanks(float(inertia * rate**2), float(2.0 * damping * inertia * rate))

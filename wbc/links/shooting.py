@@ -1,0 +1,282 @@
+"""Links behind gears that yield along a log: their likeliest motion, bouncing ones in windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, eye_array, vstack
+from scipy.sparse.linalg import spsolve
+
+from wbc.arrays import FloatArray, IntArray
+from wbc.links.driven_links import DrivenLinks, Motions
+from wbc.links.response import LinkResponse
+from wbc.transmission import Flanks
+
+_WINDOW = 0.3  # [s] after which a motion is compared with the log again
+_CORRECTED = 0.03  # share of a typical state by which a window may begin elsewhere than the last
+_STEPS = 6  # of Gauss-Newton, at most, where nothing is known of the starts; beside others one
+_VARIED = 1e-3  # of a typical state, for derivatives
+_SHARES = (0.0, 1.0, 0.4, 0.1)  # shares of a step that are tried
+_PROMISING = 0.999  # of what is left, above which a step is the last
+_SLACK = 1e-9  # [N m/rad] below which a flank holds nothing
+_FAR = 1e100  # [N m] left by a link that flies off
+_APART = 3  # windows so far apart are filtered together: filters mix neighbours alone
+_RIDGE = 1e-9  # of the largest information
+
+
+@dataclass(frozen=True, eq=False)
+class Deflections:
+    """How links moved relative to their motors.
+
+    Attributes:
+        paths: of each link (N, 3): deflection, rate, second derivative; where any of the links has
+            dry friction a fourth column is that [N m]. Not finite where a link flies off.
+        starts: deflections and rates (W, 2, n) with which the windows of the log began.
+    """
+
+    paths: list[FloatArray]
+    starts: FloatArray
+
+    @property
+    def finite(self) -> bool:
+        """Whether every link stayed behind its gear."""
+        return all(bool(np.isfinite(path).all()) for path in self.paths)
+
+    @property
+    def largest(self) -> float:
+        """The largest deflection [rad]."""
+        return max(float(np.abs(path[:, 0]).max()) for path in self.paths)
+
+    def change(self, before: Deflections) -> float:
+        """Return by how much any deflection differs [rad]."""
+        pairs = zip(self.paths, before.paths, strict=True)
+        return max(float(np.abs(now[:, 0] - then[:, 0]).max()) for now, then in pairs)
+
+
+def deflections(
+    responses: Sequence[LinkResponse],
+    gears: Sequence[Flanks],
+    near: Deflections | None = None,
+) -> Deflections:
+    """Return the motion of n links together (`DrivenLinks.follow`), from the likeliest starts.
+
+    How the links moved when the log began is in no channel: it is where least is left of the log.
+
+    A link that bounces forgets how it began: motions that differ by 1e-12 differ by the whole play
+    seconds later, so that what one start leaves of a log has a valley at every strike. So behind
+    play the log is cut into windows (multiple shooting; H. G. Bock, 1983): each begins close to
+    where the last one ends, and all begin where least is left of the log. In what is left then
+    there is one valley, and rounding is forgotten.
+
+    Args:
+        responses: of the links along one log, under the same load.
+        gears: in front of them.
+        near: motion with numbers close by, from whose starts one step is made; None where nothing
+            is known.
+    """
+    shots = _Shots.of(responses, gears)
+    # Where the links of a trial fly off, so do its numbers: it leaves infinity, and loses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        starts, moved = shots.likeliest() if near is None else shots.settled(near.starts, 1)
+    columns = [moved.d, moved.v, moved.a] + [moved.dry] * shots.links.rubs
+    return Deflections(list(np.stack(columns, axis=-1)[:, :, 0].transpose(1, 0, 2)), starts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shots:
+    """A log that is cut into windows.
+
+    Attributes:
+        responses: of the n links.
+        links: what drives them.
+        gears: in front of them.
+        first: (W,) number of the first sample of each window.
+        size: (1, 2, n) typical deflections and rates.
+    """
+
+    responses: Sequence[LinkResponse]
+    links: DrivenLinks
+    gears: Sequence[Flanks]
+    first: IntArray
+    size: FloatArray
+
+    @classmethod
+    def of(cls, responses: Sequence[LinkResponse], gears: Sequence[Flanks]) -> _Shots:
+        """Return a log in windows where links bounce, else in one."""
+        links = DrivenLinks.of(responses)
+        hop = max(8, int(_WINDOW / links.step))
+        count = max(1, len(links.load) // hop) if any(gear.play > 0.0 for gear in gears) else 1
+        return cls(responses, links, gears, hop * np.arange(count), _typical(links, gears))
+
+    def likeliest(self) -> tuple[FloatArray, Motions]:
+        """Return starts (W, 2, n) where nothing is known, and the motion from them.
+
+        From links at rest some windows end in valleys of their own: these go on from where the last
+        one ended, where that leaves less.
+        """
+        first = starts, moved = self.settled(self._least(self._wound()), _STEPS)
+        if len(starts) == 1:
+            return first
+        carried = np.concatenate([starts[:1], moved.ends[:-1, ..., 0]])
+        second = self.settled(self._least(np.stack([starts, carried], axis=-1)), _STEPS)
+        return min(first, second, key=lambda end: float(np.sum(self._left(end[1]) ** 2)))
+
+    def _least(self, offers: FloatArray) -> FloatArray:
+        """Return of some starts (W, 2, n, S) those that leave least in each window (W, 2, n)."""
+        best = np.argmin(self._squares(self._left(self._follow(offers))), axis=0)
+        return _chosen(offers, best)
+
+    def _wound(self) -> FloatArray:
+        """Return starts (W, 2, n, S) of links at rest, wound up by their loads on either flank."""
+        load, places = self.links.load[self.first], []
+        for gear, torque in zip(self.gears, load.T, strict=True):
+            far = -torque / max(gear.stiffness, _SLACK) - np.sign(torque) * 0.5 * gear.play
+            places.append((far, -far) if gear.play > 0.0 else (far,))
+        chosen = [np.stack(sides, axis=1) for sides in product(*places)]
+        return np.stack([np.stack([d, np.zeros_like(d)], axis=1) for d in chosen], axis=-1)
+
+    def settled(self, starts: FloatArray, steps: int) -> tuple[FloatArray, Motions]:
+        """Return starts (W, 2, n) from which less is left, and the motion from them.
+
+        With s the starts, r(s) what is left and e(s) the ends of the windows, least squares of
+
+            r(s), scatter (s_0 - given) / size, scatter (s_w - e_w-1) / (_CORRECTED size)
+
+        by Gauss-Newton; the scatter is that of r after a step without the other rows. A window
+        hardly feels others but its neighbours, so that each takes the share of its step that leaves
+        least in and beside it.
+        """
+        given, found = starts[:1], self._follow(starts[..., None])
+        for _ in range(steps):
+            step, scatter = self._step(starts, given)
+            if not np.isfinite(step).all():
+                break
+            shares = starts[..., None] + (self.size * step)[..., None] * np.array(_SHARES)
+            tried = self._follow(shares)
+            cost, own = self._cost(shares, given, tried, scatter)
+            chosen = _chosen(shares, np.argmin(own, axis=0))
+            moved = self._follow(chosen[..., None])
+            after, _ = self._cost(chosen[..., None], given, moved, scatter)
+            if not after[0] < cost[0]:
+                break
+            starts, found = chosen, moved
+            if after[0] > _PROMISING * cost[0]:
+                break
+        return starts, found
+
+    def _follow(self, starts: FloatArray) -> Motions:
+        return self.links.follow(self.gears, self.first, starts)
+
+    def _step(self, starts: FloatArray, given: FloatArray) -> tuple[FloatArray, float]:
+        """Return a step (W, 2, n) of least squares, in sizes, and the squared scatter."""
+        units = _VARIED * np.eye(self.size.size).reshape(*starts.shape[1:], -1)
+        units = np.concatenate([np.zeros_like(units[..., :1]), units], axis=-1)
+        moved = self._follow(starts[..., None] + self.size[..., None] * units)
+        left, slopes = self._slopes(moved)
+        jumps = self._jumps(starts[..., None], given, moved.part(slice(1))).ravel()
+        ties = self._ties(moved)
+        gram, moment = slopes.T @ slopes, -(slopes.T @ left)
+        # Where nothing is left of a start in the log, the smallest step is taken.
+        ridge = _RIDGE * max(float(gram.diagonal().max()), _RIDGE) * eye_array(gram.shape[0])
+        free = left + slopes @ spsolve(csc_matrix(gram + ridge), moment)
+        scatter = float(np.mean(free**2))
+        gram = csc_matrix(gram + scatter * (ties.T @ ties) + _RIDGE * ridge)
+        step = spsolve(gram, moment - scatter * (ties.T @ jumps))
+        return np.asarray(step.reshape(starts.shape)), scatter
+
+    def _left(self, moved: Motions) -> FloatArray:
+        """Return (R, S) what motions leave of the log, in the band."""
+        torques = self._torques(moved)
+        return np.concatenate([r.left(torques[:, k]) for k, r in enumerate(self.responses)])
+
+    def _torques(self, moved: Motions) -> FloatArray:
+        torques = self.links.torques(moved)
+        torques[~np.isfinite(torques)] = _FAR
+        return torques
+
+    def _squares(self, left: FloatArray) -> FloatArray:
+        """Return the squares (S, W), by window, of what is left (R, S)."""
+        rows = np.concatenate([self._window[r.rows] for r in self.responses])
+        return np.array([np.bincount(rows, column, len(self.first)) for column in left.T**2])
+
+    @cached_property
+    def _window(self) -> IntArray:
+        """(N,) the window of each sample."""
+        lengths = np.diff([*self.first, len(self.links.load)])
+        return np.repeat(np.arange(len(self.first)), lengths)
+
+    def _jumps(self, starts: FloatArray, given: FloatArray, moved: Motions) -> FloatArray:
+        """Return (W, 2 n, S) by how much windows begin elsewhere than the last ended, or given."""
+        before = np.concatenate([given[..., None] + np.zeros(starts.shape[3]), moved.ends[:-1]])
+        jumps = (starts - before) / (self._share[..., None] * self.size[..., None])
+        jumps[~np.isfinite(jumps)] = _FAR
+        return np.asarray(jumps.reshape(len(starts), -1, starts.shape[3]))
+
+    @cached_property
+    def _share(self) -> FloatArray:
+        """(W, 1, 1) share of its size by which a start is expected to be elsewhere."""
+        share = np.full((len(self.first), 1, 1), _CORRECTED)
+        share[0] = 1.0
+        return share
+
+    def _cost(
+        self, starts: FloatArray, given: FloatArray, moved: Motions, scatter: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the squares (S,) of motions, and those in and beside each window (S, W)."""
+        left = self._squares(self._left(moved))
+        jumps = scatter * np.sum(self._jumps(starts, given, moved) ** 2, axis=1).T
+        beside = np.concatenate([jumps[:, 1:], np.zeros((len(jumps), 1))], axis=1)
+        return np.sum(left + jumps, axis=1), left + jumps + beside
+
+    def _slopes(self, moved: Motions) -> tuple[FloatArray, csr_matrix]:
+        """Return what a motion leaves (R,), and its change (R, W 2 n) per size of the starts.
+
+        Args:
+            moved: from the starts, and from each of their 2 n numbers varied in all windows.
+        """
+        torques = self._torques(moved)
+        change = (torques[..., 1:] - torques[..., :1]) / _VARIED
+        windows, count = len(self.first), change.shape[2]
+        colours = min(windows, _APART)
+        colour = np.arange(colours)
+        mine = self._window[:, None] % colours == colour
+        parts = []
+        for k, response in enumerate(self.responses):
+            found = response.band(mine[..., None] * change[:, None, k])
+            place = self._window[response.rows][:, None]
+            near = place + (colour - place + colours // 2) % colours - colours // 2
+            near += colours * (near < 0) - colours * (near >= windows)
+            column = near[..., None] * count + np.arange(count)
+            row = np.arange(len(found))[:, None, None] + np.zeros_like(column)
+            entries = -found.ravel(), (row.ravel(), column.ravel())
+            parts.append(csr_matrix(entries, shape=(len(found), windows * count)))
+        left = [r.left(torques[:, k, 0]) for k, r in enumerate(self.responses)]
+        return np.concatenate(left), vstack(parts, format="csr")
+
+    def _ties(self, moved: Motions) -> csr_matrix:
+        """Return the change (W 2 n, W 2 n) of jumps per size of the starts."""
+        windows, count = len(self.first), self.size.size
+        carried = (moved.ends[..., 1:] - moved.ends[..., :1]) / (_VARIED * self.size[..., None])
+        carried = np.nan_to_num(carried).reshape(windows, count, count)
+        ties = np.zeros((windows, count, windows, count))
+        own = np.arange(windows)
+        ties[own, :, own] = np.eye(count) / self._share
+        ties[own[1:], :, own[:-1]] = -carried[:-1] / _CORRECTED
+        return csr_matrix(ties.reshape(windows * count, -1))
+
+
+def _chosen(starts: FloatArray, which: IntArray) -> FloatArray:
+    """Return one of S starts (W, 2, n, S) for each window, (W, 2, n)."""
+    return np.asarray(np.take_along_axis(starts, which[:, None, None, None], axis=-1)[..., 0])
+
+
+def _typical(links: DrivenLinks, gears: Sequence[Flanks]) -> FloatArray:
+    """Return deflections and rates (1, 2, n) as large as a gear's play and wind-up allow."""
+    load, inertia = np.abs(links.load).max(axis=0), np.diagonal(links.inertia.mean(axis=0))
+    stiffness, half = np.transpose([(max(g.stiffness, _SLACK), 0.5 * g.play) for g in gears])
+    away = half + 0.5 * load / stiffness
+    return np.stack([away, np.sqrt(load * away / inertia)])[None]
