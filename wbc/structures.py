@@ -1,4 +1,4 @@
-"""Arrays with names in one structure, handed to machine code as one argument.
+"""Arrays and numbers with names in one structure, handed to machine code as one argument.
 
 Handing an array over to a compiled function takes 0.1 us, as long as a small robot's work on it: a
 tick reads some hundred. A structure is handed over as one pointer to where its arrays lie, holds
@@ -32,14 +32,14 @@ class _Kind(types.Type):  # type: ignore[misc]
         place = 0
         for name, kind in fields:
             self.places[name] = place
-            place += 1 if isinstance(kind, _Kind) else 1 + 2 * kind.ndim
+            place += 1 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
         digest = sha256(repr(fields).encode()).hexdigest()[:12]
         super().__init__(f"{label}_{digest}")
 
 
 @register_model(_Kind)
 class _Model(models.PrimitiveModel):  # type: ignore[misc]
-    """A pointer to words: of every array its address, lengths and strides."""
+    """A pointer to words: every whole number, of every array its address, lengths and strides."""
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, ir.IntType(64).as_pointer())
@@ -56,7 +56,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(_Kind)  # type: ignore[untyped-decorator]
 def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
-    """Return a field, an array that is not owned or a structure."""
+    """Return a field: an array that is not owned, a structure, or a whole number."""
     found, first = kind.fields[name], kind.places[name]
 
     def word(place: int) -> Any:
@@ -65,6 +65,8 @@ def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
 
     if isinstance(found, _Kind):
         return builder.inttoptr(word(0), words.type)
+    if isinstance(found, types.Integer | types.Boolean):
+        return builder.trunc(word(0), target.get_value_type(found))
     array = target.make_array(found)(target, builder)
     populate_array(
         array,
@@ -98,7 +100,10 @@ class NamedArrays:
         for name, kind in self._fields.items():
             value = values[name]
             self.__dict__[name] = value
-            words += [value._address] if isinstance(kind, _Kind) else _described(name, kind, value)
+            if isinstance(kind, types.Array):
+                words += _described(name, kind, value)
+            else:
+                words.append(value._address if isinstance(kind, _Kind) else int(value))
         self.__dict__["_words"] = frozen(words, np.int64)
         self.__dict__["_address"] = self._words.ctypes.data
 
@@ -132,7 +137,8 @@ class Structure:
 
         Args:
             label: of the kind.
-            fields: name -> kind of array, as in `wbc.compiled`, or of structure.
+            fields: name -> kind of array, as in `wbc.compiled`, or of structure; `Count` or `Flag`
+                for a number that stays the same.
         """
         self.kind = _Kind(label, tuple(fields.items()))
         self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": fields})

@@ -85,7 +85,7 @@ class Setup:
             self._write(self.drive.forward, self.drive.backward)
 
     def _write(self, forward: FloatArray, backward: FloatArray) -> None:
-        numbers = self.core.exchange.numbers
+        numbers = self.core.plant.gears.numbers
         numbers[:, INVERSE], numbers[:, BACKWARD] = 1.0 / forward, backward
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
@@ -103,7 +103,7 @@ class Setup:
         """Give the loops the inertial coupling at (q, v), at the motor outputs."""
         found = self.coupling(position, velocity)
         if found is not None:
-            told, ratio, nv = self.core.exchange, self.drive.ratio, len(velocity)
+            told, ratio, nv = self.core.plant.gears, self.drive.ratio, len(velocity)
             told.coupling[:] = ratio[:, None] * found.inertia
             told.gyration[0, :nv] = found.link_bias
             told.gyration[0, nv:] = ratio * found.rotor_bias

@@ -9,7 +9,8 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import UNSOLVED
+from wbc.mechanics.newton import UNSOLVED, WAYS
+from wbc.mechanics.rows import RowSystem
 from wbc.mechanics.tree import tree_of
 from wbc.robot import Robot
 from wbc.sim.barriers import TOUCH, Barriers
@@ -19,7 +20,7 @@ from wbc.sim.step.arrival import DRIFT, lift
 from wbc.sim.step.contacts import GAPS
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.gears import FLANKS, Drivetrain
-from wbc.sim.step.impact import HIT, WAY, gaps_of, impact_at, impact_in_rows
+from wbc.sim.step.impact import HIT, USED, WAY, gaps_of, impact_at, impact_in_rows
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import (
     LANDED,
@@ -27,7 +28,6 @@ from wbc.sim.step.part import (
     UNDECIDED,
     UNSETTLED,
     PartRows,
-    Solved,
     first_half,
     part_in_rows,
     part_of_step,
@@ -43,7 +43,7 @@ from wbc.sim.step.program import (
     tolerance_of,
     unsolved,
 )
-from wbc.sim.step.tables import Exchange, Obstacles, opened, packed_plant
+from wbc.sim.step.tables import Obstacles, opened
 
 COUPLING_FAILED = (
     "the inertial coupling of rotors and housings did not settle: a rotor is about as heavy as the "
@@ -60,7 +60,7 @@ class Ended:
         closed: (2 j + c,) barriers that stay closed.
         landed: whether a barrier that is not closed is passed.
         left: whether some overlap is left to take back.
-        given: (r,) impulses of the rows where Python solved them, else empty.
+        given: whether Python solved the rows, range by range of self-locking gears.
     """
 
     __slots__ = ("_ends", "_out", "closed", "given", "landed", "left")
@@ -70,7 +70,7 @@ class Ended:
     ) -> None:
         """Keep what `from_middle` wrote."""
         self._out, self._ends, self.closed = out, ends, closed
-        self.landed, self.left, self.given = abs(result) == LANDED, result < 0, _NOTHING
+        self.landed, self.left, self.given = abs(result) == LANDED, result < 0, False
 
     @property
     def position(self) -> FloatArray:
@@ -133,6 +133,11 @@ class Ended:
         return int(self._out[self._ends[10]])
 
     @property
+    def way(self) -> int:
+        """What found the impulses, see `mechanics.newton`."""
+        return int(self._out[self._ends[10] + 1])
+
+    @property
     def middle(self) -> tuple[FloatArray, FloatArray]:
         """q (nq,), v (nv,) in the middle."""
         return _middle(self._out, self._ends)
@@ -177,7 +182,7 @@ class Core:
     """The compiled work of one plant, with the memory that it works in.
 
     Attributes:
-        exchange: views of what Python reads and writes between the loops.
+        plant: its numbers and memory, which Python reads and writes between the loops, too.
     """
 
     def __init__(
@@ -218,19 +223,19 @@ class Core:
             asked,
         )
         stored = m + nv + size + tangents * barriers.contacts
-        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 11, 1, nq, nv, size)
+        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 11, 2, nq, nv, size)
         ends = np.cumsum(sizes)
         self._ends, self._most = tuple(ends.tolist()), m + size * (1 + tangents)
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
-        self.packed = packed_plant(tree, bases, obstacles, gears, bounds, ends)
-        self.exchange = Exchange.of(*self.packed)
+        self.plant = opened(tree, bases, obstacles, gears, bounds, ends)
         self._loose, self._drive, self._nv = drive.any_loose, drive, nv
 
     def _ask_ground(self, what: int, time: float, later: float) -> None:
         """Fill gaps and normals, or speeds, of ground that only Python knows."""
-        count, told = len(self.exchange.points), self.exchange
+        told = self.plant.obstacles
+        count = len(told.points)
         try:
             for number, solid in enumerate(self._terrain.solids):
                 own = slice(number * count, (number + 1) * count)
@@ -253,7 +258,7 @@ class Core:
         """Give the loops the motion of loose motor outputs."""
         if self._loose:
             deflection, speed = self._drive.motion(state)
-            self.exchange.motion[:, 0], self.exchange.motion[:, 1] = deflection, speed
+            self.plant.gears.motion[:, 0], self.plant.gears.motion[:, 1] = deflection, speed
 
     def to_middle(self, state: SimState, half: float) -> FloatArray:
         """Return what a part writes, with its first half written: see `Ended`.
@@ -262,7 +267,7 @@ class Core:
         """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         out = np.empty(self._ends[-1])
-        first_half(*self.packed, q, v, state.time, half, state.closed, out)
+        first_half(self.plant, q, v, state.time, half, state.closed, out)
         return out
 
     def middle(self, out: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -292,22 +297,22 @@ class Core:
             SimulationError: the part has no solution, or several.
         """
         self.tell_motion(state)
-        before = self._given(state, forces, external, kept, step, _NOTHING)
+        before = self._given(state, forces, external, kept, step)
         out = np.empty(self._ends[-1]) if half is None else half
-        closed, begun = np.empty(len(kept), dtype=np.bool_), half is not None
-        given, arguments = _NOTHING, (*before, begun, out, closed)
+        closed, given = np.empty(len(kept), dtype=np.bool_), _NOTHING
+        arguments = (*before, given, half is not None, out, closed)
         result = part_of_step(*arguments)
         if result == 10 + UNDECIDED:
-            _, system, _, start, _ = part_in_rows(*before)
+            _, system, start, _ = self._in_rows(before, _NOTHING, _NOTHING)
             given, _, _ = solve_rows(system, start, self._names)
-            again = *before[:-1], given, False, out, closed
-            result = part_of_step(*again)
+            arguments = (*before, given, False, out, closed)
+            result = part_of_step(*arguments)
         if self._error is not None:
             self._heard()
         ended = Ended(out, self._ends, closed, result)
-        ended.given = given
+        ended.given = len(given) > 0
         if result >= 10:
-            raise self._failure(result - 10, state, step, before, ended)
+            raise self._failure(result - 10, state, before, ended)
         return ended
 
     def _given(
@@ -317,20 +322,22 @@ class Core:
         external: FloatArray | None,
         kept: BoolArray,
         step: float,
-        given: FloatArray,
     ) -> tuple[Any, ...]:
         """Return the arguments that the loops of a part share."""
         force = forces.joint if external is None else forces.joint + external
         friction = _NOTHING if forces.friction is None else forces.friction
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = state.closed, kept, state.impulse, q, v
-        acting = forces.rotor, force, friction, state.time, step, given
-        return *self.packed, *before, *acting
+        return self.plant, *before, forces.rotor, force, friction, state.time, step
+
+    def _in_rows(self, before: tuple[Any, ...], after: FloatArray, motor: FloatArray) -> Any:
+        arguments = (*before, after, motor)
+        return part_in_rows(*arguments)
 
     def _failure(
-        self, way: int, state: SimState, step: float, before: tuple[Any, ...], ended: Ended
+        self, way: int, state: SimState, before: tuple[Any, ...], ended: Ended
     ) -> SimulationError:
-        inertia = opened(*self.packed).placed.inertia
+        inertia = self.plant.placed.inertia
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
         if way == FLANKS:
@@ -340,10 +347,10 @@ class Core:
             )
         if way == UNSETTLED:
             return SimulationError(COUPLING_FAILED)
-        _, system, solved, _, _ = part_in_rows(*before)
+        rows, system, _, _ = self._in_rows(before, _NOTHING, _NOTHING)
         if not np.isfinite(system.free).all():
             return blown_up(inertia, state.velocity)
-        return unsolved(system, solved.impulse, tolerance_of(system))
+        return unsolved(system, ended.impulse[rows.places], tolerance_of(system))
 
     def solution(
         self,
@@ -352,25 +359,27 @@ class Core:
         external: FloatArray | None,
         kept: BoolArray,
         step: float,
-        given: FloatArray,
+        ended: Ended,
     ) -> StepSolution:
-        """Return the program of a part and its solution; arguments as of `part`."""
+        """Return the program of a part and its solution; arguments as of `part`, and its end."""
         self.tell_motion(state)
-        before = self._given(state, forces, external, kept, step, given)
-        rows, system, solved, _, inertia = part_in_rows(*before)
-        return _solution(rows, system, solved, inertia, bool(len(given)))
+        before = self._given(state, forces, external, kept, step)
+        rows, system, _, inertia = self._in_rows(before, ended.after, ended.motor_speed)
+        method = "ranges" if ended.given else WAYS[ended.way]
+        impulse = ended.impulse[rows.places]
+        return _solution(rows, system, inertia, impulse, ended.after, ended.iterations, method)
 
     def gaps(self, position: FloatArray, time: float = 0.0) -> FloatArray:
         """Return all gaps (2 j + c,) at q (nq,) and a time [s]."""
         gap = np.empty(self._ends[4] - self._ends[3])
-        gaps_of(*self.packed, np.ascontiguousarray(position), time, gap)
+        gaps_of(self.plant, np.ascontiguousarray(position), time, gap)
         self._heard()
         return gap
 
     def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
         """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""
         q, gap = np.array(position), np.empty(self._ends[4] - self._ends[3])
-        done = lift(opened(*self.packed), stiff, q, gap)
+        done = lift(self.plant, stiff, q, gap)
         self._heard()
         return done, q, gap
 
@@ -398,7 +407,7 @@ class Core:
         pushes = np.empty(self._ends[8] - self._ends[7])
         impulse, found = np.empty(self._most), np.empty(9)
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        before = *self.packed, closed, kept, back, q, v, state.time, slow, left
+        before = self.plant, closed, kept, back, q, v, state.time, slow, left
         written = after, pushes, impulse, aims, found, fresh, after_closed
         kind = impact_at(*before, -1.0, _NOTHING, *written)
         self._heard()
@@ -406,53 +415,59 @@ class Core:
         if kind == HIT and found[WAY] == UNDECIDED:
             for share in (1.0, 0.0):
                 impact_at(*before, share, _NOTHING, *written)
-                target = aims[: int(together.sum())]
-                _, system, _, _ = impact_in_rows(
-                    *self.packed, together, q, v, state.time, target, _NOTHING
-                )
+                _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
                 start, m = np.zeros(len(system.free)), len(self._names)
                 start[:m] = state.impulse[:m] if len(state.impulse) else 0.0
                 given, _, _ = solve_rows(system, start, self._names)
                 impact_at(*before, share, given, *written)
                 if found[1] >= 0.0:
                     break
+        impulse = impulse[: int(found[3])]
         if kind == HIT and found[WAY] >= UNSOLVED:
-            raise self._impact_failure(int(found[WAY]), state, together, aims)
-        rows = int(found[3])
-        return Struck(
-            kind, fresh, after_closed, after, pushes.reshape(-1, 3), impulse[:rows],
-            aims[: int(together.sum())], found,
-        )  # fmt: skip
+            raise self._impact_failure(int(found[WAY]), state, together, aims, impulse)
+        pushes = pushes.reshape(-1, 3)
+        aims = aims[: int(together.sum())]
+        return Struck(kind, fresh, after_closed, after, pushes, impulse, aims, found)
 
     def _impact_failure(
-        self, way: int, state: SimState, together: BoolArray, aims: FloatArray
+        self,
+        way: int,
+        state: SimState,
+        together: BoolArray,
+        aims: FloatArray,
+        impulse: FloatArray,
     ) -> SimulationError:
-        inertia = opened(*self.packed).placed.inertia
+        inertia = self.plant.placed.inertia
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
         if way == UNSETTLED:
             return SimulationError(COUPLING_FAILED)
-        found = self._impact_in_rows(state, together, aims[: int(together.sum())], _NOTHING)
-        return unsolved(found[1], found[2].impulse, tolerance_of(found[1]))
+        _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
+        return unsolved(system, impulse, tolerance_of(system))
 
     def _impact_in_rows(
-        self, state: SimState, together: BoolArray, aims: FloatArray, given: FloatArray
+        self, state: SimState, together: BoolArray, aims: FloatArray, after: FloatArray
     ) -> Any:
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        aims = np.ascontiguousarray(aims)
-        return impact_in_rows(*self.packed, together, q, v, state.time, aims, given)
+        aims = np.ascontiguousarray(aims[: int(together.sum())])
+        return impact_in_rows(self.plant, together, q, v, state.time, aims, after)
 
     def impact_solution(self, state: SimState, together: BoolArray, struck: Struck) -> StepSolution:
         """Return the program of an impact of barriers (2 j + c,) and its solution."""
         self.tell_motion(state)
-        rows, system, solved, inertia = self._impact_in_rows(
-            state, together, struck.aims, np.ascontiguousarray(struck.impulse)
-        )
-        return _solution(rows, system, solved, inertia, False)
+        rows, system, inertia = self._impact_in_rows(state, together, struck.aims, struck.after)
+        used, way, impulse = int(struck.found[USED]), int(struck.found[WAY]), struck.impulse
+        return _solution(rows, system, inertia, impulse, struck.after, used, WAYS[way])
 
 
 def _solution(
-    rows: PartRows, system: Any, solved: Solved, inertia: FloatArray, in_ranges: bool
+    rows: PartRows,
+    system: RowSystem,
+    inertia: FloatArray,
+    impulse: FloatArray,
+    after: FloatArray,
+    used: int,
+    method: str,
 ) -> StepSolution:
     """Return a solution as public arrays."""
     m, touching = len(rows.laws), len(rows.frictions)
@@ -463,7 +478,5 @@ def _solution(
         matrix[m:normal], matrix[normal:last], matrix[last:], rows.frictions, rows.targets, ground
     )
     program = StepProgram(inertia, rows.free, Elements.of(matrix[:m], system.laws), unilateral)
-    method = "ranges" if in_ranges else ("newton", "proximal", "sweeps")[min(solved.way, 2)]
-    return StepSolution(
-        solved.after, solved.impulse, solved.speed, solved.used, method, program, system
-    )
+    speed = system.free + system.delassus @ impulse
+    return StepSolution(after, impulse, speed, used, method, program, system)

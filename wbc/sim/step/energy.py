@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Number, OutPlaces, OutRow, Row, compiled, several
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Number, Row, compiled, several
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.setup import Setup
@@ -15,7 +15,7 @@ from wbc.sim.state import SimState
 from wbc.sim.step.contacts import solid_gap
 from wbc.sim.step.gears import motor_speeds
 from wbc.sim.step.part import spring_energy
-from wbc.sim.step.tables import DEFLECTION, INERTIA, STIFFNESS, opened, point_of_reference
+from wbc.sim.step.tables import DEFLECTION, INERTIA, OPENED, STIFFNESS, Opened, point_of_reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,16 +132,13 @@ def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
     return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]
 
 
-@compiled(several(Number, Number, Count), OutPlaces, OutRow, Row, Row)
-def survey(
-    whole: IntArray, numbers: FloatArray, q: FloatArray, v: FloatArray
-) -> tuple[float, float, int]:
+@compiled(several(Number, Number, Count), OPENED, Row, Row)
+def survey(plant: Opened, q: FloatArray, v: FloatArray) -> tuple[float, float, int]:
     """Return what a plant stores at q (nq,) and v (nv,) [J]; the deepest body, and its gap.
 
     Stored are the kinetic energy of links and rotors, gravity's and the gear springs'. The gap is
     that of the origin of the joint that carries a body, from the nearest solid that loops know.
     """
-    plant = opened(whole, numbers)
     tree, placed, gears = plant.tree, plant.placed, plant.gears
     joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
     place(joints, tree.shapes, q, poses)
@@ -183,5 +180,5 @@ def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
     setup.tell_coupling(state.position, state.velocity)
     setup.core.tell_motion(state)
     q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    found: tuple[float, float, int] = survey(*setup.core.packed, q, v)
+    found: tuple[float, float, int] = survey(setup.core.plant, q, v)
     return found

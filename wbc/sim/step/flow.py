@@ -110,7 +110,7 @@ class Flow:
         if setup.waits:
             setup.tell_coupling(*self.end.middle)
             setup.tell_losses(*self.end.middle)
-        found = setup.core.solution(state, self.forces, external, kept, step, self.end.given)
+        found = setup.core.solution(state, self.forces, external, kept, step, self.end)
         setup.forget_losses()
         return found
 

@@ -301,6 +301,40 @@ def take_hold(
             held.held[i] = 1.0 if found[3] else 0.0
 
 
+@compiled(Nothing, GEARS, Row, Number, Row, Row, OutDense)
+def grip_laws(
+    gears: Gears,
+    relative: FloatArray,
+    step: float,
+    after: FloatArray,
+    motor: FloatArray,
+    laws: FloatArray,
+) -> None:
+    """Write the springs of loose gears into laws (m, 9), of a part whose end is known.
+
+    Args:
+        gears: of the plant.
+        relative: (m,) speeds of motor outputs ahead of joints at the start.
+        step: h [s].
+        after: v (nv,) at the end.
+        motor: (m,) speeds of the motor outputs there.
+        laws: whose last two columns are changed.
+    """
+    m = len(motor) if gears.loose else 0
+    held, end = no_grip(m), motor.copy()
+    for i in range(m):
+        for c in range(len(after)):
+            end[i] -= gears.rows[i, c] * after[c]
+    if m > 0:
+        take_hold(gears, relative, step, end, held)
+    for i in range(m):
+        if gears.at[i, 1] == 1:
+            soft = gears.numbers[i, STIFFNESS] < np.inf
+            hard = np.inf if held.held[i] > 0.0 else 0.0
+            laws[i, 7] = held.slope[i] if soft else hard
+            laws[i, 8] = held.impulse[i] - held.slope[i] * end[i] if soft else 0.0
+
+
 @compiled(
     several(Count, Count), GEARS, SYSTEM, Row, Number, Row, Number, OutRow, OutRow, OutRow
 )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
     Flags,
@@ -17,7 +17,6 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutFlags,
-    OutPlaces,
     OutRow,
     Row,
     compiled,
@@ -36,10 +35,11 @@ from wbc.sim.step.part import (
     SOLVED,
     PartRows,
     Solved,
+    couple,
     part_system,
     solve_part,
 )
-from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened, opened
+from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -139,12 +139,9 @@ def mesh_loss(
     return total
 
 
-@compiled(Nothing, OutPlaces, OutRow, Row, Number, OutRow, counted=False)
-def gaps_of(
-    whole: IntArray, numbers: FloatArray, q: FloatArray, time: float, gap: FloatArray
-) -> None:
-    """Write all gaps (2 j + c,) at q (nq,) and a time; the plant as by `packed_plant`."""
-    plant = opened(whole, numbers)
+@compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)
+def gaps_of(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
+    """Write all gaps (2 j + c,) at q (nq,) and a time."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     gaps_at(plant, q, time, gap)
 
@@ -237,12 +234,11 @@ def bounce(
 
 
 @compiled(
-    Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Number, Number, Number, Number, Row,
+    Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number, Number, Number, Row,
     OutRow, OutRow, OutRow, OutRow, OutRow, OutFlags, OutFlags,
 )  # fmt: skip
 def impact_at(
-    whole: IntArray,
-    numbers: FloatArray,
+    plant: Opened,
     before: BoolArray,
     kept: BoolArray,
     back: FloatArray,
@@ -264,7 +260,7 @@ def impact_at(
     """Write the impact on barriers that have just been reached, see `settle`.
 
     Args:
-        whole, numbers: the plant as by `packed_plant`.
+        plant: what moves.
         before: (2 j + c,) barriers that are known to be closed.
         kept: (2 j + c,) barriers that are rows of what is left of the step.
         back: (2 j + c,) restitution of the barriers.
@@ -286,7 +282,6 @@ def impact_at(
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
         found[WAY] is UNSOLVED or more.
     """
-    plant = opened(whole, numbers)
     size, touch = len(before), plant.bounds[TOUCH]
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     gap, ahead, reached, both = np.empty(size), np.zeros(size, dtype=np.bool_), False, 0
@@ -347,10 +342,10 @@ def impact_at(
         found[:] = best
     for i in range(both):
         aims[i] = least[i] + found[SHARE] * opening[i]
-    if found[WAY] >= UNSOLVED:
-        return HIT
     for i in range(len(solved.impulse)):
         impulse[i] = solved.impulse[i]
+    if found[WAY] >= UNSOLVED:
+        return HIT
     after[:] = solved.after
     first = m + both - len(rows.which)
     d = plant.obstacles.tangents
@@ -363,36 +358,32 @@ def impact_at(
     return HIT
 
 
-@compiled(
-    several(ROWS, SYSTEM, SOLVED, OutDense), OutPlaces, OutRow, Flags, Row, Row, Number, Row, Row
-)  # fmt: skip
+@compiled(several(ROWS, SYSTEM, OutDense), OPENED, Flags, Row, Row, Number, Row, Row)
 def impact_in_rows(
-    whole: IntArray,
-    numbers: FloatArray,
+    plant: Opened,
     together: BoolArray,
     q: FloatArray,
     v: FloatArray,
     time: float,
     targets: FloatArray,
-    given: FloatArray,
-) -> tuple[PartRows, RowSystem, Solved, FloatArray]:
-    """Return the rows of an impact at known targets (l + k,), their system, how they end, and H_l.
+    after: FloatArray,
+) -> tuple[PartRows, RowSystem, FloatArray]:
+    """Return the rows of an impact at known targets (l + k,), their system, and H_l.
 
     Args:
-        whole, numbers: the plant as by `packed_plant`.
+        plant: what moves.
         together: (2 j + c,) barriers that take part.
         q, v: (nq,), (nv,).
         time: [s].
         targets: speeds at which they part.
-        given: (r,) impulses where they are known already, else empty.
+        after: v (nv,) after it where that is known, else empty.
     """
-    plant = opened(whole, numbers)
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     gaps_at(plant, q, time, np.empty(len(together)))
     look(plant.tree, plant.flight, len(v), plant.placed)
     rows = impact_rows(plant, together, v, time)
     rows.targets[:] = targets
     system = part_system(rows, plant.obstacles.tangents)
-    start = np.zeros(len(rows.carried))
-    solved = solve_part(plant, rows, system, v, start, 0.0, 1.0, given)
-    return rows, system, solved, plant.placed.inertia.copy()
+    if len(after):
+        couple(plant, rows, system, v, after, 0.0)
+    return rows, system, plant.placed.inertia.copy()

@@ -44,7 +44,14 @@ from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
 from wbc.mechanics.tree import Tree
 from wbc.sim.step.arrival import arrive
 from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, lowest_speeds, world_pushes
-from wbc.sim.step.gears import FLANKS, gear_laws, motor_speeds, rotor_brings, solve_gripped
+from wbc.sim.step.gears import (
+    FLANKS,
+    gear_laws,
+    grip_laws,
+    motor_speeds,
+    rotor_brings,
+    solve_gripped,
+)
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.tables import (
     ACCURACY,
@@ -68,7 +75,6 @@ from wbc.sim.step.tables import (
     Flight,
     Opened,
     PlacedTree,
-    opened,
 )
 
 
@@ -392,6 +398,21 @@ def lag_coupling(
             system.free[i] += rows.matrix[i, c] * shifted[c]
 
 
+@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Number)
+def couple(
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    speed: FloatArray,
+    after: FloatArray,
+    step: float,
+) -> None:
+    """Put the inertial coupling of a solution that ends at `after` v (nv,) into the rows."""
+    if len(plant.gears.coupling):
+        free, laws = rows.free.copy(), system.laws.copy()
+        lag_coupling(plant, rows, system, speed, after, free, step, laws, rows.free)
+
+
 @compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Number, Number, Row)
 def solve_part(
     plant: Opened,
@@ -655,76 +676,9 @@ def recalled(stored: FloatArray, places: IntArray) -> FloatArray:
     return start
 
 
-@compiled(Count, OPENED, ACTING, Row, OutRow, OutFlags)
-def from_middle(
-    plant: Opened, acting: Acting, given: FloatArray, out: FloatArray, closed: BoolArray
-) -> int:
-    """Write the end of a smooth part from its middle, where the memory stands.
-
-    Args:
-        plant: what moves, and its memory, with which `to_middle` stands at the middle.
-        acting: what acts on it.
-        given: (r,) row impulses where they are known already, else empty.
-        out: what `Ended` holds, one after the other: the middle to read, the rest to write.
-        closed: (2 j + c,) barriers that stay closed, to write.
-
-    Returns:
-        SMOOTH or LANDED, minus that where some overlap is left; ten and more where it failed, ten
-        beyond what `Solved.way` says.
-    """
-    ends, step = plant.ends, acting.step
-    q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
-    impulse, gap, after = out[ends[2] : ends[3]], out[ends[3] : ends[4]], out[ends[4] : ends[5]]
-    mesh, overlap, pushes = out[ends[5] : ends[6]], out[ends[6] : ends[7]], out[ends[7] : ends[8]]
-    deflection, books = out[ends[8] : ends[9]], out[ends[9] : ends[10]]
-    middle, speed, rate = middle_of(out, ends)
-    for i in range(len(closed)):
-        closed[i] = acting.before[i] or acting.kept[i]
-    rows = rows_of(plant, acting, closed, middle, speed, rate, gap)
-    if not rows.lower[0, 0] > 0.0:
-        return 10 + NO_INERTIA
-    system = part_system(rows, plant.obstacles.tangents)
-    start = recalled(acting.stored, rows.places)
-    solved = solve_part(plant, rows, system, speed, start, step, 1.0, given)
-    gears_after(plant, acting, rows, solved, motor, deflection, mesh)
-    out[ends[10]] = solved.used
-    if solved.way >= UNSOLVED:
-        deflection[:] = solved.damped
-        return 10 + solved.way
-    books_of(plant, acting, rows, solved, speed, motor, mesh, books)
-    impulse[:] = 0.0
-    for i in range(len(solved.impulse)):
-        impulse[rows.places[i]] = solved.impulse[i]
-    for c in range(len(after)):
-        after[c] = solved.after[c]
-    elements, both = len(rows.laws), len(rows.targets)
-    first = elements + both - len(rows.frictions)
-    world_pushes(
-        solved.impulse[first:], rows.axes, rows.which, plant.obstacles.tangents,
-        pushes.reshape(-1, 3),
-    )  # fmt: skip
-    pressed, moved = solved.impulse[elements : elements + both], np.empty(len(after))
-    left = arrive(
-        plant, closed, rows.matrix[elements : elements + both], pressed, middle, after, step,
-        acting.time + step, q_end, v_end, gap, overlap, moved,
-    )  # fmt: skip
-    good = 0.0
-    for c in range(len(v_end)):
-        good += v_end[c]
-    if not np.isfinite(good):  # it blew up on the way
-        return 10 + NO_INERTIA
-    for i in range(len(motor)):
-        if plant.gears.at[i, 1] == 1:  # motors stay where they are
-            for c in range(len(after)):
-                deflection[i] -= plant.gears.rows[i, c] * moved[c]
-    result = hold_or_land(pressed, gap, plant.bounds[TOUCH], closed)
-    return -result if left else result
-
-
-@compiled(Nothing, OutPlaces, OutRow, Row, Row, Number, Number, Flags, OutRow, counted=False)
+@compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, OutRow, counted=False)
 def first_half(
-    whole: IntArray,
-    numbers: FloatArray,
+    plant: Opened,
     q: FloatArray,
     v: FloatArray,
     time: float,
@@ -732,19 +686,17 @@ def first_half(
     closed: BoolArray,
     out: FloatArray,
 ) -> None:
-    """Write the middle of a part into `out`, see `to_middle`; the plant as by `packed_plant`."""
-    plant = opened(whole, numbers)
+    """Write the middle of a part into `out`, see `to_middle`."""
     middle, speed, rate = middle_of(out, plant.ends)
     to_middle(plant, q, v, time, half, closed, middle, speed, rate)
 
 
 @compiled(
-    Count, OutPlaces, OutRow, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, Number, Row,
-    Flag, OutRow, OutFlags,
+    Count, OPENED, Flags, Flags, Row, Row, Row, Row, Row, Row, Number, Number, Row, Flag, OutRow,
+    OutFlags,
 )  # fmt: skip
 def part_of_step(
-    whole: IntArray,
-    numbers: FloatArray,
+    plant: Opened,
     before: BoolArray,
     kept: BoolArray,
     stored: FloatArray,
@@ -762,23 +714,77 @@ def part_of_step(
 ) -> int:
     """Do both halves from q (nq,), or the second where `first_half` has `begun`.
 
-    The plant is as by `packed_plant`; see `Acting` and `from_middle` for the rest.
+    Args:
+        plant: what moves, and its memory.
+        before, kept, stored, v, torque, force, friction, time, step: see `Acting`.
+        q: (nq,) at the start.
+        given: (r,) row impulses where they are known already, else empty.
+        begun: see above.
+        out: what `Ended` holds, one after the other, to write.
+        closed: (2 j + c,) barriers that stay closed, to write.
+
+    Returns:
+        SMOOTH or LANDED, minus that where some overlap is left; ten and more where it failed, ten
+        beyond what `Solved.way` says.
     """
-    plant = opened(whole, numbers)
-    middle, speed, rate = middle_of(out, plant.ends)
+    ends = plant.ends
+    q_end, v_end, motor = out[: ends[0]], out[ends[0] : ends[1]], out[ends[1] : ends[2]]
+    impulse, gap, after = out[ends[2] : ends[3]], out[ends[3] : ends[4]], out[ends[4] : ends[5]]
+    mesh, overlap, pushes = out[ends[5] : ends[6]], out[ends[6] : ends[7]], out[ends[7] : ends[8]]
+    deflection, books = out[ends[8] : ends[9]], out[ends[9] : ends[10]]
+    middle, speed, rate = middle_of(out, ends)
     if not begun:
         to_middle(plant, q, v, time, 0.5 * step, before, middle, speed, rate)
     acting = Acting(before, kept, stored, v, torque, force, friction, time, step)
-    return from_middle(plant, acting, given, out, closed)
+    for i in range(len(closed)):
+        closed[i] = before[i] or kept[i]
+    rows = rows_of(plant, acting, closed, middle, speed, rate, gap)
+    if not rows.lower[0, 0] > 0.0:
+        return 10 + NO_INERTIA
+    system = part_system(rows, plant.obstacles.tangents)
+    start = recalled(stored, rows.places)
+    solved = solve_part(plant, rows, system, speed, start, step, 1.0, given)
+    gears_after(plant, acting, rows, solved, motor, deflection, mesh)
+    out[ends[10]], out[ends[10] + 1] = solved.used, solved.way
+    impulse[:] = 0.0
+    for i in range(len(solved.impulse)):
+        impulse[rows.places[i]] = solved.impulse[i]
+    if solved.way >= UNSOLVED:
+        deflection[:] = solved.damped
+        return 10 + solved.way
+    books_of(plant, acting, rows, solved, speed, motor, mesh, books)
+    for c in range(len(after)):
+        after[c] = solved.after[c]
+    elements, both = len(rows.laws), len(rows.targets)
+    first = elements + both - len(rows.frictions)
+    world_pushes(
+        solved.impulse[first:], rows.axes, rows.which, plant.obstacles.tangents,
+        pushes.reshape(-1, 3),
+    )  # fmt: skip
+    pressed, moved = solved.impulse[elements : elements + both], np.empty(len(after))
+    left = arrive(
+        plant, closed, rows.matrix[elements : elements + both], pressed, middle, after, step,
+        time + step, q_end, v_end, gap, overlap, moved,
+    )  # fmt: skip
+    good = 0.0
+    for c in range(len(v_end)):
+        good += v_end[c]
+    if not np.isfinite(good):  # it blew up on the way
+        return 10 + NO_INERTIA
+    for i in range(len(motor)):
+        if plant.gears.at[i, 1] == 1:  # motors stay where they are
+            for c in range(len(after)):
+                deflection[i] -= plant.gears.rows[i, c] * moved[c]
+    result = hold_or_land(pressed, gap, plant.bounds[TOUCH], closed)
+    return -result if left else result
 
 
 @compiled(
-    several(ROWS, SYSTEM, SOLVED, OutRow, OutDense), OutPlaces, OutRow, Flags, Flags, Row, Row, Row,
-    Row, Row, Row, Number, Number, Row,
+    several(ROWS, SYSTEM, OutRow, OutDense), OPENED, Flags, Flags, Row, Row, Row, Row, Row, Row,
+    Number, Number, Row, Row,
 )  # fmt: skip
 def part_in_rows(
-    whole: IntArray,
-    numbers: FloatArray,
+    plant: Opened,
     before: BoolArray,
     kept: BoolArray,
     stored: FloatArray,
@@ -789,10 +795,14 @@ def part_in_rows(
     friction: FloatArray,
     time: float,
     step: float,
-    given: FloatArray,
-) -> tuple[PartRows, RowSystem, Solved, FloatArray, FloatArray]:
-    """Return the rows of a part, their system and how they end; the start of the rows, and H_l."""
-    plant = opened(whole, numbers)
+    after: FloatArray,
+    motor: FloatArray,
+) -> tuple[PartRows, RowSystem, FloatArray, FloatArray]:
+    """Return the rows of a part, their system, the start of the rows, and H_l.
+
+    Laws and free speeds are those of a solution where `after` v (nv,) and `motor` (m,) say how it
+    ends, else (where these are empty) those without coupling and flanks.
+    """
     closed, rate = before.copy(), np.empty(len(before))
     middle, speed = np.empty(len(q)), np.empty(len(v))
     to_middle(plant, q, v, time, 0.5 * step, before, middle, speed, rate)
@@ -801,6 +811,7 @@ def part_in_rows(
         closed[i] = before[i] or kept[i]
     rows = rows_of(plant, acting, closed, middle, speed, rate, np.empty(len(closed)))
     system = part_system(rows, plant.obstacles.tangents)
-    start = recalled(stored, rows.places)
-    solved = solve_part(plant, rows, system, speed, start, step, 1.0, given)
-    return rows, system, solved, start, plant.placed.inertia.copy()
+    if len(after):
+        couple(plant, rows, system, speed, after, step)
+        grip_laws(plant.gears, rows.relative, step, after, motor, system.laws)
+    return rows, system, recalled(stored, rows.places), plant.placed.inertia.copy()

@@ -1,9 +1,4 @@
-"""What the compiled loops know of a plant: named groups of arrays, which are views of two.
-
-A call from Python into a compiled function costs 0.1 us per array, more than the loops of a small
-robot do with it. So a plant keeps all its whole numbers in one array and all its other numbers in
-another (`packed_plant`), and the loops find their arrays in these (`opened`).
-"""
+"""What the compiled loops know of a plant: arrays with names in one structure."""
 
 from __future__ import annotations
 
@@ -21,10 +16,9 @@ from wbc.compiled import (
     OutTable,
     Table,
     compiled,
-    group,
-    view,
 )
 from wbc.mechanics.tree import Tree
+from wbc.structures import Structure
 
 
 class Obstacles(NamedTuple):
@@ -141,140 +135,76 @@ class Opened(NamedTuple):
     ends: IntArray
 
 
-TREE = group(Tree, OutTable, OutDense, OutTable, OutRow)
-OBSTACLES = group(Obstacles, OutTable, OutDense, OutTable, *(OutDense,) * 5, Count, Flag, Count)
-GEARS = group(Gears, OutDense, OutDense, OutTable, *(OutDense,) * 3, Flag, Flag)
-PLACED = group(PlacedTree, *(OutDense,) * 5)
-FLIGHT = group(Flight, OutTable, OutDense, OutDense)
-OPENED = group(Opened, TREE, FLIGHT, OBSTACLES, GEARS, PLACED, OutRow, OutPlaces)
+_TREE = Structure("Tree", joints=OutTable, shapes=OutDense, rows=OutTable, gravity=OutRow)
+_OBSTACLES = Structure(
+    "Obstacles",
+    limit_at=OutTable,
+    limit_range=OutDense,
+    contact_at=OutTable,
+    contacts=OutDense,
+    solids=OutDense,
+    points=OutDense,
+    touch=OutDense,
+    ground=OutDense,
+    tangents=Count,
+    moving=Flag,
+    asked=Count,
+)
+_GEARS = Structure(
+    "Gears",
+    numbers=OutDense,
+    rows=OutDense,
+    at=OutTable,
+    motion=OutDense,
+    coupling=OutDense,
+    gyration=OutDense,
+    direct=Flag,
+    loose=Flag,
+)
+_PLACED = Structure("PlacedTree", **dict.fromkeys(PlacedTree._fields, OutDense))
+_FLIGHT = Structure("Flight", bases=OutTable, carried=OutDense, frames=OutDense)
+TREE, OBSTACLES, GEARS = _TREE.kind, _OBSTACLES.kind, _GEARS.kind
+PLACED, FLIGHT = _PLACED.kind, _FLIGHT.kind
+_OPENED = Structure(
+    "Opened",
+    tree=TREE,
+    flight=FLIGHT,
+    obstacles=OBSTACLES,
+    gears=GEARS,
+    placed=PLACED,
+    bounds=OutRow,
+    ends=OutPlaces,
+)
+OPENED = _OPENED.kind
 
 JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
 
 RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH = range(4)
 
-_WHOLE = 8
-"""How many arrays of whole numbers there are; they come first."""
 
-_GEARS, _MOTION, _COUPLING, _GYRATION, _POINTS, _TOUCH, _GROUND = 6, 8, 9, 10, 11, 12, 13
-"""Places of what Python writes or reads between the loops among the other arrays."""
-
-
-@compiled(OutTable, OutPlaces, Count)
-def _table(whole: IntArray, which: int) -> IntArray:
-    start, rows, columns = whole[3 * which], whole[3 * which + 1], whole[3 * which + 2]
-    found: IntArray = view(whole, start, rows, columns)
-    return found
-
-
-@compiled(OutDense, OutPlaces, OutRow, Count)
-def _matrix(whole: IntArray, numbers: FloatArray, which: int) -> FloatArray:
-    head = 3 * (_WHOLE + which)
-    start, rows, columns = whole[head], whole[head + 1], whole[head + 2]
-    found: FloatArray = view(numbers, start, rows, columns)
-    return found
-
-
-@compiled(OPENED, OutPlaces, OutRow)
-def opened(whole: IntArray, numbers: FloatArray) -> Opened:
-    """Return the arrays of a plant as views of the two that `packed_plant` wrote."""
-    options = _table(whole, 7).ravel()
-    tree = Tree(
-        _table(whole, 0),
-        _matrix(whole, numbers, 0),
-        _table(whole, 1),
-        _matrix(whole, numbers, 1).ravel(),
-    )
-    obstacles = Obstacles(
-        _table(whole, 3),
-        _matrix(whole, numbers, 2),
-        _table(whole, 4),
-        _matrix(whole, numbers, 3),
-        _matrix(whole, numbers, 4),
-        _matrix(whole, numbers, _POINTS),
-        _matrix(whole, numbers, _TOUCH),
-        _matrix(whole, numbers, _GROUND),
-        options[0],
-        options[1] == 1,
-        options[2],
-    )
-    gears = Gears(
-        _matrix(whole, numbers, _GEARS),
-        _matrix(whole, numbers, 7),
-        _table(whole, 5),
-        _matrix(whole, numbers, _MOTION),
-        _matrix(whole, numbers, _COUPLING),
-        _matrix(whole, numbers, _GYRATION),
-        options[3] == 1,
-        options[4] == 1,
-    )
-    placed = PlacedTree(
-        _matrix(whole, numbers, 14),
-        _matrix(whole, numbers, 15),
-        _matrix(whole, numbers, 16),
-        _matrix(whole, numbers, 17),
-        _matrix(whole, numbers, 18),
-    )
-    flight = Flight(_table(whole, 2), _matrix(whole, numbers, 19), _matrix(whole, numbers, 20))
-    bounds, ends = _matrix(whole, numbers, 5).ravel(), _table(whole, 6).ravel()
-    return Opened(tree, flight, obstacles, gears, placed, bounds, ends)
-
-
-def packed_plant(
+def opened(
     tree: Tree,
     bases: IntArray,
     obstacles: Obstacles,
     gears: Gears,
     bounds: tuple[float, ...],
     ends: IntArray,
-) -> tuple[IntArray, FloatArray]:
-    """Return a plant's numbers and room to work in as two arrays, see `opened`.
-
-    The first begins with where each array is: its start, rows and columns.
-    """
+) -> Opened:
+    """Return a plant's numbers and memory as the structure that compiled loops read and write."""
     n, nv, b = len(tree.joints), len(tree.rows), len(bases)
-    o, g = obstacles, gears
-    options = np.array([[o.tangents, o.moving, o.asked, g.direct, g.loose]])
-    whole = tree.joints, tree.rows, bases, o.limit_at, o.contact_at, g.at, ends[None], options
-    # Poses, columns, bodies, bodies with all behind them, H_l, momenta, frames of bases.
-    room = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (b, 10), (b, 12)
-    others = (
-        *(tree.shapes, tree.gravity[None], o.limit_range, o.contacts, o.solids),
-        np.array([bounds]),
-        *(g.numbers, g.rows, g.motion, g.coupling, g.gyration, o.points, o.touch, o.ground),
-        *(np.zeros(shape) for shape in room),
+    room = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+    placed = dict(zip(PlacedTree._fields, map(np.zeros, room), strict=True))
+    found: Opened = _OPENED.of(
+        tree=_TREE.of(**tree._asdict()),
+        flight=_FLIGHT.of(bases=bases, carried=np.zeros((b, 10)), frames=np.zeros((b, 12))),
+        obstacles=_OBSTACLES.of(**obstacles._asdict()),
+        gears=_GEARS.of(**gears._asdict()),
+        placed=_PLACED.of(**placed),
+        bounds=np.array(bounds),
+        ends=ends,
     )
-    heads, start = [], 3 * (len(whole) + len(others))
-    for table in whole:
-        heads += [start, *table.shape]
-        start += table.size
-    start = 0
-    for array in others:
-        heads += [start, *array.shape]
-        start += array.size
-    flat = np.concatenate([np.array(heads), *(table.ravel() for table in whole)])
-    return flat.astype(np.int64), np.concatenate([a.ravel() for a in others]).astype(np.float64)
-
-
-class Exchange(NamedTuple):
-    """Views of what Python reads and writes between the loops, see `Gears` and `Obstacles`."""
-
-    numbers: FloatArray
-    motion: FloatArray
-    coupling: FloatArray
-    gyration: FloatArray
-    points: FloatArray
-    touch: FloatArray
-    ground: FloatArray
-
-    @classmethod
-    def of(cls, whole: IntArray, numbers: FloatArray) -> Exchange:
-        """Return the views into a packed plant."""
-        found = []
-        for which in (_GEARS, _MOTION, _COUPLING, _GYRATION, _POINTS, _TOUCH, _GROUND):
-            start, rows, columns = whole[3 * (_WHOLE + which) :][:3].tolist()
-            found.append(numbers[start : start + rows * columns].reshape(rows, columns))
-        return cls(*found)
+    return found
 
 
 @compiled(OutRow, Table, OutDense)
