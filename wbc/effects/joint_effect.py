@@ -40,7 +40,7 @@ class JointEffect(Effect, ABC):
         rows: of all its places, None for an effect at one place.
     """
 
-    needs_drive: ClassVar[bool] = True
+    needs_drive = True
     rows: ClassVar[Rows | None] = None
 
     @classmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -29,13 +29,13 @@ class ActuationDelay(JointEffect):
 
     delay: float
 
-    name: ClassVar[str] = "actuation_delay"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.0, 0.2, 0.005),)
-    explanation: ClassVar[str] = (
+    name = "actuation_delay"
+    parameters = (Parameter("delay", "s", 0.0, 0.0, 0.2, 0.005),)
+    explanation = (
         "Bus, filter and current loop take time: the motor follows the torque that was asked "
         "for a moment ago."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Shake the joint fast with a torque of two frequencies: the error grows with frequency "
         "and follows the rate of change of the torque."
     )

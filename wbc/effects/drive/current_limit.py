@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -64,19 +64,17 @@ class CurrentLimit(JointEffect):
 
     limit: float
 
-    name: ClassVar[str] = "current_limit"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("limit", "N m", 1e6, 1e-3, 1e6, 1.0),)
-    explanation: ClassVar[str] = (
+    name = "current_limit"
+    parameters = (Parameter("limit", "N m", 1e6, 1e-3, 1e6, 1.0),)
+    explanation = (
         "The drive limits its current, or the motor saturates: beyond a certain torque the "
         "motor gives less than the log says."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "
         "limit the force no longer follows."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        screens=_screens,
-    )
+    search = SearchOffer(screens=_screens)
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the clipped torque of this gear, (..., m)."""

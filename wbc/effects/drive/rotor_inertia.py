@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Parameter, Robot, SearchOffer
@@ -20,21 +20,17 @@ class RotorInertia(JointEffect):
 
     reflected_inertia: float
 
-    name: ClassVar[str] = "rotor_inertia"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),
-    )
-    explanation: ClassVar[str] = (
+    name = "rotor_inertia"
+    parameters = (Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),)
+    explanation = (
         "The spinning rotor, amplified by the square of the gear ratio, is heavier than the "
         "model says."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Shake the joint fast with small strokes about a pose that carries no load: the extra "
         "torque follows the acceleration."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        expected=1.0,
-    )
+    search = SearchOffer(expected=1.0)
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:

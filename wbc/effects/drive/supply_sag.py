@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -28,15 +28,13 @@ class SupplySag(Effect):
 
     coefficient: float
 
-    name: ClassVar[str] = "supply_sag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "1/W", 0.0, 0.0, 1.0, 0.001),
-    )
-    explanation: ClassVar[str] = (
+    name = "supply_sag"
+    parameters = (Parameter("coefficient", "1/W", 0.0, 0.0, 1.0, 0.001),)
+    explanation = (
         "Battery and cables have resistance: when the motors draw power the voltage falls and "
         "every drive gives less than it reports."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Log the supply voltage while several joints accelerate at once: the torque error "
         "follows the total power, also on joints that do little themselves."
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -61,23 +61,20 @@ class ThermalDrift(JointEffect):
     rate: float
     time_constant: float
 
-    name: ClassVar[str] = "thermal_drift"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "thermal_drift"
+    parameters = (
         Parameter("rate", "1/s", 0.0, -0.5, 0.5, 0.005),
         Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Magnets and windings lose torque as they warm up: the same motion asks for more and "
         "more reported torque."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "
         "torque drifts with it and comes back after a pause."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        screens=_screens,
-        implausibility=_implausibility,
-    )
+    search = SearchOffer(screens=_screens, implausibility=_implausibility)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return how warm the motors are, as the drift's warm seconds (k,): cold."""

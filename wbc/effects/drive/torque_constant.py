@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -26,15 +26,13 @@ class TorqueConstant(JointEffect):
 
     factor: float
 
-    name: ClassVar[str] = "torque_constant"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("factor", "1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL),
-    )
-    explanation: ClassVar[str] = (
+    name = "torque_constant"
+    parameters = (Parameter("factor", "1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL),)
+    explanation = (
         "The torque constant in the drive is wrong, or the motor saturates: every torque is "
         "off by the same factor, in both directions of power."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hang a known weight on the joint and hold it still from above and from below: the "
         "mean torque is off by the factor."
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
@@ -21,15 +21,13 @@ class TorqueOffset(JointEffect):
 
     offset: float
 
-    name: ClassVar[str] = "torque_offset"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("offset", "N m", 0.0, -10000.0, 10000.0, 0.2),
-    )
-    explanation: ClassVar[str] = (
+    name = "torque_offset"
+    parameters = (Parameter("offset", "N m", 0.0, -10000.0, 10000.0, 0.2),)
+    explanation = (
         "A current sensor has a zero error, or a constant load such as a tensioned cable is "
         "not in the model."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold the joint where it carries no load, approached from both sides: the mean of the "
         "two torques is not zero."
     )

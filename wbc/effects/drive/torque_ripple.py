@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -103,21 +103,21 @@ class TorqueRipple(JointEffect):
     order: float
     phase: float
 
-    name: ClassVar[str] = "torque_ripple"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "torque_ripple"
+    parameters = (
         Parameter("amplitude", "N m", 0.0, 0.0, 10000.0, 0.3),
         Parameter("order", "1", 1.0, 0.05, 100000.0, 1.0, shape=True),
         Parameter("phase", "rad", 0.0, -6.3, 6.3, 1.0, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Magnets, slots and teeth pass one another: the torque repeats with every pole, slot, "
         "tooth or turn."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Turn the joint very slowly and evenly over its range in both directions: the torque "
         "waves with position, the same both ways."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         screens=_screens,
         implausibility=_implausibility,
         remarks=_remarks,

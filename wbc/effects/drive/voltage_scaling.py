@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -63,20 +63,20 @@ class VoltageScaling(JointEffect):
     share: float
     nominal: float
 
-    name: ClassVar[str] = "voltage_scaling"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "voltage_scaling"
+    parameters = (
         Parameter("share", "1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS),
         Parameter("nominal", "V", 24.0, 1.0, 1000.0, 1.0, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "The drive turns torque into a share of the supply's voltage and takes that voltage for "
         "constant: on a battery that runs down it delivers less than it reports."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Repeat one motion at two supply voltages, such as a full and a nearly empty battery, and "
         "log the voltage: the torque is off by the ratio of the two."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         claims=2,  # a torque that is off, and that it follows the supply
         screens=_screens,
         recognisable=_recognisable,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self, final
+from typing import Self, final
 
 import numpy as np
 
@@ -36,17 +36,17 @@ class CustomTorque(JointEffect):
 
     terms: tuple[TorqueTerm, ...]
 
-    name: ClassVar[str] = "custom_torque"
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
-    explanation: ClassVar[str] = (
+    name = "custom_torque"
+    parameters = ()
+    explanation = (
         "A formula that fits the logs; it was found by regression and has no cause of its own."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move only the joints in the formula, one at a time, over a wider range of position and "
         "speed than before, and see whether the formula still holds."
     )
     # None: formulas are searched for on their own, not beside named causes.
-    search: ClassVar[SearchOffer] = SearchOffer(screens=lambda *_: ())
+    search = SearchOffer(screens=lambda *_: ())
 
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""

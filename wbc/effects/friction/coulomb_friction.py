@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
@@ -21,22 +21,18 @@ class CoulombFriction(JointEffect):
 
     level: float
 
-    needs_drive: ClassVar[bool] = False
-    name: ClassVar[str] = "coulomb_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
-    )
-    explanation: ClassVar[str] = (
+    needs_drive = False
+    name = "coulomb_friction"
+    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
+    explanation = (
         "Surfaces rub in bearings and seals: a torque of constant size opposes any motion, "
         "and holds the joint at rest."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint slowly back and forth through the same positions: the torque of the "
         "two directions differs by a constant, whatever the load."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        expected=2.0,
-    )
+    search = SearchOffer(expected=2.0)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the joint, (..., nv) [N m]."""

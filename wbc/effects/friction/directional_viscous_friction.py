@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -40,20 +40,20 @@ class DirectionalViscousFriction(JointEffect):
     positive_direction: float
     negative_direction: float
 
-    name: ClassVar[str] = "directional_viscous_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "directional_viscous_friction"
+    parameters = (
         Parameter("positive_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
         Parameter("negative_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
         "motion than in the other."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint at several constant speeds in both directions: the extra torque lies on "
         "two straight lines through zero, one per direction, of different slope."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         claims=2,  # friction, and that it differs by direction
         recognisable=_recognisable,
     )

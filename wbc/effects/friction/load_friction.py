@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -26,19 +26,17 @@ class LoadFriction(JointEffect):
 
     coefficient: float
 
-    name: ClassVar[str] = "load_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),
-    )
-    explanation: ClassVar[str] = (
+    name = "load_friction"
+    parameters = (Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),)
+    explanation = (
         "Bearings and teeth pressed by the load rub in proportion to it: the loss grows with "
         "the torque carried, equally in both directions."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Lift and lower several known weights slowly: the difference between lifting and "
         "lowering torque grows with the weight."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         expected=TransmissionEfficiency.search.expected,
         one_fit=False,
         inseparable={

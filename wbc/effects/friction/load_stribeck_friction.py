@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -64,20 +64,20 @@ class LoadStribeckFriction(JointEffect):
     coefficient: float
     speed: float
 
-    name: ClassVar[str] = "load_stribeck_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "load_stribeck_friction"
+    parameters = (
         Parameter("coefficient", "1", 0.0, 0.0, _MOST, 0.1),
         Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Loaded teeth and bearings rub more while the film of grease between them is broken: the "
         "loss grows with the torque carried and falls as the joint picks up speed."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Lift and lower several known weights, very slowly and fast: the difference between "
         "lifting and lowering torque grows with the weight and is larger at low speed."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         claims=2,  # friction that grows with the load, and that it falls with speed
         near_rest=True,
         inseparable={

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -28,14 +28,10 @@ class QuadraticDrag(JointEffect):
 
     coefficient: float
 
-    name: ClassVar[str] = "quadratic_drag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05),
-    )
-    explanation: ClassVar[str] = (
-        "Air or churned oil is thrown aside: the loss grows with the square of speed."
-    )
-    experiment: ClassVar[str] = (
+    name = "quadratic_drag"
+    parameters = (Parameter("coefficient", "N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05),)
+    explanation = "Air or churned oil is thrown aside: the loss grows with the square of speed."
+    experiment = (
         "Move the joint at several constant speeds up to the fastest: torque over speed rises "
         "in a straight line instead of being constant."
     )

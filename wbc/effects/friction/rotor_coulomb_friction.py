@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
 from wbc.robot import Parameter, Robot, SearchOffer
@@ -20,21 +20,17 @@ class RotorCoulombFriction(CoupledGearEffect):
 
     level: float
 
-    name: ClassVar[str] = "rotor_coulomb_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
-    )
-    explanation: ClassVar[str] = (
+    name = "rotor_coulomb_friction"
+    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
+    explanation = (
         "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
         "sign with the speed of the motor, which several joints make together."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joints that share the motor one at a time, then against one another so that the "
         "motor stands still: what rubs at the motor falls away."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        expected=2.0,
-    )
+    search = SearchOffer(expected=2.0)
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
 from wbc.robot import Parameter, Robot, SearchOffer
@@ -21,21 +21,17 @@ class RotorViscousFriction(CoupledGearEffect):
 
     coefficient: float
 
-    name: ClassVar[str] = "rotor_viscous_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-    )
-    explanation: ClassVar[str] = (
+    name = "rotor_viscous_friction"
+    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
+    explanation = (
         "Grease is sheared on the motor's side of a coupled gear: a torque grows with the speed of "
         "the motor, which several joints make together."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joints that share the motor one at a time at several speeds, then against one "
         "another so that the motor stands still: what drags at the motor falls away."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        expected=2.0,
-    )
+    search = SearchOffer(expected=2.0)
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -57,24 +57,20 @@ class StribeckFriction(JointEffect):
     level: float
     speed: float
 
-    name: ClassVar[str] = "stribeck_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "stribeck_friction"
+    parameters = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
         Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "At low speed the lubricant film breaks and metal touches metal: friction falls as "
         "the joint picks up speed."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        near_rest=True,
-        screens=_screens,
-        recognisable=_recognisable,
-    )
+    search = SearchOffer(near_rest=True, screens=_screens, recognisable=_recognisable)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -55,20 +55,20 @@ class ThermalViscousFriction(JointEffect):
     coefficient: float
     rate: float
 
-    name: ClassVar[str] = "thermal_viscous_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "thermal_viscous_friction"
+    parameters = (
         Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
         Parameter("rate", "1/K", 0.03, 0.0, 0.3, 0.01, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Cold lubricant is thick: its drag falls as the gear warms up, by half within about "
         "twenty kelvins."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
         "slope of the torque over the speed falls with temperature."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         claims=2,  # friction, and that it falls with temperature
         screens=_screens,
         recognisable=_recognisable,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
@@ -26,21 +26,17 @@ class ViscousFriction(JointEffect):
 
     coefficient: float
 
-    needs_drive: ClassVar[bool] = False
-    name: ClassVar[str] = "viscous_friction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-    )
-    explanation: ClassVar[str] = (
+    needs_drive = False
+    name = "viscous_friction"
+    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
+    explanation = (
         "Lubricant is sheared in bearings and gears: the loss grows in proportion to speed."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint at several constant speeds in both directions, slow to fast: the "
         "extra torque lies on a straight line through zero."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        expected=2.0,
-    )
+    search = SearchOffer(expected=2.0)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -coefficient * v at the joint, (..., nv) [N m]."""

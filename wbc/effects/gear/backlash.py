@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot, SearchOffer
+from wbc.robot import Motion, Parameter, Robot
 from wbc.transmission import Flanks
 
 _LEAST_PLAY = 1e-4  # [rad]
@@ -36,25 +36,25 @@ class Backlash(YieldingGear):
     stiffness: float
     damping: float
 
-    name: ClassVar[str] = "backlash"
+    name = "backlash"
     # What a link does after a strike depends on more than the log shows: on 15 generated logs
     # widths were off by up to 4 %, flanks by factors.
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    parameters = (
         Parameter("width", "rad", 0.0, 0.0, 0.5, 0.01, doubt=0.02),
         Parameter("stiffness", "N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True, doubt=1.0),
         Parameter("damping", "N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Teeth have clearance: whenever the load changes sign the link travels freely through "
         "it and strikes the other flank."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold the motor still and push the link both ways, or swing the load through zero "
         "slowly and fast: the link jumps while the motor does not."
     )
 
     has_play: ClassVar[bool] = True
-    search: ClassVar[SearchOffer] = replace(YieldingGear.search, recognisable=_recognisable)
+    search = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

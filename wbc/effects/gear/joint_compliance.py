@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
 
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.robot import Motion, Parameter, Robot, SearchOffer
+from wbc.robot import Motion, Parameter, Robot
 from wbc.transmission import Flanks
 
 _CREEPS = 0.5  # [s], damping over stiffness
@@ -33,22 +33,22 @@ class JointCompliance(YieldingGear):
     stiffness: float
     damping: float
 
-    name: ClassVar[str] = "joint_compliance"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "joint_compliance"
+    parameters = (
         Parameter("stiffness", "N m/rad", 1e9, 1.0, 1e9, 100.0),
         Parameter("damping", "N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Shafts, belts and flex splines wind up: the link lags behind its motor in proportion "
         "to the load and swings after fast moves."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Stop abruptly from fast motion, and hang weights on the link at rest: it rings at one "
         "frequency, and sags while the motor does not."
     )
 
     has_play: ClassVar[bool] = False
-    search: ClassVar[SearchOffer] = replace(YieldingGear.search, recognisable=_recognisable)
+    search = replace(YieldingGear.search, recognisable=_recognisable)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

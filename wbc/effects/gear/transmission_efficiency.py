@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -63,20 +63,20 @@ class TransmissionEfficiency(JointEffect):
     forward_efficiency: float
     backward_efficiency: float
 
-    name: ClassVar[str] = "transmission_efficiency"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "transmission_efficiency"
+    parameters = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
         Parameter("backward_efficiency", "1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Sliding teeth lose a share of the power they carry; driving the joint from the motor "
         "and being driven back by the load lose different shares."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Lift and lower several known weights slowly: the lifting torque grows and the "
         "lowering torque shrinks in proportion to the weight."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under
         # load that were stated are true, at a mean probability of 0.99 with nothing expected.
         expected=1.0,

@@ -32,7 +32,7 @@ class YieldingGear(JointEffect, ABC):
 
     has_play: ClassVar[bool]
     # None: which flanks are worth trying only simulated links tell.
-    search: ClassVar[SearchOffer] = SearchOffer(screens=lambda *_: ())
+    search = SearchOffer(screens=lambda *_: ())
 
     @classmethod
     @abstractmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -43,24 +43,21 @@ class CenterOfMass(Effect):
     y: float
     z: float
 
-    name: ClassVar[str] = "center_of_mass"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "center_of_mass"
+    parameters = (
         Parameter("x", "m", 0.0, -10.0, 10.0, 0.02),
         Parameter("y", "m", 0.0, -10.0, 10.0, 0.02),
         Parameter("z", "m", 0.0, -10.0, 10.0, 0.02),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Cables, covers or a battery sit elsewhere than in the CAD model: the body is as heavy "
         "as the model says but hangs differently."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "
         "angle, while the total weight on the ground is right."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        freedom=_freedom,
-        implausibility=_implausibility,
-    )
+    search = SearchOffer(freedom=_freedom, implausibility=_implausibility)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:

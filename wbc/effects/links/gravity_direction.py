@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 import pinocchio as pin
@@ -29,22 +29,20 @@ class GravityDirection(Effect):
     roll: float
     pitch: float
 
-    name: ClassVar[str] = "gravity_direction"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "gravity_direction"
+    parameters = (
         Parameter("roll", "rad", 0.0, -3.2, 3.2, 0.02),
         Parameter("pitch", "rad", 0.0, -3.2, 3.2, 0.02),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "The mounting, the ground or the base's attitude sensor is tilted: gravity pulls "
         "sideways in the model's frame."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Check the base with a spirit level; or hold mirrored poses: the sum of their gravity "
         "torques is not zero."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        freedom=_freedom,
-    )
+    search = SearchOffer(freedom=_freedom)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:

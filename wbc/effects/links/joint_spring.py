@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -53,22 +53,19 @@ class JointSpring(JointEffect):
     stiffness: float
     rest: float
 
-    name: ClassVar[str] = "joint_spring"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "joint_spring"
+    parameters = (
         Parameter("stiffness", "N m/rad", 0.0, 0.0, 100000.0, 1.0),
         Parameter("rest", "rad", 0.0, -10.0, 10.0, 0.3, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "A cable loom, a hose or a parallel spring pulls the joint towards a rest position."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        screens=_screens,
-        recognisable=_recognisable,
-    )
+    search = SearchOffer(screens=_screens, recognisable=_recognisable)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.effects.links.pseudo_inertia import PARAMETERS, DrawnInertia, departures, excess
-from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, SearchOffer
+from wbc.robot import Effect, Motion, Quantity, Robot, SearchOffer
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
 _ABOUT_ORIGIN = "inertia_"
@@ -67,17 +67,17 @@ class LinkInertia(Effect):
     t2: float
     t3: float
 
-    name: ClassVar[str] = "link_inertia"
-    parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
-    explanation: ClassVar[str] = (
+    name = "link_inertia"
+    parameters = PARAMETERS
+    explanation = (
         "The CAD inertia of this link is wrong: cables, covers and motors were left out, or its "
         "mass is spread otherwise. Mass, centre of mass and inertia differ together."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         expected=1.0,
         claims=3,  # mass, centre of mass and inertia
         departures=_departures,

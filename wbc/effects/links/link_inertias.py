@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
-from typing import ClassVar, Self, final
+from typing import Self, final
 
 import numpy as np
 
@@ -88,17 +88,17 @@ class LinkInertias(Effect):
 
     links: tuple[tuple[str, tuple[float, ...]], ...]
 
-    name: ClassVar[str] = "link_inertias"
-    parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS  # of every link
-    explanation: ClassVar[str] = (
+    name = "link_inertias"
+    parameters = PARAMETERS  # of every link
+    explanation = (
         "The CAD inertias of several links are wrong at once, as those are that leave out cables, "
         "screws and motors, or take castings for solid."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move all joints at once along rich, fast motions and hold still in many poses: only then "
         "the links are told from one another."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         expected=2.0,  # as friction: no machine weighs what its drawing says
         claims=3,  # mass, centre of mass and inertia
         screens=_screens,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.effects.links.inertia import add_point_mass, require_physical
 from wbc.effects.links.link_inertia import mass_left
@@ -32,21 +32,17 @@ class PayloadMass(Effect):
 
     mass: float
 
-    name: ClassVar[str] = "payload_mass"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("mass", "kg", 0.0, -1000.0, 1000.0, 0.3),
-    )
-    explanation: ClassVar[str] = (
+    name = "payload_mass"
+    parameters = (Parameter("mass", "kg", 0.0, -1000.0, 1000.0, 0.3),)
+    explanation = (
         "Something was mounted, filled or left out: a body is heavier or lighter than in the "
         "CAD model."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
         "inertia together, at one place of the chain."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        remarks=_remarks,
-    )
+    search = SearchOffer(remarks=_remarks)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -80,21 +80,21 @@ class LoadPresliding(JointEffect):
     backward_efficiency: float
     length: float
 
-    name: ClassVar[str] = "load_presliding"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "load_presliding"
+    parameters = (
         Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
         Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD),
         Parameter("length", "rad", 0.0, 0.0, 10.0, 0.02, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Teeth and rollers under load first bend before they slide: what the gear loses builds up "
         "over a small angle after every reversal, in proportion to the load."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint slowly back and forth over small and large ranges with two known weights: "
         "the loops of torque over position have round corners and grow with the weight."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         claims=2,  # losses, and that they build up
         freedom=_freedom,
         screens=_screens,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -68,23 +68,20 @@ class Presliding(JointEffect):
     level: float
     length: float
 
-    name: ClassVar[str] = "presliding"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
+    name = "presliding"
+    parameters = (
         Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
         Parameter("length", "rad", 0.02, 0.0, 10.0, 0.02, shape=True),
     )
-    explanation: ClassVar[str] = (
+    explanation = (
         "Surfaces in contact, seals and preloaded teeth first bend before they slide: after every "
         "reversal the friction builds up over a small angle."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Move the joint slowly back and forth over ranges from very small to large: the torque "
         "over the position is a loop whose corners are round, the same at every speed."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
-        screens=_screens,
-        recognisable=_recognisable,
-    )
+    search = SearchOffer(screens=_screens, recognisable=_recognisable)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return z, (1,) or (1, k), of bristles that do not bend."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 from wbc.robot import ContactForces, Effect, Parameter, Robot, Usual
 
@@ -22,15 +22,13 @@ class ForceSensorGain(Effect):
 
     gain: float
 
-    name: ClassVar[str] = "force_sensor_gain"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05, usual=_USUAL),
-    )
-    explanation: ClassVar[str] = (
+    name = "force_sensor_gain"
+    parameters = (Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05, usual=_USUAL),)
+    explanation = (
         "The force sensor of a contact is calibrated wrongly: it reports the same share too much "
         "or too little of every force."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Weigh the robot on a scale while it stands on this contact alone: what the sensor "
         "reports is off by the gain. A known mass added to the robot changes the reported force "
         "by gain times its weight."

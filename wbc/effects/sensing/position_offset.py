@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
@@ -22,20 +22,18 @@ class PositionOffset(JointEffect):
 
     offset: float
 
-    needs_drive: ClassVar[bool] = False
-    name: ClassVar[str] = "position_offset"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("offset", "rad", 0.0, -3.2, 3.2, 0.02),
-    )
-    explanation: ClassVar[str] = (
+    needs_drive = False
+    name = "position_offset"
+    parameters = (Parameter("offset", "rad", 0.0, -3.2, 3.2, 0.02),)
+    explanation = (
         "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
         "stood elsewhere."
     )
-    experiment: ClassVar[str] = (
+    experiment = (
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."
     )
-    search: ClassVar[SearchOffer] = SearchOffer(
+    search = SearchOffer(
         inseparable={
             "center_of_mass": (
                 "No run tells a wrong zero of a robot's last joint from a centre of mass turned by "
