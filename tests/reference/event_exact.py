@@ -24,6 +24,7 @@ from wbc.robot import Robot
 from wbc.sim import Elements, StepProgram, Unilateral, solve_program
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
+from wbc.sim.step.tables import COULOMB, INERTIA, VISCOUS
 
 _MAX_PIECES = 2000
 _REST = 1e-10
@@ -49,6 +50,8 @@ class Mechanism:
         """Prepare `robot` under inputs that are functions of time."""
         self.robot, self.torque, self.external = robot, torque, external
         self.drive, self.effects = Drivetrain.of(robot), PlantEffects.of(robot)
+        columns = [INERTIA, VISCOUS, COULOMB]
+        self.inertia, self.viscous, self.coulomb = self.drive.numbers[:, columns].T
         self.data = robot.model.createData()
         self.nv = robot.model.nv
 
@@ -74,7 +77,7 @@ class Mechanism:
         drive = self.drive
         speed = drive.rows @ state[self.nv :]
         torque = drive.ratio * forces.rotor
-        return np.asarray(torque - piece.sign * drive.coulomb - drive.viscous * speed)
+        return np.asarray(torque - piece.sign * self.coulomb - self.viscous * speed)
 
     def solve(
         self, time: float, state: FloatArray, piece: Piece
@@ -84,7 +87,7 @@ class Mechanism:
         inertia, force, forces, dry = self.terms(time, state)
         response = np.linalg.solve(inertia, np.column_stack((drive.rows.T, force)))
         own, free = drive.rows @ response[:, :-1], drive.rows @ response[:, -1]
-        on_speed = np.where(stuck, 1.0, drive.inertia)
+        on_speed = np.where(stuck, 1.0, self.inertia)
         on_torque = np.where(stuck, 0.0, piece.gain)
         loaded = self.brought(piece, forces, state) - piece.gain * piece.sign * dry
         right = np.where(stuck, 0.0, loaded) - on_speed * free
@@ -100,14 +103,14 @@ class Mechanism:
         drive, zero = self.drive, np.zeros(self.drive.size)
         inertia, force, forces, dry = self.terms(time, state)
         free = np.asarray(np.linalg.solve(inertia, force), dtype=np.float64)
-        torque = drive.ratio * forces.rotor - drive.viscous * (drive.rows @ state[self.nv :])
-        scale = 1.0 + np.abs(free).max() + np.abs(torque).max() / drive.inertia.min(initial=1.0)
+        torque = drive.ratio * forces.rotor - self.viscous * (drive.rows @ state[self.nv :])
+        scale = 1.0 + np.abs(free).max() + np.abs(torque).max() / self.inertia.min(initial=1.0)
         shift = 1e3 * scale * moving
         elements = Elements(
             drive.rows,
-            torque - drive.coulomb + drive.inertia * shift,
-            torque + drive.coulomb + drive.inertia * shift,
-            drive.inertia,
+            torque - self.coulomb + self.inertia * shift,
+            torque + self.coulomb + self.inertia * shift,
+            self.inertia,
             drive.forward,
             drive.backward,
             dry,
@@ -144,8 +147,8 @@ class Mechanism:
         driving = np.where(piece.gain == drive.backward, -1.0, 1.0)
         inverse = 1.0 / drive.forward
         plus, minus = torque + dry, torque - dry
-        up = np.maximum(plus * inverse, plus * drive.backward) - (motor - drive.coulomb)
-        down = (motor + drive.coulomb) - np.minimum(minus * inverse, minus * drive.backward)
+        up = np.maximum(plus * inverse, plus * drive.backward) - (motor - self.coulomb)
+        down = (motor + self.coulomb) - np.minimum(minus * inverse, minus * drive.backward)
         stuck = piece.sign == 0.0
         same = drive.backward == inverse
         return np.concatenate(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -328,11 +327,3 @@ def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:
     reported = run.log.column("knee.rotor_torque")
     assert reported[0] == 1.0  # what the motor takes of the 2 N m it was asked for
     assert reported[-1] < 0.3
-
-
-def test_the_listing_of_a_whole_step_can_be_read() -> None:
-    """It runs, and is held to the plant, with the other blocks of its page."""
-    page = Path(__file__).parents[2] / "docs" / "method" / "simulation-method.md"
-    blocks = page.read_text(encoding="utf-8").split("```python\n")[1:]
-    (listing,) = (block.split("```")[0] for block in blocks if "def leg_step" in block)
-    assert len(listing.splitlines()) <= 60

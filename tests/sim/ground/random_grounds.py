@@ -21,6 +21,7 @@ from wbc.sim import (
     Terrain,
     Together,
 )
+from wbc.sim.step.tables import INERTIA, STIFFNESS
 
 GROUNDS = ("plane", "stairs", "boxes", "balls", "field")
 
@@ -122,21 +123,22 @@ def made_by_rows(result: StepResult) -> float:
     """
     worst = -np.inf
     drive = result.setup.drive
+    reflected, stiffness = drive.numbers[:, [INERTIA, STIFFNESS]].T
     for part in result.parts:
         solution, velocity, m = part.solution, part.solution.velocity, drive.size
         program = solution.program
-        inertia, firm = program.inertia, ~np.isfinite(drive.stiffness)
+        inertia, firm = program.inertia, ~np.isfinite(stiffness)
         push = np.where(firm, 0.0, solution.impulse[:m])
         rows = program.elements.rows[:m]
         free = program.free_velocity + np.linalg.solve(inertia, rows.T @ push)
-        rotor = drive.motion(part.given.state)[1] + drive.ratio * part.rotor_impulse / drive.inertia
-        before = 0.5 * free @ inertia @ free + 0.5 * (drive.inertia * rotor**2)[firm].sum()
+        rotor = drive.motion(part.given.state)[1] + drive.ratio * part.rotor_impulse / reflected
+        before = 0.5 * free @ inertia @ free + 0.5 * (reflected * rotor**2)[firm].sum()
         after = 0.5 * velocity @ inertia @ velocity
-        after += 0.5 * (drive.inertia * part.state.motor_velocity**2)[firm].sum()
+        after += 0.5 * (reflected * part.state.motor_velocity**2)[firm].sum()
         worst = max(worst, (after - before) / (1e-3 + before))
     for impact in result.impacts:
         inertia = impact.solution.program.inertia
-        turned = drive.inertia * ~drive.loose
+        turned = reflected * ~drive.loose
         energy = [
             0.5 * v @ inertia @ v + 0.5 * turned @ (drive.rows @ v) ** 2
             for v in (impact.before, impact.after)

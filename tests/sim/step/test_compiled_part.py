@@ -44,7 +44,7 @@ def test_parts_of_random_robots_obey_pinocchio() -> None:
             result = plant.step(state, torque[: robot.transmission.size], 1e-3, external)
             state = result.state
             for part in result.parts:
-                solution, (middle, before) = part.solution, part.end.middle
+                solution, middle, before = part.solution, part.end.before, part.end.speed
                 program, scale = solution.program, 1.0 + np.abs(solution.velocity).max()
                 inertia, jacobian = contact_jacobian(robot, middle)
                 assert program.inertia == pytest.approx(inertia, rel=1e-10, abs=1e-10)

@@ -53,6 +53,12 @@ _NOTHING = np.zeros(0)
 _Answer = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_double, ctypes.c_double)
 
 
+def _cut(place: int) -> FloatArray:
+    """Return the property that is one of the slices of `Ended`."""
+    found: Any = property(lambda ended: ended._out[ended._cuts[place]])
+    return found  # type: ignore[no-any-return]
+
+
 class Ended:
     """Where a part ended: slices of one array, cut when asked for.
 
@@ -61,90 +67,32 @@ class Ended:
         landed: whether a barrier that is not closed is passed.
         left: whether some overlap is left to take back.
         given: whether Python solved the rows, range by range of self-locking gears.
+        position, velocity: q (nq,), v (nv,) at the end.
+        motor_speed: (m,) of the motor outputs.
+        impulse: of the rows, in the plant's layout.
+        gap: (2 j + c,).
+        after: v (nv,) at the middle, after forces and impulses.
+        mesh_impulse: T (m,) [N m s].
+        depth: (2 j + c,) that is left to take back.
+        pushes: (3 k,) impulses [N s] on the robot, world axes.
+        deflection: (m,) [rad] of the motor outputs ahead of the joints.
+        books: (11,) work and losses [J], MOTOR to MISSED of `part`.
+        work: linear systems solved, and what found the impulses, see `mechanics.newton`.
+        before, speed: q (nq,), v (nv,) in the middle.
     """
 
-    __slots__ = ("_ends", "_out", "closed", "given", "landed", "left")
+    __slots__ = ("_cuts", "_out", "closed", "given", "landed", "left")
 
     def __init__(
-        self, out: FloatArray, ends: tuple[int, ...], closed: BoolArray, result: int
+        self, out: FloatArray, cuts: tuple[slice, ...], closed: BoolArray, result: int
     ) -> None:
-        """Keep what `from_middle` wrote."""
-        self._out, self._ends, self.closed = out, ends, closed
+        """Keep what `part_of_step` wrote, and where it is cut."""
+        self._out, self._cuts, self.closed = out, cuts, closed
         self.landed, self.left, self.given = abs(result) == LANDED, result < 0, False
 
-    @property
-    def position(self) -> FloatArray:
-        """q (nq,)."""
-        return self._out[: self._ends[0]]
-
-    @property
-    def velocity(self) -> FloatArray:
-        """v (nv,)."""
-        return self._out[self._ends[0] : self._ends[1]]
-
-    @property
-    def motor_speed(self) -> FloatArray:
-        """(m,) of the motor outputs."""
-        return self._out[self._ends[1] : self._ends[2]]
-
-    @property
-    def impulse(self) -> FloatArray:
-        """Of the rows, in the plant's layout."""
-        return self._out[self._ends[2] : self._ends[3]]
-
-    @property
-    def gap(self) -> FloatArray:
-        """(2 j + c,)."""
-        return self._out[self._ends[3] : self._ends[4]]
-
-    @property
-    def after(self) -> FloatArray:
-        """v (nv,) at the middle, after forces and impulses."""
-        return self._out[self._ends[4] : self._ends[5]]
-
-    @property
-    def mesh_impulse(self) -> FloatArray:
-        """T (m,) [N m s]."""
-        return self._out[self._ends[5] : self._ends[6]]
-
-    @property
-    def overlap(self) -> FloatArray:
-        """(2 j + c,) depth that is left to take back; empty where nothing is."""
-        return self._out[self._ends[6] : self._ends[7]] if self.left else _NOTHING
-
-    @property
-    def contact_impulse(self) -> FloatArray:
-        """(k, 3) [N s] on the robot, world axes."""
-        return self._out[self._ends[7] : self._ends[8]].reshape(-1, 3)
-
-    @property
-    def deflection(self) -> FloatArray:
-        """(m,) [rad] of the motor outputs ahead of the joints."""
-        return self._out[self._ends[8] : self._ends[9]]
-
-    @property
-    def books(self) -> FloatArray:
-        """(11,) work and losses [J], MOTOR to MISSED of `part`."""
-        return self._out[self._ends[9] : self._ends[10]]
-
-    @property
-    def iterations(self) -> int:
-        """Linear systems solved."""
-        return int(self._out[self._ends[10]])
-
-    @property
-    def way(self) -> int:
-        """What found the impulses, see `mechanics.newton`."""
-        return int(self._out[self._ends[10] + 1])
-
-    @property
-    def middle(self) -> tuple[FloatArray, FloatArray]:
-        """q (nq,), v (nv,) in the middle."""
-        return _middle(self._out, self._ends)
-
-
-def _middle(out: FloatArray, ends: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
-    return out[ends[11] : ends[12]], out[ends[12] : ends[13]]
+    position, velocity, motor_speed, impulse, gap = map(_cut, range(5))
+    after, mesh_impulse, depth, pushes, deflection = map(_cut, range(5, 10))
+    books, work, before, speed = map(_cut, range(10, 14))
 
 
 class Struck(NamedTuple):
@@ -225,7 +173,8 @@ class Core:
         stored = m + nv + size + tangents * barriers.contacts
         sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 11, 2, nq, nv, size)
         ends = np.cumsum(sizes)
-        self._ends, self._most = tuple(ends.tolist()), m + size * (1 + tangents)
+        self._cuts = tuple(map(slice, [0, *ends.tolist()], ends.tolist()))
+        self._most, self._size, self._pushes = m + size * (1 + tangents), size, 3 * points
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
@@ -266,13 +215,13 @@ class Core:
         The memory then stands in the middle, after `half` a step [s].
         """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        out = np.empty(self._ends[-1])
+        out = np.empty(self._cuts[-1].stop)
         first_half(self.plant, q, v, state.time, half, state.closed, out)
         return out
 
     def middle(self, out: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return q (nq,) and v (nv,) in the middle, of what `to_middle` returned."""
-        return _middle(out, self._ends)
+        return out[self._cuts[12]], out[self._cuts[13]]
 
     def part(
         self,
@@ -298,7 +247,7 @@ class Core:
         """
         self.tell_motion(state)
         before = self._given(state, forces, external, kept, step)
-        out = np.empty(self._ends[-1]) if half is None else half
+        out = np.empty(self._cuts[-1].stop) if half is None else half
         closed, given = np.empty(len(kept), dtype=np.bool_), _NOTHING
         arguments = (*before, given, half is not None, out, closed)
         result = part_of_step(*arguments)
@@ -309,7 +258,7 @@ class Core:
             result = part_of_step(*arguments)
         if self._error is not None:
             self._heard()
-        ended = Ended(out, self._ends, closed, result)
+        ended = Ended(out, self._cuts, closed, result)
         ended.given = len(given) > 0
         if result >= 10:
             raise self._failure(result - 10, state, before, ended)
@@ -365,20 +314,20 @@ class Core:
         self.tell_motion(state)
         before = self._given(state, forces, external, kept, step)
         rows, system, _, inertia = self._in_rows(before, ended.after, ended.motor_speed)
-        method = "ranges" if ended.given else WAYS[ended.way]
-        impulse = ended.impulse[rows.places]
-        return _solution(rows, system, inertia, impulse, ended.after, ended.iterations, method)
+        used, way = ended.work.astype(int).tolist()
+        method, impulse = "ranges" if ended.given else WAYS[way], ended.impulse[rows.places]
+        return _solution(rows, system, inertia, impulse, ended.after, used, method)
 
     def gaps(self, position: FloatArray, time: float = 0.0) -> FloatArray:
         """Return all gaps (2 j + c,) at q (nq,) and a time [s]."""
-        gap = np.empty(self._ends[4] - self._ends[3])
+        gap = np.empty(self._size)
         gaps_of(self.plant, np.ascontiguousarray(position), time, gap)
         self._heard()
         return gap
 
     def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
         """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""
-        q, gap = np.array(position), np.empty(self._ends[4] - self._ends[3])
+        q, gap = np.array(position), np.empty(self._size)
         done = lift(self.plant, stiff, q, gap)
         self._heard()
         return done, q, gap
@@ -404,7 +353,7 @@ class Core:
         size = len(closed)
         fresh, after_closed = np.empty((2, size), dtype=np.bool_)
         after, aims = np.empty(self._nv), np.empty(size)
-        pushes = np.empty(self._ends[8] - self._ends[7])
+        pushes = np.empty(self._pushes)
         impulse, found = np.empty(self._most), np.empty(9)
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = self.plant, closed, kept, back, q, v, state.time, slow, left
@@ -425,9 +374,8 @@ class Core:
         impulse = impulse[: int(found[3])]
         if kind == HIT and found[WAY] >= UNSOLVED:
             raise self._impact_failure(int(found[WAY]), state, together, aims, impulse)
-        pushes = pushes.reshape(-1, 3)
-        aims = aims[: int(together.sum())]
-        return Struck(kind, fresh, after_closed, after, pushes, impulse, aims, found)
+        aims, points = aims[: int(together.sum())], pushes.reshape(-1, 3)
+        return Struck(kind, fresh, after_closed, after, points, impulse, aims, found)
 
     def _impact_failure(
         self,

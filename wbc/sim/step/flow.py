@@ -86,12 +86,12 @@ class Flow:
     @property
     def overlap(self) -> FloatArray:
         """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
-        return self.end.overlap
+        return self.end.depth if self.end.left else self.end.depth[:0]
 
     @property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot, world axes."""
-        return self.end.contact_impulse
+        return self.end.pushes.reshape(-1, 3)
 
     @property
     def mesh_impulse(self) -> FloatArray:
@@ -108,8 +108,8 @@ class Flow:
         """Of the step program, which is put together and solved again."""
         setup, state, _, step, external, kept, _ = self.given
         if setup.waits:
-            setup.tell_coupling(*self.end.middle)
-            setup.tell_losses(*self.end.middle)
+            setup.tell_coupling(self.end.before, self.end.speed)
+            setup.tell_losses(self.end.before, self.end.speed)
         found = setup.core.solution(state, self.forces, external, kept, step, self.end)
         setup.forget_losses()
         return found
@@ -130,7 +130,7 @@ class Flow:
             motor -= float(forces.kept_rotor @ turned)
             stores = _stores(setup, forces)
         if external is not None or setup.robot.effects:
-            mean = 0.5 * (self.end.middle[1] + self.end.after)
+            mean = 0.5 * (self.end.speed + self.end.after)
             work = float(step * (joint @ mean))
             outer = 0.0 if external is None else float(step * (external @ mean))
         return EnergyFlow(

@@ -44,7 +44,6 @@ from wbc.sim.step.tables import (
     VISCOUS,
     Gears,
 )
-from wbc.transmission import Flanks
 from wbc.transmission.flank_steps import flank_impulse
 
 FLANKS = UNSOLVED + 1
@@ -61,40 +60,24 @@ class Drivetrain:
 
     Attributes:
         rows: D^-1 on the driven columns (m, nv), psi_dot = rows @ v.
-        ratio: N (m,).
-        inertia: N^2 I_r (m,) [kg m^2].
-        viscous: N^2 times the rotor's viscous friction (m,).
-        coulomb: |N| times the rotor's Coulomb friction (m,).
+        numbers: (m, 9), columns RATIO to PLAY of `Gears`.
         forward, backward: eta_f, eta_b (m,).
-        stiffness: (m,) [N m/rad], infinite where rigid.
-        damping: (m,) beside it.
-        play: (m,) [rad] backlash.
-        springs: the gears that are compliant, each with its number.
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row; not that of a self-locking gear: the set of impulses that it holds at
             rest has a hole, which friction beside it fills.
         actuated: (m,) rows of v.
-        zero: (m,) zeros.
     """
 
     rows: FloatArray
-    ratio: FloatArray
-    inertia: FloatArray
-    viscous: FloatArray
-    coulomb: FloatArray
+    numbers: FloatArray
     forward: FloatArray
     backward: FloatArray
-    stiffness: FloatArray
-    damping: FloatArray
-    play: FloatArray
-    springs: tuple[tuple[int, Flanks], ...]
     loose: BoolArray
     any_loose: bool
     direct: bool
     actuated: IntArray
-    zero: FloatArray
 
     @classmethod
     def of(cls, robot: Robot) -> Drivetrain:
@@ -109,56 +92,43 @@ class Drivetrain:
             frozen(np.where(kept, eta, 1.0))
             for eta in (gears.forward_efficiency, gears.backward_efficiency)
         )
-        loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
+        ratio, loose = gears.gear_ratio, np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
+        viscous = ratio**2 * gears.rotor_viscous_friction
+        coulomb = np.abs(ratio) * gears.rotor_coulomb_friction
+        columns = ratio, gears.reflected_inertia, viscous, coulomb, 1.0 / forward, backward
+        flanks = gears.stiffness, gears.damping, gears.backlash
+        direct = bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any())
         return cls(
-            rows=frozen(rows),
-            ratio=gears.gear_ratio,
-            inertia=frozen(gears.reflected_inertia),
-            viscous=frozen(gears.gear_ratio**2 * gears.rotor_viscous_friction),
-            coulomb=frozen(np.abs(gears.gear_ratio) * gears.rotor_coulomb_friction),
-            forward=forward,
-            backward=backward,
-            stiffness=gears.stiffness,
-            damping=gears.damping,
-            play=gears.backlash,
-            springs=tuple(
-                (i, gears.flanks(joint))
-                for i, joint in enumerate(gears.joints)
-                if np.isfinite(gears.stiffness[i])
-            ),
-            loose=frozen(loose, np.bool_),
-            any_loose=bool(loose.any()),
-            direct=bool(np.array_equal(gears.topology, np.eye(gears.size)) and not loose.any()),
-            actuated=robot.actuated,
-            zero=frozen(np.zeros(gears.size)),
-        )
+            frozen(rows), frozen(np.column_stack((*columns, *flanks))), forward, backward,
+            frozen(loose, np.bool_), bool(loose.any()), direct, robot.actuated,
+        )  # fmt: skip
 
     @property
     def size(self) -> int:
         """m, the number of gears."""
-        return len(self.ratio)
+        return len(self.numbers)
+
+    @property
+    def ratio(self) -> FloatArray:
+        """N (m,)."""
+        return self.numbers[:, RATIO]
 
     def tables(self, coupled: bool) -> Gears:
         """Return the gears as tables for compiled loops."""
         m, nv = self.rows.shape
-        numbers = np.column_stack(
-            (
-                *(self.ratio, self.inertia, self.viscous, self.coulomb, 1.0 / self.forward),
-                *(self.backward, self.stiffness, self.damping, self.play),
-            )
-        )
         at = np.column_stack((self.actuated, self.loose)).astype(np.int64).reshape(-1, 2)
         coupling = np.zeros((m if coupled else 0, nv))
         room = np.zeros((m, 2)), coupling, np.zeros((1, nv + m))
-        return Gears(numbers, np.array(self.rows), at, *room, self.direct, self.any_loose)
+        numbers, rows = np.array(self.numbers), np.array(self.rows)
+        return Gears(numbers, rows, at, *room, self.direct, self.any_loose)
 
     def motion(self, state: SimState) -> tuple[FloatArray, FloatArray]:
         """Return deflections (m,) [rad] and speeds (m,) [rad/s] of the motor outputs."""
         joint = self.rows @ state.velocity
         if not self.any_loose:
-            return self.zero, joint
+            return np.zeros(self.size), joint
         given = state.motor_velocity if len(state.motor_velocity) else joint
-        deflection = state.deflection if len(state.deflection) else self.zero
+        deflection = state.deflection if len(state.deflection) else np.zeros(self.size)
         return deflection, np.where(self.loose, given, joint)
 
     def rotors(self, state: SimState, actuated_position: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -167,21 +137,16 @@ class Drivetrain:
         joint = self.rows[:, self.actuated] @ state.position[actuated_position]
         return self.ratio * (joint + deflection), self.ratio * speed
 
-    def spring_energy(self, deflection: FloatArray) -> float:
-        """Return the energy stored in the compliant gears at deflections (m,) [J]."""
-        return float(sum(flanks.energy(deflection[i]) for i, flanks in self.springs))
-
 
 @compiled(Nothing, GEARS, Row, OutRow, counted=False)
 def motor_speeds(gears: Gears, v: FloatArray, speed: FloatArray) -> None:
     """Write the speeds (m,) of the motor outputs at v (nv,)."""
+    rows, at, motion = gears.rows, gears.at, gears.motion
     for i in range(len(speed)):
-        if gears.at[i, 1] == 1:
-            speed[i] = gears.motion[i, SPEED]
-            continue
-        speed[i] = 0.0
+        total = 0.0
         for j in range(len(v)):
-            speed[i] += gears.rows[i, j] * v[j]
+            total += rows[i, j] * v[j]
+        speed[i] = motion[i, SPEED] if at[i, 1] == 1 else total
 
 
 @compiled(Nothing, GEARS, Row, Row, Row, Number, OutDense, counted=False)
@@ -203,14 +168,15 @@ def gear_laws(
         step: h [s].
         laws: to write, see `RowSystem`.
     """
+    numbers, at, direct = gears.numbers, gears.at, gears.direct
     for i in range(len(speed)):
-        gear, law = gears.numbers[i], laws[i]
+        gear, law = numbers[i], laws[i]
         brought = step * gear[RATIO] * torque[i] + gear[INERTIA] * speed[i]
         law[0], law[1] = brought - step * gear[COULOMB], brought + step * gear[COULOMB]
         law[2], law[3] = gear[INERTIA] + step * gear[VISCOUS], gear[INVERSE]
         law[4], law[5], law[6] = gear[BACKWARD], 0.0, 0.0
-        if len(friction) and gears.direct and gear[BACKWARD] >= 0.0:
-            law[5] = step * friction[gears.at[i, 0]]
+        if len(friction) and direct and gear[BACKWARD] >= 0.0:
+            law[5] = step * friction[at[i, 0]]
         law[7], law[8] = np.inf, 0.0
 
 

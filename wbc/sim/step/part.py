@@ -281,14 +281,15 @@ def rows_of(
     motor, relative = np.empty(m), np.zeros(m)
     motor_speeds(gears, acting.v, motor)
     gear_laws(gears, motor, acting.torque, acting.friction, step, laws[:m])
+    gear_rows, at = gears.rows, gears.at
     for i in range(m):
         places[i] = i
         for c in range(n):
-            matrix[i, c] = gears.rows[i, c]
-        if gears.at[i, 1] == 1:
+            matrix[i, c] = gear_rows[i, c]
+        if at[i, 1] == 1:
             relative[i] = motor[i]
             for c in range(n):
-                relative[i] -= gears.rows[i, c] * acting.v[c]
+                relative[i] -= gear_rows[i, c] * acting.v[c]
     for i in range(rubbing):
         matrix[m + i], places[m + i] = 0.0, m + alone[i]
         matrix[m + i, alone[i]] = laws[m + i, 3] = laws[m + i, 4] = 1.0
@@ -505,14 +506,14 @@ def gears_after(
     mesh: FloatArray,
 ) -> None:
     """Write speeds and deflections (m,) of the motor outputs after the part, and T (m,)."""
-    gears, half = plant.gears, 0.5 * acting.step
+    at, motion, half = plant.gears.at, plant.gears.motion, 0.5 * acting.step
     for i in range(len(motor)):
         motor[i] = solved.speed[i] + solved.end[i]
         mesh[i] = solved.impulse[i] + np.sign(motor[i]) * rows.laws[i, 5]
         deflection[i] = 0.0
-        if gears.at[i, 1] == 1:
+        if at[i, 1] == 1:
             moved = half * (rows.relative[i] + solved.end[i])
-            deflection[i] = gears.motion[i, DEFLECTION] + moved
+            deflection[i] = motion[i, DEFLECTION] + moved
 
 
 @compiled(Number, Row, Number, counted=False)
@@ -609,16 +610,17 @@ def books_of(
         books: (11,) to write.
     """
     step, m, n = acting.step, len(motor), len(speed)
+    numbers, at, inertia = plant.gears.numbers, plant.gears.at, plant.placed.inertia
     books[:] = 0.0
     books[MISSED] = solved.missed
     for i in range(m):
-        gear, size = plant.gears.numbers[i], abs(motor[i])
+        gear, size = numbers[i], abs(motor[i])
         turned = 0.5 * step * gear[RATIO] * (rows.motor[i] + motor[i])
         books[MOTOR] += acting.torque[i] * turned
         books[ROTOR] += step * (gear[COULOMB] + gear[VISCOUS] * size) * size
         gain = gear[INVERSE] if motor[i] * mesh[i] > 0.0 else gear[BACKWARD]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
-        if plant.gears.at[i, 1] == 1:
+        if at[i, 1] == 1:
             lost, damped = loose_losses(plant, acting, rows, solved, i, motor[i], mesh[i], lost)
         books[MESH] += lost
         books[GEAR] += damped
@@ -643,7 +645,7 @@ def books_of(
         books[TRAFFIC] += abs(solved.impulse[i] * solved.speed[i])
     for c in range(n):
         square = speed[c] * speed[c] + solved.after[c] * solved.after[c]
-        books[KINETIC] += abs(plant.placed.inertia[c, c]) * square
+        books[KINETIC] += abs(inertia[c, c]) * square
 
 
 @compiled(Count, Row, Row, Number, OutFlags, counted=False)
@@ -771,7 +773,7 @@ def part_of_step(
         good += v_end[c]
     if not np.isfinite(good):  # it blew up on the way
         return 10 + NO_INERTIA
-    for i in range(len(motor)):
+    for i in range(len(motor) if plant.gears.loose else 0):
         if plant.gears.at[i, 1] == 1:  # motors stay where they are
             for c in range(len(after)):
                 deflection[i] -= plant.gears.rows[i, c] * moved[c]
