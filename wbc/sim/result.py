@@ -99,8 +99,8 @@ class StepResult:
     @cached_property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
-        total = EnergyFlow()
-        for part in self.parts:
+        total = self.parts[0].energy
+        for part in self.parts[1:]:
             total = total + part.energy
         for impact in self.impacts:
             lost = {"impact_mesh": impact.mesh_loss, "impact": impact.contact_loss}
@@ -168,7 +168,7 @@ def events_of(
     found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1], *end[1:])]
     found += _unsettled([(part.state.time, part.missed) for part in parts])
     found += _unsettled([(impact.time, impact.missed) for impact in impacts])
-    kinetic = max((float(part.end.books[KINETIC]) for part in parts), default=0.0)
+    kinetic = max(float(part.end.books[KINETIC]) for part in parts)
     play = kinetic + abs(balance.flow.work) + balance.flow.lost
     if -balance.residual > _COARSE * play + 1e-9:
         gain = -balance.residual
@@ -227,8 +227,7 @@ def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEve
         gaps = setup.barriers.gaps_of(poses[links, 9:], state.time)
         gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
     # Contacts may be as deep as a step leaves them.
-    allowed = max((float(np.max(last.overlap)) if len(last.overlap) else 0.0), TOUCH)
-    if gap < -allowed:
+    if gap < -TOUCH and gap < -float(np.max(last.overlap, initial=0.0)):
         yield StepEvent(
             "sunk",
             state.time,
@@ -241,10 +240,11 @@ def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEve
 def _made(parts: Sequence[Flow], impacts: Sequence[Impact]) -> Iterator[StepEvent]:
     """Yield the parts and impacts one of whose losses is negative beyond rounding."""
     for part in parts:
-        losses, books = part.energy.losses, part.end.books
-        losses["normal"] = -float(books[NORMAL])
-        cause = min(losses, key=lambda name: losses[name])
-        if losses[cause] < -_ROUNDING * float(books[KINETIC] + books[TRAFFIC]) - 1e-12:
+        losses, books = part.energy.losses, part.end.books.tolist()
+        losses["normal"] = -books[NORMAL]
+        least = min(losses.values())
+        if least < -_ROUNDING * (books[KINETIC] + books[TRAFFIC]) - 1e-12:
+            cause = min(losses, key=lambda name: losses[name])
             yield _energy(part.state.time, -losses[cause], cause.replace("_", " "))
     for impact in impacts:
         for loss, cause in ((impact.mesh_loss, "mesh"), (impact.contact_loss, "contact")):

@@ -61,8 +61,7 @@ class EnergyFlow:
 
     def __add__(self, other: EnergyFlow) -> EnergyFlow:
         """Return the sum of two flows."""
-        names = (f.name for f in fields(self))
-        return EnergyFlow(*(getattr(self, name) + getattr(other, name) for name in names))
+        return EnergyFlow(*[getattr(self, name) + getattr(other, name) for name in _NAMES])
 
     @property
     def work(self) -> float:
@@ -72,14 +71,16 @@ class EnergyFlow:
     @property
     def losses(self) -> dict[str, float]:
         """Every loss by its cause."""
-        names = [f.name for f in fields(self)]
-        names = names[names.index("mesh") :]
-        return {name: float(getattr(self, name)) for name in names}
+        return {name: float(getattr(self, name)) for name in _LOSSES}
 
     @property
     def lost(self) -> float:
         """Sum of all losses."""
         return sum(self.losses.values())
+
+
+_NAMES = tuple(field.name for field in fields(EnergyFlow))
+_LOSSES = _NAMES[_NAMES.index("mesh") :]
 
 
 @dataclass(frozen=True, slots=True)
