@@ -11,14 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import Log, load_log, save_log
 from wbc.measurement.guess import guess_ratios
 from wbc.samples import sample_logs
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT.parent / "shared" / "data"
 PENDULUM = """
 <robot name="pendulum">
   <link name="world"/>
@@ -32,13 +31,6 @@ PENDULUM = """
   </joint>
 </robot>
 """
-
-
-def recorded(name: str) -> str:
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"the recorded data '{name}' is not beside this repository")
-    return str(path)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +54,7 @@ def test_a_strangers_files_become_a_verdict(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path = recorded(log)
+    path = str(outside(log))
     given = ROOT / "robots" / model if model else tmp_path / "pendulum.urdf"
     if not model:
         given.write_text(PENDULUM)

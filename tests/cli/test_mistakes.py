@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
@@ -304,12 +305,9 @@ _MOVED = [
 
 
 def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_back() -> None:
-    path = Path(__file__).resolve().parents[3] / "shared" / "data" / RECORDED
-    if not Path(str(path).partition("#")[0]).exists():
-        pytest.skip(f"the recorded data '{RECORDED}' is not beside this repository")
     robot = load_robot("double_pendulum")
-    columns = Path(__file__).parents[2] / "robots" / "double_pendulum" / "columns.toml"
-    logs = load_logs([path], columns)[:3]
+    columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
+    logs = load_logs([outside(RECORDED)], columns)[:3]
     assert not any(f.kind != "read" for own in find_suspicions(logs, robot) for f in own)
     ratios = dict(zip(robot.transmission.joints, robot.transmission.gear_ratio, strict=True))
     for k, change in enumerate(_MOVED):
@@ -325,12 +323,9 @@ def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_
 
 def test_what_one_recorded_log_cannot_tell_is_said_with_the_truth_among_it() -> None:
     """Of the first 10 s of the double pendulum the robot explains little either way."""
-    path = Path(__file__).resolve().parents[3] / "shared" / "data" / RECORDED
-    if not Path(str(path).partition("#")[0]).exists():
-        pytest.skip(f"the recorded data '{RECORDED}' is not beside this repository")
     robot = load_robot("double_pendulum")
-    columns = Path(__file__).parents[2] / "robots" / "double_pendulum" / "columns.toml"
-    log = load_logs([path], columns)[0]
+    columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
+    log = load_logs([outside(RECORDED)], columns)[0]
     for k, truth in (
         (0, "the sign of elbow.motor_torque is reversed"),
         (8, "the positions of shoulder and elbow are exchanged"),

@@ -12,18 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.outside import outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import load_logs
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "strangers"
 Told = Callable[..., tuple[int, str]]
 
 
 def stranger(folder: str) -> Path:
-    if not (DATA / folder).exists():
-        pytest.skip(f"the outside data '{folder}' is not beside this repository")
-    return DATA / folder
+    return outside(f"strangers/{folder}")
 
 
 @pytest.fixture
@@ -165,9 +163,7 @@ def test_targets_in_a_file_beside_make_the_torque_where_currents_have_no_sign(
     told: Told, tmp_path: Path
 ) -> None:
     """The recorded SO-101 as published: states and targets in a file each, lists in cells."""
-    folder = DATA.parent / "so101_sage"
-    if not folder.exists():
-        pytest.skip("the outside data 'so101_sage' is not beside this repository")
+    folder = outside("so101_sage")
     logs = [
         f"{folder}/{run}.state_motor.csv.gz+{folder}/{run}.control.csv.gz"
         for run in ("multisine", "friction_gravity")

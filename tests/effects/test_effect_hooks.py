@@ -47,6 +47,18 @@ EXAMPLES: dict[str, Effect] = {
 }
 
 
+ADDING = (
+    "viscous_friction",
+    "coulomb_friction",
+    "stribeck_friction",
+    "quadratic_drag",
+    "joint_spring",
+    "torque_ripple",
+    "torque_offset",
+    "rotor_inertia",
+)
+
+
 @pytest.fixture
 def robot() -> Robot:
     return load_robot("planar_leg_fixed").lossless()
@@ -80,25 +92,7 @@ def added_at_the_knee(name: str, motion: Motion) -> FloatArray:
     }[name]
 
 
-def test_the_examples_are_the_catalogue_s_effects() -> None:
-    for name, effect in EXAMPLES.items():
-        assert effect.name == name
-        assert effect_class(name) is type(effect)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "viscous_friction",
-        "coulomb_friction",
-        "stribeck_friction",
-        "quadratic_drag",
-        "joint_spring",
-        "torque_ripple",
-        "torque_offset",
-        "rotor_inertia",
-    ],
-)
+@pytest.mark.parametrize("name", ADDING)
 def test_torque_that_an_effect_adds(name: str, robot: Robot, motion: Motion) -> None:
     more = needed(robot.with_effect(EXAMPLES[name]), motion) - needed(robot, motion)
     np.testing.assert_allclose(more[:, KNEE], added_at_the_knee(name, motion), atol=1e-12)
@@ -155,17 +149,6 @@ def test_a_payload_is_a_point_mass_at_its_place(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES))
-def test_at_its_null_value_an_effect_changes_nothing(name: str, motion: Motion) -> None:
-    lossy = load_robot("planar_leg_fixed")
-    effect = EXAMPLES[name]
-    null = effect.with_values(type(effect).null_values(lossy, effect.where))
-    np.testing.assert_allclose(
-        needed(lossy.with_effect(null), motion), needed(lossy, motion), rtol=0, atol=1e-12
-    )
-    assert not np.allclose(needed(lossy.with_effect(effect), motion), needed(lossy, motion))
-
-
-@pytest.mark.parametrize("name", sorted(EXAMPLES))
 def test_one_sample_and_a_whole_log_agree(name: str, motion: Motion) -> None:
     robot = load_robot("planar_leg_fixed").with_effect(EXAMPLES[name])
     together = needed(robot, motion)
@@ -175,22 +158,6 @@ def test_one_sample_and_a_whole_log_agree(name: str, motion: Motion) -> None:
         one = Motion(motion.position[i], motion.velocity[i], motion.acceleration[i])
         alone, _ = rotor_torque(robot, one, links[i])
         np.testing.assert_allclose(alone * N, together[i], atol=1e-12)
-
-
-@pytest.mark.parametrize("name", sorted(EXAMPLES))
-def test_parameters_out_of_bounds_and_wrong_places_are_named(name: str) -> None:
-    effect, robot = EXAMPLES[name], load_robot("planar_leg")
-    for parameter in effect.parameters:
-        for value in (parameter.low - 1e-3, parameter.high * 1.01 + 1e-3, np.nan):
-            with pytest.raises(EffectError, match=f"{name} at .*{parameter.name}"):
-                effect.with_values({parameter.name: value})
-        np.testing.assert_equal(
-            effect.with_values({parameter.name: parameter.low}).where, effect.where
-        )
-    with pytest.raises(EffectError, match=f"Unknown place for {name} 'elbow'"):
-        robot.with_effect(type(effect).at("elbow", effect.values))
-    with pytest.raises(EffectError, match=f"Unknown parameter of {name} 'strength'"):
-        type(effect).at("knee", {"strength": 1.0})
 
 
 @pytest.mark.parametrize("name", sorted(EXAMPLES))

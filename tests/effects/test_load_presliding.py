@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc import Robot, load_robot
+from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import LoadPresliding, Presliding, TransmissionEfficiency
@@ -20,11 +20,6 @@ START = np.array([0.3, -0.6])
 RATIO, ETA_F, ETA_B, LENGTH = 20.0, 0.7, 0.6, 0.05
 MEAN, DIFFERENCE = 0.5 * (1.0 / ETA_F - ETA_B), 0.5 * (1.0 / ETA_F + ETA_B) - 1.0
 FAR = Plane(height=-9.0)
-
-
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
 
 
 def push(t: float) -> FloatArray:

@@ -22,11 +22,6 @@ FAR = Plane(height=-9.0)
 RATIO, SHARE, SPEED = 20.0, 0.5, 5.0
 
 
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
-
-
 def share_at(speed: FloatArray) -> FloatArray:
     return np.asarray(SHARE * np.exp(-((speed / SPEED) ** 2)))
 

@@ -22,11 +22,6 @@ RATIO = 20.0
 LEVEL, LENGTH = 0.8, 0.05
 
 
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
-
-
 def push(t: float) -> FloatArray:
     """Return rotor torques [N m] that move both joints back and forth several times."""
     return np.array([0.25 * np.sin(17.0 * t), 0.12 * np.sin(23.0 * t + 1.0)])

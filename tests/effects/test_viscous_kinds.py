@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc import Robot, load_robot
+from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import DirectionalViscousFriction, ThermalViscousFriction, ViscousFriction
@@ -22,11 +22,6 @@ from wbc.sim.excitation import ENCODER, record_run, record_with
 
 COLD, WARM = 20.0, 60.0
 FAR = Plane(height=-9.0)
-
-
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
 
 
 @pytest.mark.parametrize(

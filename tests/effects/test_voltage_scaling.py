@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from wbc import Robot, load_robot
+from wbc import Robot
 from wbc.control import Controller, PostureTask
 from wbc.effects import VoltageScaling
 from wbc.robot import Motion
@@ -13,11 +12,6 @@ from wbc.sim import Plane, Plant
 
 NOMINAL, SHARE = 48.0, 0.75
 EFFECT = VoltageScaling("knee", SHARE, NOMINAL)
-
-
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
 
 
 def supplied(leg: Robot, voltage: float) -> Robot:

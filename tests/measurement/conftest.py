@@ -1,21 +1,9 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from wbc.measurement import Log
-
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
-
-
-def outside(name: str) -> Path:
-    """Return a file of the outside data, or skip the test."""
-    path = SHARED / name
-    if not path.exists():
-        pytest.skip(f"outside data '{name}' is not beside the repository")
-    return path
 
 
 @pytest.fixture

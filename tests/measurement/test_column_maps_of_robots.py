@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from tests.measurement.conftest import outside
+from tests.outside import outside
 from wbc.measurement import (
     align_velocity,
     check_log,

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.measurement.conftest import outside
+from tests.outside import outside
 from wbc.measurement import (
     Log,
     find_duplicates,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tests.measurement.conftest import outside
+from tests.outside import outside
 from wbc.dynamics import link_torque
 from wbc.effects import load_robot
 from wbc.measurement import (

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-PRACTICE = Path(__file__).parents[2].parent / "shared" / "data" / "practice_leg"
+from tests.outside import outside
 
 
 @pytest.fixture(scope="session")
 def practice_leg() -> Path:
-    if not PRACTICE.is_dir():
-        pytest.skip(f"the practice logs are not at {PRACTICE}")
-    return PRACTICE
+    return outside("practice_leg")

@@ -8,18 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.outside import outside
 from wbc import load_robot, save_robot
 from wbc.identification import compare, diagnose, rank_robots
 from wbc.identification.choice.weighing.certainty import CERTAIN
 from wbc.measurement import Log, load_logs
-
-FOREIGN = Path(__file__).parents[2].parent / "shared" / "data" / "foreign"
-
-
-def case(name: str) -> Path:
-    if not (FOREIGN / name).is_dir():
-        pytest.skip(f"the logs of another simulator are not at {FOREIGN}")
-    return FOREIGN / name
 
 
 def runs_of(folder: Path, names: str) -> tuple[Log, ...]:
@@ -33,7 +26,7 @@ def runs_of(folder: Path, names: str) -> tuple[Log, ...]:
 )
 def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
     """A ripple beside a repeat; and logs of targets, where eight and three causes were false."""
-    folder = case(name)
+    folder = outside(f"foreign/{name}")
     found = diagnose(load_robot(str(folder / "robot.toml")), runs_of(folder, "run1 run2 run3"))
     truth = json.loads((folder / "truth.json").read_text())["causes"]
     certain = {f.effect.key for f in found.findings if f.probability >= CERTAIN}
@@ -56,7 +49,7 @@ def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
 
 def test_a_sound_arm_lacks_nothing() -> None:
     """Its repeat has one row more, and its velocities lag: a delay was certain."""
-    folder = case("27_ur5_null")
+    folder = outside("foreign/27_ur5_null")
     robot = load_robot(str(folder / "robot.toml"))
     assert diagnose(robot, runs_of(folder, "run1 run2 run3")).verdict == "none"
 

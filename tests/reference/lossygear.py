@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from tests.outside import outside
 from wbc.effects import CoulombFriction
 from wbc.robot import Robot
 from wbc.transmission import Transmission
-
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "lossygear"
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ def demo(number: int) -> Demo:
 
 def reference(number: int) -> np.ndarray:
     """Return rows (time, phi, w, mode) of Dymola's result."""
-    with (DATA / f"lossygear_demo{number}.csv").open() as file:
+    with outside(f"lossygear/lossygear_demo{number}.csv").open() as file:
         rows = list(csv.reader(file))
     header = [name.strip().strip('"') for name in rows[0]]
     picked = [

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from tests.reference.event_exact import integrate_exactly
-from tests.reference.lossygear import DATA, demo, reference
+from tests.reference.lossygear import demo, reference
 from wbc.sim import Plant
-
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason=f"the Dymola results are not at {DATA} (they are outside data)"
-)
 
 
 def _stepped(number: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

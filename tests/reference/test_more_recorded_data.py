@@ -6,11 +6,11 @@ The logs live outside the repository, in `../shared/data`; without them these te
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.outside import ROOT, outside
 from wbc.cli import main
 from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
 from wbc.identification import diagnose, open_loop
@@ -21,21 +21,12 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs
 from wbc.robot import Effect, Robot
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT.parent / "shared" / "data"
 RICMONK = ROOT / "robots" / "ricmonk"
-
-
-def recorded(name: str) -> str:
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"the recorded data '{name}' is not beside this repository")
-    return str(path)
 
 
 def test_a_continuous_pendulum_is_described_and_its_friction_shows(tmp_path, capsys) -> None:
     names = ("direct_collocation", "ddp")
-    logs = [recorded(f"simple_pendulum/{name}.parquet") for name in names]
+    logs = [str(outside(f"simple_pendulum/{name}.parquet")) for name in names]
     model = ROOT / "robots" / "simple_pendulum" / "simple_pendulum.urdf"
     assert main(["init", str(model), *logs, "--out", str(tmp_path)]) == 0
     files = ["--robot", str(tmp_path / "robot.toml"), "--columns", str(tmp_path / "columns.toml")]
@@ -52,7 +43,7 @@ def test_a_continuous_pendulum_is_described_and_its_friction_shows(tmp_path, cap
 
 def test_no_soft_gear_is_named_from_a_report_that_does_not_follow_the_motion() -> None:
     robot = load_robot("simple_pendulum")
-    read = load_logs([recorded("simple_pendulum/pd_identification.parquet")])
+    read = load_logs([str(outside("simple_pendulum/pd_identification.parquet"))])
     # The chattering torque was explained by a spring of 81 N m/rad, at 0.999. With it, what the
     # swing-up leaves is twice as much as without.
     found = diagnose(robot, read)
@@ -62,7 +53,7 @@ def test_no_soft_gear_is_named_from_a_report_that_does_not_follow_the_motion() -
 
 
 def test_the_arm_without_a_drive_gets_no_gear(tmp_path, capsys) -> None:
-    log = recorded("ricmonk/TVLQR_3xForward.parquet")
+    log = str(outside("ricmonk/TVLQR_3xForward.parquet"))
     model = RICMONK / "ricmonk.urdf"
     assert main(["init", str(model), log, "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
@@ -77,7 +68,7 @@ def test_the_arm_without_a_drive_gets_no_gear(tmp_path, capsys) -> None:
 
 
 def test_the_outer_arm_of_ricmonk_has_the_friction_and_load_that_least_squares_shows() -> None:
-    path = recorded("ricmonk/TVLQR_6xForward.parquet")
+    path = str(outside("ricmonk/TVLQR_6xForward.parquet"))
     robot = load_robot("ricmonk")
     ratios = dict.fromkeys(robot.transmission.joints, 6.0)
     logs = load_logs([path], RICMONK / "columns.toml", gear_ratios=ratios)
@@ -95,7 +86,7 @@ def test_a_payload_on_the_outer_arm_makes_its_error_larger() -> None:
     robot = load_robot("ricmonk")
     left = {}
     for name in ("TVLQR_3xForward", "TVLQR_3xForward_170gm_asymmetricLoad"):
-        logs = load_logs([recorded(f"ricmonk/{name}.parquet")], RICMONK / "columns.toml")
+        logs = load_logs([str(outside(f"ricmonk/{name}.parquet"))], RICMONK / "columns.toml")
         residual = EstimationProblem.from_logs(robot, logs).residual
         left[name] = np.sqrt(np.mean(residual[:, 1] ** 2))
     bare, loaded = left.values()
@@ -109,7 +100,7 @@ def test_a_payload_shows_beside_a_robot_that_was_fitted_without_it() -> None:
         return EFFECTS[name].at(where, EFFECTS[name].null_values(given, where))
 
     def problem_of(given: Robot, *names: str) -> EstimationProblem:
-        files = [recorded(f"ricmonk/TVLQR_{name}.parquet") for name in names]
+        files = [str(outside(f"ricmonk/TVLQR_{name}.parquet")) for name in names]
         return EstimationProblem.from_logs(given, load_logs(files, RICMONK / "columns.toml"))
 
     usual = [
@@ -135,7 +126,7 @@ def test_a_payload_shows_beside_a_robot_that_was_fitted_without_it() -> None:
 
 def test_tiagos_arm_is_explained_as_well_as_by_least_squares_without_its_silent_drives() -> None:
     robot = load_robot("tiago").lossless()
-    path = recorded("tiago/tiago.parquet")
+    path = str(outside("tiago/tiago.parquet"))
     logs = load_logs([path], ROOT / "robots" / "tiago" / "columns.toml")
     problem = EstimationProblem.from_logs(robot, logs)
     arm = tuple(f"arm_{k}_joint" for k in (1, 2, 3, 4))

@@ -5,12 +5,12 @@ The comparisons are plain least squares on published equations, not the diagnosi
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from tests.outside import ROOT, outside
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.measurement import Log, load_logs
@@ -19,9 +19,7 @@ from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT.parent / "shared" / "data"
-PENDULUM = DATA / "dfki_double_pendulum" / "double_pendulum.parquet"
+PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
 DESIGNS = {
     "double_pendulum": (0.3, 0.05347, 0.5594 * 0.3, 0.02392, 0.6043, 0.1838, 7.66e-5),
     "double_pendulum_c0": (0.2, 0.02671, 0.6417 * 0.2, 0.05388, 0.5639, 0.3213, 9.94e-5),
@@ -29,11 +27,8 @@ DESIGNS = {
 }
 
 
-def logs_of(robot: str, path: Path, part: str = "") -> tuple[Log, ...]:
-    if not path.exists():
-        pytest.skip(f"the recorded data '{path.name}' is not beside this repository")
-    name = f"{path}#{part}" if part else path
-    return load_logs([name], ROOT / "robots" / robot / "columns.toml")
+def logs_of(robot: str, name: str) -> tuple[Log, ...]:
+    return load_logs([outside(name)], ROOT / "robots" / robot / "columns.toml")
 
 
 def low_pass(values: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
@@ -82,7 +77,7 @@ def test_double_pendulum_logs_hold_the_published_coulomb_friction(
 ) -> None:
     robot, rate, cutoff = load_robot(name), 500.0, 5.0
     sides, targets = [], []
-    for log in logs_of(name, PENDULUM, part):
+    for log in logs_of(name, f"{PENDULUM}#{part}"):
         time = np.arange(log.time[0], log.time[-1], 1.0 / rate)
         position = low_pass(channels(log, robot, "position", time), rate, cutoff)
         measured = channels(log, robot, "velocity", time)
@@ -102,7 +97,7 @@ def test_double_pendulum_logs_hold_the_published_coulomb_friction(
 
 
 def test_emps_log_holds_the_published_identification() -> None:
-    (log,) = logs_of("emps", DATA / "emps" / "emps_estimation.parquet")
+    (log,) = logs_of("emps", "emps/emps_estimation.parquet")
     rate = 1000.0
     position = low_pass(log.columns["slide.position"], rate, 40.0)
     velocity = np.gradient(position, log.time)
@@ -125,7 +120,7 @@ def test_emps_log_holds_the_published_identification() -> None:
     assert np.std(force - sides @ better) < 0.65 * np.std(force - side @ found)
 
 
-def rms_of_published(name: str, path: Path, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+def rms_of_published(name: str, path: str, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
     """Return rms torque errors per joint [N m] of a robot as given and as published."""
     (log,) = logs_of(name, path)
     given = load_robot(ROOT / "robots" / name / "robot.toml")
@@ -156,16 +151,12 @@ def rms_of_published(name: str, path: Path, cutoff: float) -> tuple[np.ndarray, 
 def test_the_published_robot_explains_its_log(
     name: str, path: str, cutoff: float, left: float
 ) -> None:
-    given, published = rms_of_published(name, DATA / path, cutoff)
+    given, published = rms_of_published(name, path, cutoff)
     assert np.all(published < left * given)
 
 
 def test_the_published_servo_moves_as_its_logs_say() -> None:
-    columns = ROOT / "robots" / "xl330_pendulum" / "columns.toml"
-    path = DATA / "bam_servo" / "bam.parquet"
-    if not path.exists():
-        pytest.skip(f"the recorded data '{path.name}' is not beside this repository")
-    logs = load_logs([f"{path}#xl330_kp100*"], columns)
+    logs = logs_of("xl330_pendulum", "bam_servo/bam.parquet#xl330_kp100*")
     gain = 100 * 4096 / (2 * np.pi) / (256 * 885)
     runs = [ServoRun.from_log(log, "shaft", gain, 0.005) for log in logs]
     errors = []
@@ -179,7 +170,7 @@ def test_the_published_servo_moves_as_its_logs_say() -> None:
 
 
 def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
-    (log,) = logs_of("staubli_tx40", DATA / "staubli_tx40" / "tx40.parquet")
+    (log,) = logs_of("staubli_tx40", "staubli_tx40/tx40.parquet")
     robot = load_robot("staubli_tx40")
     gears, rate = robot.transmission, 5000.0
     position = low_pass(channels(log, robot, "position", log.time), rate, 50.0)

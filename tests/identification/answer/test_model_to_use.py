@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
+from tests.outside import DATA, outside
 from wbc import load_robot
 from wbc.effects import CoulombFriction, TorqueOffset, ViscousFriction
 from wbc.identification import diagnose, rank_robots
 from wbc.measurement import Log, load_logs
 from wbc.sim.excitation import record_with
 
-DATA = Path(__file__).parents[3].parent / "shared" / "data" / "tmotor_ak80"
+ROBOT = str(DATA / "tmotor_ak80" / "robot.toml")
 LEG = load_robot("planar_leg_fixed").lossless()
 
 
 def bench(columns: str, *names: str) -> tuple[Log, ...]:
-    if not DATA.exists():
-        pytest.skip("no recorded logs of the T-Motor bench beside the repository")
-    return load_logs([DATA / f"{name}.parquet" for name in names], DATA / columns)
+    folder = outside("tmotor_ak80")
+    return load_logs([folder / f"{name}.parquet" for name in names], folder / columns)
 
 
 def test_what_is_not_believed_stays_in_the_model() -> None:
     """Gain and friction leave 1 N m less in every fold; their names had been taken out."""
-    diagnosis = diagnose(load_robot(str(DATA / "robot.toml")), bench("current.toml", "final_8"))
+    diagnosis = diagnose(load_robot(ROBOT), bench("current.toml", "final_8"))
     (output,) = diagnosis.outputs
     assert output.after < 0.4 * output.before  # the classic fit leaves 0.8 of it
     assert {"torque_constant", "rotor_coulomb_friction"} <= {e.name for e in diagnosis.effects}
 
 
 def test_a_commanded_torque_is_corrected_on_a_log_that_was_not_seen() -> None:
-    robot = load_robot(str(DATA / "robot.toml"))
+    robot = load_robot(ROBOT)
     first, second = bench("command.toml", "sysid_1", "sysid_2")
     found = diagnose(robot, [first]).robot
     plain = robot.with_effects(TorqueOffset("motor", 0.0))

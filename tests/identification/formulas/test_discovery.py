@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.identification.formulas.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
+from tests.outside import ROOT, outside
 from wbc.cli import main
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
 from wbc.errors import LogError
@@ -18,8 +19,7 @@ from wbc.identification.formulas import discover
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
 
-ROOT = Path(__file__).resolve().parents[3]
-DATA = ROOT.parent / "shared" / "data"
+PENDULUM = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"
 
 HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
     "friction that differs by direction": (
@@ -216,23 +216,16 @@ def test_the_command_line_prints_writes_and_saves(
     assert "low = " in fitted.read_text()
 
 
-def shared(*names: str) -> list[str]:
-    for name in names:
-        if not (DATA / name).exists():
-            pytest.skip(f"the recorded data '{name}' is not beside this repository")
-    return [str(DATA / name) for name in names]
-
-
 @pytest.mark.parametrize("case", ["case00", "float00"])
 def test_practice_logs_of_a_leg_that_lacks_nothing(case: str) -> None:
     runs = "abcd" if case.startswith("case") else "ab"
-    given = load_logs(shared(*(f"practice_leg/{case}{run}.csv" for run in runs)))
+    given = load_logs([outside(f"practice_leg/{case}{run}.csv") for run in runs])
     leg = load_robot("planar_leg_fixed" if case.startswith("case") else "planar_leg").lossless()
     assert discover(leg, given).outcome == "none"
 
 
 def test_practice_logs_with_hysteresis_have_no_whole_formula(robot: Robot) -> None:
-    given = load_logs(shared(*(f"practice_leg/case10{run}.csv" for run in "abcd")))
+    given = load_logs([outside(f"practice_leg/case10{run}.csv") for run in "abcd"])
     found = discover(robot, given)
     assert found.outcome in ("none", "partial")
     assert found.error.after > 0.3 * found.error.before
@@ -248,7 +241,7 @@ def part(log: Log, first: float, last: float) -> Log:
 def test_a_ball_screw_rubs_less_in_one_direction() -> None:
     """The published identification has viscous, Coulomb friction and offset; more is there."""
     columns = ROOT / "robots" / "emps" / "columns.toml"
-    (log,) = load_logs(shared("emps/emps_estimation.parquet"), columns)
+    (log,) = load_logs([outside("emps/emps_estimation.parquet")], columns)
     slide = load_robot("emps")
     published = slide.with_effects(
         ViscousFriction("slide", 203.5034),
@@ -267,9 +260,8 @@ def test_a_ball_screw_rubs_less_in_one_direction() -> None:
 
 
 def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
-    (path,) = shared("dfki_double_pendulum/double_pendulum.parquet")
     columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
-    given = load_logs([f"{path}#A.0/trajectory*"], columns)
+    given = load_logs([outside(PENDULUM)], columns)
     arm = load_robot("double_pendulum")
     found = discover(arm, given[::2])
     assert found.outcome == "partial"

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import wbc
+from tests.outside import outside
 from tests.swinging_leg import swing
 from wbc.effects import (
     CoulombFriction,
@@ -342,18 +343,13 @@ def test_names_from_files_cannot_break_out_of_the_page(
     assert "misses these logs by" in text
 
 
-PRACTICE = Path(__file__).resolve().parents[4] / "shared" / "data" / "practice_leg"
-
-
 @pytest.mark.parametrize(
     ("name", "pattern"), [("planar_leg_fixed", "case02?.csv"), ("planar_leg", "float02?.csv")]
 )
 def test_reports_of_the_practice_logs_stay_below_ten_megabytes(
     name: str, pattern: str, tmp_path: Path
 ) -> None:
-    paths = sorted(PRACTICE.glob(pattern))
-    if not paths:
-        pytest.skip(f"no practice logs in {PRACTICE}")
+    paths = sorted(outside("practice_leg").glob(pattern))
     page = write_report(tmp_path / "r.html", wbc.load_robot(name).lossless(), load_logs(paths))
     assert page.stat().st_size < 10_000_000
     text = page.read_text(encoding="utf-8")

@@ -1,0 +1,12 @@
+"""The leg that most effects are tried on."""
+
+from __future__ import annotations
+
+import pytest
+
+from wbc import Robot, load_robot
+
+
+@pytest.fixture(scope="session")
+def leg() -> Robot:
+    return load_robot("planar_leg_fixed").lossless()
