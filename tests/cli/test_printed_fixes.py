@@ -1,16 +1,11 @@
-"""Every way out that a message prints with an option, a command or a line of TOML is walked.
-
-The messages are read from the sources: a new one that prints such a way out fails here until a
-case walks it. `FIXES` holds a command that is refused, and the same command as the message asks.
-"""
+"""Ways out that a message prints with an option, a command or a line of TOML are walked."""
 
 from __future__ import annotations
 
-import ast
 import json
 import re
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -254,119 +249,6 @@ FIXES: list[tuple[str, str, str]] = [
         f"diagnose {DIAGNOSE} --fleet two.csv --out f.parquet",
     ),
 ]
-# Words of a message, and the test that walks its way out.
-ELSEWHERE = {
-    "or write schema = {}": "a_saved_robot_holds_its_version_and_a_newer_one_is_refused",
-    "No design can be judged: each has a goal that": "a_front_without_designs_says_why",
-    "no log was given; name them, or a list with": "a_printed_option_lets_the_command_run",
-    "name the table, --out fleet.parquet.": "a_printed_option_lets_the_command_run",
-    "considers all (wbc list effects).": "the_lists_that_messages_name_are_there",
-    "(`wbc list robots`)": "the_lists_that_messages_name_are_there",
-    "choose another folder with --out.": "a_printed_option_lets_the_command_run",
-    "write it with --html FILE.": "a_designed_motion_is_played_as_it_says",
-    "its friction has no level": "a_self_locking_gear_is_refused",
-    "see it: wbc play": "a_designed_motion_is_played_as_it_says",
-    "for a step of 10 cm: --ground": "a_printed_option_lets_the_command_run",
-    "--workers 0: give a number": "a_printed_option_lets_the_command_run",
-    "nothing limits how fast the robot moves": "a_printed_option_lets_the_command_run",
-    "--noise: the motors have no torque_limit": "a_printed_option_lets_the_command_run",
-    "or name a frame: --contact": "a_printed_option_lets_the_command_run",
-    "Let `wbc init MODEL": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
-    "next: wbc check": "the_commands_that_a_newcomer_is_told_lead_to_a_better_robot",
-    "from wbc import save_robot": "in_python_the_way_out_is_a_line_of_python",
-    "`wbc list effects` explains": "the_lists_that_messages_name_are_there",
-    "or give --index FILE.csv": "a_printed_option_lets_the_command_run",
-    "holds several logs; name one with #NAME.": "a_printed_option_lets_the_command_run",
-    "about one cause or more; give --between.": "an_experiment_without_a_cause_wants_one",
-    "--json and --out hold all": "all_rows_of_a_study_are_where_the_table_says",
-    'says base = "fixed"': "a_robot_whose_base_moves_is_held_by_one_line",
-    "set NUMBA_CACHE_DIR": "without_a_folder_functions_are_compiled_with_one_warning",
-    "{} in a column map (--columns MAP.toml):": "every_place_that_prints_a_map_is_tried_here",
-    'source = "data sheet" }': "every_place_that_prints_lines_of_a_gear_is_tried_here",
-    "put the number in place of VALUE": "every_place_that_prints_lines_of_a_gear_is_tried_here",
-    "give it with --columns": "a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it",
-    "Why: the same command without --quiet.": "more_is_printed_where_a_line_says_so",
-    "(printed without --quiet).": "more_is_printed_where_a_line_says_so",
-    "and {} more (--verbose)": "the_answer_comes_first_and_fits_a_screen",
-    'source = "the driver takes it out" }': "gravity_that_is_another_is_named_and_the_printed_line"
-    "_mends_the_robot",
-    'source = "hangs upside down" }': "gravity_that_is_another_is_named_and_the_printed_line"
-    "_mends_the_robot",
-    "(--verbose, --json and --report have all)": "the_answer_comes_first_and_fits_a_screen",
-}
-# No way out: the name of an option before what is wrong with its value, or what wrote a file.
-NO_WAY_OUT = (
-    # lines of the robot.toml that `wbc init` writes
-    '{} = { value = {}, unit = "{}"',
-    'name = "{}"',
-    'model = "{}"',
-    'base = "{}"',
-    "lock = [{}]",
-    '[gears."{}"]',
-    "what --{} writes",
-    "no Dask scheduler there",
-    "is no run; at least two ticks",
-    "taken for a joint without a drive",
-    "writes nothing",
-    "--figures '{}'",
-    "--{} '{}'",
-)
-_SHOWS = re.compile(
-    r"\bwbc [a-z]+ \S|--[a-z{]|\w = [{\"\[]|\block = |\w\.\S+ = |\[gears|\w = false"
-)
-_OPTION = re.compile(r"--([a-z-]+|{})(=\S+)?")
-_FILES_OF_OTHER_PROGRAMS = ("browser.py", "provenance.py", "isaac.py")
-_HELP = "options.py"  # the help of the command line
-
-
-def templates(tree: ast.Module) -> Iterator[str]:
-    """Return all texts of a file but docstrings and the help of the command line; {} for values."""
-    skipped: set[int] = set()
-    for node in ast.walk(tree):
-        name = getattr(node.func, "attr", "") if isinstance(node, ast.Call) else ""
-        if name in ("add_argument", "add_parser"):
-            skipped |= {id(part) for part in ast.walk(node)}
-        body = getattr(node, "body", None)
-        for line in body if isinstance(body, list) else []:
-            if isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant):
-                skipped.add(id(line.value))
-            target = line.targets[0] if isinstance(line, ast.Assign) else None
-            if isinstance(target, ast.Name) and target.id in ("_EPILOG", "EPILOG", "_EXAMPLES"):
-                skipped |= {id(part) for part in ast.walk(line)}
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        if id(node) in skipped:
-            continue
-        parts = list(ast.iter_child_nodes(node))
-        if isinstance(node, ast.JoinedStr):
-            yield "".join(str(p.value) if isinstance(p, ast.Constant) else "{}" for p in parts)
-            parts = [part for part in parts if not isinstance(part, ast.Constant)]
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value
-        waiting += parts
-
-
-def printed_ways_out() -> list[str]:
-    return [
-        text
-        for path in sorted((ROOT / "wbc").rglob("*.py"))
-        if path.name not in (*_FILES_OF_OTHER_PROGRAMS, _HELP)
-        for text in templates(ast.parse(path.read_text(encoding="utf-8")))
-        if _SHOWS.search(text) and not _OPTION.fullmatch(text)
-        if not text.startswith(("example: ", "example:\n", "examples:\n"))
-    ]
-
-
-def test_every_printed_way_out_is_walked() -> None:
-    known = [words for words, *_ in FIXES] + list(ELSEWHERE) + list(NO_WAY_OUT)
-    printed = printed_ways_out()
-    assert [text for text in printed if not any(words in text for words in known)] == []
-    assert [words for words in known if not any(words in text for text in printed)] == []
-    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
-    assert [name for name in ELSEWHERE.values() if f"def test_{name}(" not in tests] == []
-
-
 _MAPS = {
     "columns_wrong": "columns = 1",
     "columns_right": 'columns."hip.position" = "q1"',

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +17,10 @@ from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
 from wbc.measurement import Log, check_log, load_logs, read_logs
-from wbc.measurement import findings as mend
 from wbc.measurement import mistakes as suspicions
 from wbc.measurement.guess import guess_names
 
 ROOT = Path(__file__).resolve().parents[2]
-BAGS = ("wbc/measurement/tables.py", "_topic")
 RATIOS = {"hip": 20.0, "knee": 20.0}
 Columns = dict[str, np.ndarray]
 
@@ -316,39 +311,3 @@ def test_a_printed_map_makes_a_file_readable(name: str, tmp_path: Path) -> None:
     (log,) = read_logs([f"{path}{part}"], tmp_path / "map.toml")
     first = {"headless": 0.5, "two logs": 3.0, "two topics": 0.0}[name]
     assert log.column("hip.position")[0] == first
-
-
-def test_every_place_that_prints_a_map_is_tried_here(
-    right: Columns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    places = set()
-    for path in (ROOT / "wbc").rglob("*.py"):
-        for function in ast.walk(ast.parse(path.read_text())):
-            if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
-                called = [c.func for c in ast.walk(function) if isinstance(c, ast.Call)]
-                if any(isinstance(f, ast.Name) and f.id == "say_so" for f in called):
-                    places.add((path.relative_to(ROOT).as_posix(), function.name))
-    tried = set()
-
-    def noted(*arguments: Any) -> str:
-        code = sys._getframe(1).f_code
-        tried.add((Path(code.co_filename).relative_to(ROOT).as_posix(), code.co_name))
-        return said(*arguments)
-
-    said = mend.say_so
-    for module in [m for name, m in sys.modules.items() if name.startswith("wbc")]:
-        if getattr(module, "say_so", None) is said:
-            monkeypatch.setattr(module, "say_so", noted)
-    for k, case in enumerate(CASES.values()):
-        case.said(write(case.change(right), tmp_path / f"run{k}.csv"))
-    without_bags = find_spec("rosbags") is None
-    for name in [name for name in FILES if name != "two topics" or not without_bags]:
-        (tmp_path / name).mkdir()
-        FILES[name](tmp_path / name)
-    assert places - tried == ({BAGS} if without_bags else set())
-
-
-def test_maps_are_printed_in_one_way() -> None:
-    """So that nothing that `printed_maps` does not see is offered as a map to copy."""
-    said = [p.name for p in (ROOT / "wbc").rglob("*.py") if "MAP.toml)" in p.read_text()]
-    assert sorted(said) == ["findings.py", "robot_checks.py"]

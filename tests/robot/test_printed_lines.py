@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,6 @@ from wbc.identification.servo.servo_models import ServoModels
 from wbc.measurement import Log, check_log, rotor_torques
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
-from wbc.robot.loading import description
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
 
@@ -160,26 +156,6 @@ def test_printed_lines_mend_the_description(name: str, tmp_path: Path) -> None:
         if not message:
             return
     raise AssertionError(message)
-
-
-def test_every_place_that_prints_lines_of_a_gear_is_tried_here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def noted(*arguments: Any) -> str:
-        tried.add(Path(sys._getframe(1).f_code.co_filename).relative_to(ROOT).as_posix())
-        return said(*arguments)
-
-    places, tried, said = set(), set(), description.state_gear
-    for path in (ROOT / "wbc").rglob("*.py"):
-        calls = [n.func for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]
-        if any(isinstance(f, ast.Name) and f.id == "state_gear" for f in calls):
-            places.add(path.relative_to(ROOT).as_posix())
-    for module in [m for name, m in sys.modules.items() if name.startswith("wbc")]:
-        if getattr(module, "state_gear", None) is said:
-            monkeypatch.setattr(module, "state_gear", noted)
-    for rest, action in CASES.values():
-        refusal(action, load(HEAD + rest, tmp_path))
-    assert places == tried
 
 
 def test_a_robot_says_in_a_line_what_it_is() -> None:
