@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -72,9 +73,10 @@ class Rubbing:
 NOTHING = Rubbing()
 
 
+@cache  # several tests follow the same logs
 def _log(
-    stiffness: np.ndarray,
-    damping: np.ndarray,
+    stiffness: tuple[float, float],
+    damping: tuple[float, float],
     foot: float,
     seed: int,
     at_link: Rubbing = NOTHING,
@@ -83,14 +85,14 @@ def _log(
     wound: tuple[float, float] = (0.02, 0.01),
     play: tuple[float, float] = (0.0, 0.0),
 ) -> Log:
-    random = np.random.default_rng(seed)
+    random, k, c = np.random.default_rng(seed), np.array(stiffness), np.array(damping)
     phase = random.uniform(0.0, 2.0 * np.pi, FREQUENCY.shape)
 
     def held(t: float, state: np.ndarray) -> np.ndarray:
         position, velocity, _ = _motors(t, phase)[..., 0]
         lag = position - state[:2]
         wind = lag - np.clip(lag, -0.5 * np.array(play), 0.5 * np.array(play))
-        push = stiffness * wind + (wind != 0.0) * damping * (velocity - state[2:])
+        push = k * wind + (wind != 0.0) * c * (velocity - state[2:])
         # A flank pushes and does not pull: where its damping would, it lets go. A spring does both.
         lets_go = (np.array(play) > 0.0) & (push * wind < 0.0)
         return np.where(lets_go, 0.0, push)
@@ -147,7 +149,7 @@ def _log(
 def test_two_soft_gears_are_told_apart(
     springs: tuple[tuple[float, float], ...], foot: float, begun: tuple[Effect, ...]
 ) -> None:
-    stiffness, damping = np.array(springs).T
+    stiffness, damping = zip(*springs, strict=True)
     logs = [_log(stiffness, damping, foot, seed) for seed in (3, 4)]
     problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
     fit = problem.fit(begun)
@@ -161,7 +163,7 @@ def test_two_soft_gears_are_told_apart(
 
 def test_noise_is_not_taken_for_a_damped_swing() -> None:
     """The knee swings at 19 Hz; encoders this noisy leave a band of 4 Hz to the residual."""
-    stiffness, damping = np.array([2e6, 1500.0]), np.array([2e3, 1.0])
+    stiffness, damping = (2e6, 1500.0), (2e3, 1.0)
     recorded = {"noise": (1e-4, 2e-2, 2e-3), "wound": (0.0, 0.001)}
     logs = [_log(stiffness, damping, 0.0, seed, **recorded) for seed in (1, 2, 3)]
     problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
@@ -173,7 +175,7 @@ def test_noise_is_not_taken_for_a_damped_swing() -> None:
 
 def test_two_soft_gears_are_named_together() -> None:
     springs = ((600.0, 2.0), (400.0, 1.5))
-    stiffness, damping = np.array(springs).T
+    stiffness, damping = zip(*springs, strict=True)
     logs = [_log(stiffness, damping, 0.0, seed) for seed in (3, 4)]
     found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
     assert found.verdict == "named"
@@ -189,7 +191,7 @@ def test_two_soft_gears_are_named_together() -> None:
             assert abs(estimate.value - true) < 2 * width
 
 
-SOFT_KNEE = np.array([1e6, 400.0]), np.array([800.0, 1.0])
+SOFT_KNEE = (1e6, 400.0), (800.0, 1.0)
 
 
 @pytest.mark.parametrize("side", ["link", "motor"])
@@ -243,7 +245,7 @@ def test_friction_of_a_soft_link_follows_the_links_speed(rubs: Rubbing, begun: E
 
 
 def test_friction_of_two_soft_links_follows_both() -> None:
-    stiffness, damping = np.array([800.0, 300.0]), np.array([5.0, 1.5])
+    stiffness, damping = (800.0, 300.0), (5.0, 1.5)
     rubs = Rubbing(dry=(0.8, 0.4))
     logs = [_log(stiffness, damping, 0.0, seed, rubs) for seed in (3, 4)]
     problem = EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
@@ -263,7 +265,7 @@ TOGETHER = [
 
 
 def _struck_logs(springs: tuple[tuple[float, float], ...], play: tuple[float, float]) -> list[Log]:
-    stiffness, damping = np.array(springs).T
+    stiffness, damping = zip(*springs, strict=True)
     return [_log(stiffness, damping, 0.0, s, wound=(0.004, 0.004), play=play) for s in (5, 6)]
 
 
