@@ -9,6 +9,7 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
+from tests.effects.test_frozen_effects import LAWS
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import JointEffect, effect_class
@@ -22,19 +23,7 @@ from wbc.effects.tables import (
 )
 from wbc.robot import Effect, Memory, Motion, Parameter, Robot
 
-MANY: dict[str, tuple[float, ...]] = {
-    "viscous_friction": (0.04,),
-    "directional_viscous_friction": (0.05, 0.02),
-    "coulomb_friction": (0.08,),
-    "stribeck_friction": (0.06, 0.2),
-    "quadratic_drag": (0.01,),
-    "joint_spring": (0.5, 0.2),
-    "torque_ripple": (0.05, 7.0, 0.3),
-    "torque_constant": (1.07,),
-    "torque_offset": (-0.03,),
-    "current_limit": (1.9,),
-    "load_stribeck_friction": (0.1, 0.3),
-}
+MANY = {**LAWS, "load_stribeck_friction": (0.1, 0.3)}
 
 
 def with_kinds(robot: Robot, *kinds: str) -> Robot:
