@@ -13,22 +13,25 @@ from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
 from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
-LOGS = record_with(LEG, [CoulombFriction("hip", 0.7)], duration=3.0)
 KEY = ("coulomb_friction", "hip")
 
 
-@final
+@pytest.fixture(scope="module")
+def logs() -> tuple[Log, ...]:
+    return record_with(LEG, [CoulombFriction("hip", 0.7)], duration=3.0)
+
+
 @dataclass(frozen=True)
-class Broken(Effect):
-    """An effect with an error in it."""
+class Bad(Effect):
+    """An effect at the whole robot that says nothing."""
 
     size: float
 
-    name: ClassVar[str] = "broken"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
     explanation: ClassVar[str] = "None."
     experiment: ClassVar[str] = "None."
@@ -36,6 +39,14 @@ class Broken(Effect):
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
         return ("robot",)
+
+
+@final
+@dataclass(frozen=True)
+class Broken(Bad):
+    """An effect with an error in it."""
+
+    name: ClassVar[str] = "broken"
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         raise ZeroDivisionError("no torque")
@@ -43,34 +54,27 @@ class Broken(Effect):
 
 @final
 @dataclass(frozen=True)
-class Boundless(Effect):
+class Boundless(Bad):
     """An effect whose torque is no number once it has a size."""
 
-    size: float
-
     name: ClassVar[str] = "boundless"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
-    explanation: ClassVar[str] = "None."
-    experiment: ClassVar[str] = "None."
-
-    @classmethod
-    def places(cls, robot: Robot) -> tuple[str, ...]:
-        return ("robot",)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         return np.full(motion.velocity.shape, np.nan if self.size else 0.0)
 
 
 @pytest.mark.parametrize("bad", [Broken, Boundless])
-def test_an_effect_that_fails_is_left_out_and_named(bad: type[Effect]) -> None:
-    diagnosis = diagnose(LEG, LOGS, [bad, CoulombFriction, ViscousFriction])
+def test_an_effect_that_fails_is_left_out_and_named(
+    bad: type[Effect], logs: tuple[Log, ...]
+) -> None:
+    diagnosis = diagnose(LEG, logs, [bad, CoulombFriction, ViscousFriction])
     assert [e.key for e in diagnosis.effects] == [KEY]
     if bad is Broken:
         assert any("broken: ZeroDivisionError: no torque" in text for text in diagnosis.warnings)
 
 
-def test_a_search_without_time_says_so() -> None:
-    diagnosis = diagnose(LEG, LOGS, budget=0.0)
+def test_a_search_without_time_says_so(logs: tuple[Log, ...]) -> None:
+    diagnosis = diagnose(LEG, logs, budget=0.0)
     assert not any(finding.probability > 0.5 for finding in diagnosis.findings)
     assert diagnosis.error.after < 0.1 * diagnosis.error.before  # the plain fits, at least
     assert any("best answer so far" in text for text in diagnosis.warnings)
@@ -94,7 +98,7 @@ def test_time_that_ends_after_the_search_loses_nothing(monkeypatch: pytest.Monke
     assert {e.key for e in diagnosis.effects} == {e.key for e in hidden}
 
 
-def test_an_interrupted_search_keeps_what_it_found() -> None:
+def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> None:
     def interrupt(line: str) -> None:
         if line.startswith("+ coulomb_friction"):
             interrupted.append(line)
@@ -102,6 +106,6 @@ def test_an_interrupted_search_keeps_what_it_found() -> None:
             raise KeyboardInterrupt
 
     interrupted: list[str] = []
-    diagnosis = diagnose(LEG, LOGS, progress=interrupt)
+    diagnosis = diagnose(LEG, logs, progress=interrupt)
     assert [e.key for e in diagnosis.effects] == [KEY]
     assert any("interrupted" in text for text in diagnosis.warnings)
