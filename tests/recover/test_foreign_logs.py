@@ -56,7 +56,7 @@ def test_a_sound_arm_lacks_nothing() -> None:
 
 def test_wind_on_a_link_is_not_named_by_small_causes() -> None:
     """It looks like a tilt; two springs and a friction below the noise made up for the rest."""
-    folder = case("24_kinova_outside_wind")
+    folder = outside("foreign/24_kinova_outside_wind")
     robot = load_robot(str(folder / "robot.toml"))
     found = diagnose(robot, runs_of(folder, "run1 run2 run3"))
     certain = {f.effect.name for f in found.findings if f.support.group_probability >= CERTAIN}
