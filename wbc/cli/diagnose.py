@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -31,6 +32,7 @@ _Intervals = Mapping[tuple[str, str, str], tuple[float, float]]
 
 def run(options: argparse.Namespace, console: Console) -> int:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
+    begun = time.monotonic()
     if options.fleet:
         return fleet.run(options, console)
     shown = table_console(options, console)
@@ -40,7 +42,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
     candidates = _candidates(options.add)
     logs = logs_from(options, robot)
     with working(shown, "diagnosing") as progress:
-        diagnosis = diagnose(robot, logs, candidates, progress, options.budget)
+        left = begun + options.budget - time.monotonic()
+        diagnosis = diagnose(robot, logs, candidates, progress, left)
     diagnosis = _with_guesses(diagnosis, options.robot)
     if options.save and not options.discover:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.

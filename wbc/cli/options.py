@@ -67,7 +67,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--add": _option("auto|NAME,...", "effects to consider (default auto)", default="auto"),
     "--budget": _option(
         "SECONDS",
-        "end the search after this time with the best answer so far (as Ctrl-C does)",
+        "answer within this time with the best so far (as Ctrl-C does at once)",
         type=float,
         default=inf,
     ),

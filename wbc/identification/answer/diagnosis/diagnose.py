@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
 from wbc.effects import EFFECTS
 from wbc.identification.answer.attainable import Attainable
+from wbc.identification.answer.diagnosis.believed import Answer
 from wbc.identification.answer.diagnosis.correlation import correlation_of
 from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
 from wbc.identification.answer.diagnosis.findings import describe_findings
@@ -23,7 +25,12 @@ from wbc.identification.answer.diagnosis.verdict import (
 )
 from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
-from wbc.identification.choice.search.find_causes import SearchResult, find_causes, look_closer
+from wbc.identification.choice.search.find_causes import (
+    INTERRUPTED,
+    SearchResult,
+    find_causes,
+    look_closer,
+)
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.log_warnings import still_joints, without_copies
@@ -35,6 +42,8 @@ from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
+_SEARCH = 0.8  # of the time that is given
+_LAST = 1.0  # [s] for what the answer still needs once the time is over
 _STILL = (
     "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "
     "it moving back and forth, slowly and fast."
@@ -65,8 +74,9 @@ def diagnose(
 ) -> Diagnosis:
     """Return which physical effects `robot` lacks, according to `logs`.
 
-    When its time is over, or at Ctrl-C, the answer is the best so far, and a warning says so. An
-    effect that raises an error is left out, and a warning says so.
+    When its time is over, or at Ctrl-C, the answer is the best so far, and a warning says so: it
+    is made of what is known then, and of what the next second tells. An effect that raises an
+    error is left out, and a warning says so.
 
     Args:
         robot: the robot that the user believes in.
@@ -74,13 +84,13 @@ def diagnose(
             floor.
         candidates: effect classes to consider; default all.
         progress: called with a line of text as the work proceeds.
-        budget: time for the search [s].
+        budget: time [s] for all of it. A fifth of it is kept for the answer.
 
     Raises:
         IdentificationError: logs that cannot be compared with this robot, or too short ones.
         LogError: a channel is missing.
     """
-    until = time.monotonic() + budget
+    begun = time.monotonic()
     different, warnings = without_copies(logs)
     problem = EstimationProblem.from_logs(robot, different)
     still = still_joints(problem.records)
@@ -95,13 +105,12 @@ def diagnose(
     # of the motion: on a recorded pendulum a soft gear that its other logs contradict was certain.
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves or all_silent else tuple(wanted)
-    found = find_causes(problem, classes, progress, until)
+    found = find_causes(problem, classes, progress, begun + _SEARCH * budget)
     found = look_closer(found, different, classes, progress)
+    answer, found = _answered(found, classes, begun + budget)
     warnings += _about_the_search(found)
     trials = found.trials
-    trials.until = inf  # the search is over: what the answer still needs is fitted
     problem, first = trials.problem, trials.nothing
-    answer = model_to_use(found, classes)
     final, odds, support = answer.hypothesis, answer.odds, answer.support
     verdict = verdict_of(problem, first, final, list(support.values()), answer.more)
     fit = trials.fit(final)
@@ -134,6 +143,27 @@ def diagnose(
         sources=tuple(log.source for log in logs),
         silent=problem.silent,
     )
+
+
+def _answered(
+    found: SearchResult, classes: Sequence[type[Effect]], ends: float
+) -> tuple[Answer, SearchResult]:
+    """Return the answer, made of what is known when the time ends or at Ctrl-C.
+
+    Args:
+        found: the search.
+        classes: effects that may be used.
+        ends: time [s] of the monotonic clock at which no more hypotheses are fitted.
+    """
+    trials, soon = found.trials, time.monotonic() + _LAST
+    trials.until = inf  # the search is over
+    trials.ends = soon if found.stopped == INTERRUPTED else max(ends, soon)
+    try:
+        return model_to_use(found, classes), found
+    except KeyboardInterrupt:
+        trials.ends = time.monotonic() + _LAST
+        found = replace(found, stopped=INTERRUPTED)
+        return model_to_use(found, classes), found
 
 
 def about_silent(joints: Sequence[str], *, every: bool = False) -> list[str]:

@@ -19,6 +19,8 @@ from wbc.identification.records.preparation import REVERSAL
 from wbc.measurement import Log
 from wbc.robot import Effect
 
+INTERRUPTED, _OVER = "it was interrupted", "its time was over"
+
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
@@ -65,11 +67,11 @@ def find_causes(
     try:
         final = _best_end(direct, tuple(kind for kind in classes if deflects(kind)))
     except OutOfTime:
-        stopped = "its time was over"
+        stopped = _OVER
     except KeyboardInterrupt:
-        stopped = "it was interrupted"
+        stopped = INTERRUPTED
     if stopped:
-        trials.until = inf  # what the answer still needs is fitted
+        trials.until = inf  # what the answer still needs is fitted while there is time
         final = best_of(direct, direct.path)
     return SearchResult(trials, tuple(direct.path), final, stopped)
 
@@ -171,9 +173,9 @@ def look_closer(
         near = found.trials.problem.nearer(logs, _CLOSER * REVERSAL)
         return _closer(found, near, classes, report)
     except OutOfTime:
-        return replace(found, stopped="its time was over")
+        return replace(found, stopped=_OVER)
     except KeyboardInterrupt:
-        return replace(found, stopped="it was interrupted")
+        return replace(found, stopped=INTERRUPTED)
 
 
 def _closer(

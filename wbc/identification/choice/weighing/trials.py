@@ -36,7 +36,9 @@ class Trials:
 
     Attributes:
         problem: the logs.
-        until: time [s] of the monotonic clock at which no more hypotheses are fitted.
+        until: time [s] of the monotonic clock at which the search ends.
+        ends: time from which on no more hypotheses are fitted: one that is not known by then stays
+            unknown, and the answer is made of the others.
         impossible: how many trials no robot can have.
         failures: how many trials ended with each error, in words: numbers that are not finite,
             or an error inside an effect.
@@ -44,6 +46,7 @@ class Trials:
 
     problem: EstimationProblem
     until: float = np.inf
+    ends: float = np.inf
     impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     _begun: set[tuple[Effect, ...]] = field(default_factory=set)
@@ -71,14 +74,25 @@ class Trials:
         """Return the hypothesis fitted from these starts, None where that is impossible.
 
         Raises:
-            OutOfTime: it is not known yet, and the time is over.
+            OutOfTime: it is not known yet, and the search must end.
         """
         start = tuple(effects)
         if start not in self._known:
-            if time.monotonic() > self.until:
-                raise OutOfTime
+            if self._late():
+                return None
             self._known[start] = self._fitted(start, ITERATIONS)
         return self._known[start]
+
+    def _late(self) -> bool:
+        """Whether there is no time left for one more fit.
+
+        Raises:
+            OutOfTime: the search must end.
+        """
+        now = time.monotonic()
+        if now > self.until:
+            raise OutOfTime
+        return now > self.ends
 
     def _fitted(self, start: tuple[Effect, ...], iterations: int) -> Hypothesis | None:
         try:
@@ -112,8 +126,8 @@ class Trials:
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
         if start in self._known or h.swings or some_deflect(start):
             return self.of(start)
-        if time.monotonic() > self.until:
-            raise OutOfTime
+        if self._late():
+            return None
         begun = self._fitted(start, 1)
         own, other = (0.0, 0.0) if begun is None else weigh(self.problem, [h, begun])
         if begun is None or other < own - _HOPELESS:
