@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.identification.choice.search.gears import best_gears
+from wbc.identification.choice.gears import best_gears
 from wbc.links import Deflections, LinkFriction, LinkResponse, deflections
 from wbc.transmission import Flanks
 

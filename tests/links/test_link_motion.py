@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfiltfilt
 
-from wbc.identification.choice.search.gears import best_gears
+from wbc.identification.choice.gears import best_gears
 from wbc.links import LinkResponse, deflections
 from wbc.transmission import Flanks
 

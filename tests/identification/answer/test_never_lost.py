@@ -15,7 +15,7 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
-from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.identification.choice.find_causes import SearchResult
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
@@ -114,10 +114,12 @@ def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> Non
     assert any("interrupted" in text for text in diagnosis.warnings)
 
 
-def test_after_the_end_nothing_more_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_the_end_nothing_more_is_fitted(
+    logs: tuple[Log, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The plain fits were made after the time that was given, however long they took."""
     monkeypatch.setattr(answering, "_LAST", -1.0)
-    diagnosis = diagnose(LEG, LOGS, budget=0.0)
+    diagnosis = diagnose(LEG, logs, budget=0.0)
     assert diagnosis.effects == ()
     assert any("its time was over" in text for text in diagnosis.warnings)
 

@@ -21,10 +21,10 @@ from wbc.effects import (
 from wbc.identification.answer.attainable import attainable
 from wbc.identification.answer.diagnosis import believed as believed_module
 from wbc.identification.answer.diagnosis.believed import believed
-from wbc.identification.choice.search import search as search_module
-from wbc.identification.choice.search.find_causes import SearchResult
-from wbc.identification.choice.search.proposals import Proposer
-from wbc.identification.choice.search.search import Search
+from wbc.identification.choice import search as search_module
+from wbc.identification.choice.find_causes import SearchResult
+from wbc.identification.choice.proposals import Proposer
+from wbc.identification.choice.search import Search
 from wbc.identification.choice.weighing.certainty import (
     BELIEVED,
     Support,

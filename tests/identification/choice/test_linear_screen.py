@@ -12,7 +12,7 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.choice.screening.linear_screen import LinearScreen, screen
+from wbc.identification.choice.linear_screen import LinearScreen, screen
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.sim.excitation import record_with
 

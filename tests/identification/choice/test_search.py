@@ -20,10 +20,10 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.choice.screening.linear_screen import screen
-from wbc.identification.choice.search import moves, proposals
-from wbc.identification.choice.search.proposals import Proposer
-from wbc.identification.choice.search.search import Search
+from wbc.identification.choice import moves, proposals
+from wbc.identification.choice.linear_screen import screen
+from wbc.identification.choice.proposals import Proposer
+from wbc.identification.choice.search import Search
 from wbc.identification.choice.weighing.drop_screen import exchanged, losses
 from wbc.identification.choice.weighing.evidence import log_densities, weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, without

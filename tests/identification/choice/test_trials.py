@@ -10,7 +10,7 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, TorqueOffset, ViscousFriction, load_robot
 from wbc.identification.answer.diagnosis import believed as believed_module
-from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.weighing.certainty import Support, support_of
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key

@@ -14,11 +14,11 @@ from wbc.effects import (
     TransmissionEfficiency,
     load_robot,
 )
-from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
-from wbc.identification.model.columns.added_torque import ADDS, added_torque, condensed
-from wbc.identification.model.columns.sparse_columns import SparseColumns
+from wbc.identification.choice.candidate_columns import evidence, make_regressors
+from wbc.identification.model.added_torque import ADDS, added_torque, condensed
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 

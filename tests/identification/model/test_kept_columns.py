@@ -23,9 +23,9 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.model.columns.kept_columns import KeptColumns
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.kept_columns import KeptColumns
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
 

@@ -20,12 +20,12 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.choice.screening import candidate_columns
-from wbc.identification.choice.screening.candidate_columns import evidence, make_regressors
+from wbc.identification.choice import candidate_columns
+from wbc.identification.choice.candidate_columns import evidence, make_regressors
 from wbc.identification.model import derivatives as differences
-from wbc.identification.model.columns.kept_columns import KeptColumns
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.kept_columns import KeptColumns
 from wbc.robot import Effect, Motion, Robot
 from wbc.sim.excitation import record_with
 

@@ -13,7 +13,7 @@ from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFri
 from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.choice.screening.design_matrix import DesignMatrix
+from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.filters import steady_level, white_level

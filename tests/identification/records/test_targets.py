@@ -16,7 +16,7 @@ from wbc.cli import main
 from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.choice.screening.candidate_columns import evidence
+from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, check_robot, rotor_torques, save_log
 from wbc.robot import Evidence, Motion, Robot, robots_directory

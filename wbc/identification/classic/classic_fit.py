@@ -11,9 +11,9 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.classic.base_parameters import base_columns, combination, link_names
-from wbc.identification.model.columns.inertial_columns import inertial_columns
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.inertial_columns import inertial_columns
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.outputs import output_names

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel, Estimate
 from wbc.identification.answer.remainder import describe, remainders
-from wbc.identification.choice.screening.candidate_columns import evidence
+from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import hypothesis_of

@@ -9,12 +9,12 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.columns.inertial_columns import (
+from wbc.identification.model.inertial_columns import (
     inertial_columns,
     only_inertial,
     parameter_changes,
 )
-from wbc.identification.model.columns.kept_columns import (
+from wbc.identification.model.kept_columns import (
     IMPOSSIBLE,
     STEP,
     KeptColumns,
@@ -22,8 +22,6 @@ from wbc.identification.model.columns.kept_columns import (
     keeps_motion,
     lossy_gears,
 )
-from wbc.identification.model.columns.own_gear import outputs_of, own_gear
-from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.link_friction import rubbing_at_link
 from wbc.identification.model.link_motion import LinkSwing
 from wbc.identification.model.residual import (
@@ -33,6 +31,7 @@ from wbc.identification.model.residual import (
     drive_slopes,
     swing_of,
 )
+from wbc.identification.model.sparse_columns import SparseColumns, outputs_of, own_gear
 from wbc.identification.model.yielding import deflects, loose
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Motion, Parameter, Robot

@@ -16,12 +16,12 @@ from wbc.identification.drive_times import (
     prepared_with_times,
 )
 from wbc.identification.log_warnings import moving_bases, unmeasured_forces
-from wbc.identification.model.columns.kept_columns import KeptColumns
 from wbc.identification.model.distorted import DISTORTED, alike_shifts
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
 from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.intervals import TAIL
+from wbc.identification.model.kept_columns import KeptColumns
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,

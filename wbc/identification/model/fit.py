@@ -10,7 +10,6 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE, KeptColumns, Slots
 from wbc.identification.model.derivatives import (
     Evaluation,
     derivatives,
@@ -18,6 +17,7 @@ from wbc.identification.model.derivatives import (
     with_changes,
 )
 from wbc.identification.model.information import scaled
+from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns, Slots
 from wbc.identification.model.usual import UsualRows
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.identification.records.folds import rows_of_folds

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.model.columns.kept_columns import STEP
+from wbc.identification.model.kept_columns import STEP
 from wbc.identification.records.folds import rows_of_folds
 from wbc.robot import Effect, Parameter
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.numbers import with_unit
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import TAIL, WIDER
+from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.records.noise.synthetic_noise import synthetic_noise
 from wbc.identification.records.record import Record
 from wbc.robot import Effect

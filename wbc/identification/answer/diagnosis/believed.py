@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from wbc.identification.answer.attainable import Attainable, attainable
-from wbc.identification.choice.search.find_causes import SearchResult
+from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.weighing.certainty import (
     BELIEVED,
     Support,

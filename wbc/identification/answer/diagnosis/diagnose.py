@@ -25,7 +25,7 @@ from wbc.identification.answer.diagnosis.verdict import (
 )
 from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.answer.series import series_of
-from wbc.identification.choice.search.find_causes import (
+from wbc.identification.choice.find_causes import (
     INTERRUPTED,
     SearchResult,
     find_causes,

@@ -9,8 +9,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.diagnosis.believed import Answer, believed, judged
+from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_models
-from wbc.identification.choice.search.find_causes import SearchResult
 from wbc.identification.choice.weighing.certainty import EVEN
 from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.hypothesis import Hypothesis

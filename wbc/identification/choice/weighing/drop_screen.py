@@ -11,9 +11,9 @@ from wbc.arrays import FloatArray
 from wbc.identification.choice.weighing.evidence import log_densities
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means, without
 from wbc.identification.choice.weighing.prior import asked
-from wbc.identification.model.columns.sparse_columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.robot import Effect, Robot
 
 

@@ -13,9 +13,9 @@ from wbc.errors import IdentificationError
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
 from wbc.identification.choice.weighing.prior import asked, implausible
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import ITERATIONS, Fit
+from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.yielding import some_deflect
 from wbc.robot import Effect
 

@@ -12,16 +12,14 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.errors import DynamicsError, EffectError, RobotError, TransmissionError
-from wbc.identification.model.columns.added_torque import (
+from wbc.identification.model.added_torque import (
     ADDS,
     AddedTorque,
     added_torque,
     condensed,
 )
-from wbc.identification.model.columns.inertial_columns import inertial_columns, only_inertial
-from wbc.identification.model.columns.kept_columns import keeps_motion, lossy_gears
-from wbc.identification.model.columns.own_gear import outputs_of, own_gear
-from wbc.identification.model.columns.sparse_columns import SparseColumns
+from wbc.identification.model.inertial_columns import inertial_columns, only_inertial
+from wbc.identification.model.kept_columns import keeps_motion, lossy_gears
 from wbc.identification.model.residual import (
     Asked,
     asked_of_gears,
@@ -29,6 +27,7 @@ from wbc.identification.model.residual import (
     raw_residual,
     swing_of,
 )
+from wbc.identification.model.sparse_columns import SparseColumns, outputs_of, own_gear
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import DynamicsError, EffectError, TransmissionError
-from wbc.identification.model.columns.added_torque import AddedTorque, added_torque, condensed
-from wbc.identification.model.columns.sparse_columns import SparseColumns
+from wbc.identification.model.added_torque import AddedTorque, added_torque, condensed
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import inertial_parameters
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE, STEP
+from wbc.identification.model.kept_columns import IMPOSSIBLE, STEP
 from wbc.identification.model.residual import by_link_torque
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Robot

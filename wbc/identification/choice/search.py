@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from wbc.identification.choice.search import moves
-from wbc.identification.choice.search.proposals import Proposer
+from wbc.identification.choice import moves
+from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.weighing.certainty import doubted_names
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key

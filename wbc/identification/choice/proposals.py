@@ -8,8 +8,8 @@ from itertools import islice
 
 import numpy as np
 
-from wbc.identification.choice.screening.candidate_columns import Regressor, Shelf
-from wbc.identification.choice.screening.linear_screen import (
+from wbc.identification.choice.candidate_columns import Regressor, Shelf
+from wbc.identification.choice.linear_screen import (
     LinearScreen,
     Nearby,
     Subset,

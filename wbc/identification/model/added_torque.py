@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.model.columns.sparse_columns import SparseColumns
+from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Robot

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
-from wbc.identification.choice.search.gears import gears_beside, two_gears
-from wbc.identification.choice.search.proposals import Proposer
-from wbc.identification.choice.search.search import Search, best_of
+from wbc.identification.choice.gears import gears_beside, two_gears
+from wbc.identification.choice.proposals import Proposer
+from wbc.identification.choice.search import Search, best_of
 from wbc.identification.choice.weighing.certainty import UNEXPLAINED_SHARE
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.trials import OutOfTime, Trials

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from wbc.identification.choice.screening.linear_screen import Nearby
-from wbc.identification.choice.search.proposals import Proposer
+from wbc.identification.choice.linear_screen import Nearby
+from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key, without
 from wbc.identification.model.yielding import deflects

@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.screening.candidate_columns import (
+from wbc.identification.choice.candidate_columns import (
     Regressor,
     Shelf,
     ShelfKey,
@@ -20,7 +20,7 @@ from wbc.identification.choice.screening.candidate_columns import (
     make_regressors,
     shelf_key,
 )
-from wbc.identification.choice.screening.design_matrix import DesignMatrix, fold_sums
+from wbc.identification.choice.design_matrix import DesignMatrix, fold_sums
 from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit

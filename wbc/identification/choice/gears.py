@@ -10,10 +10,10 @@ import numpy as np
 
 from wbc.effects.gear.yielding_gear import Side, YieldingGear
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.model.columns.kept_columns import IMPOSSIBLE
 from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.residual import link_response, rubbing_responses
 from wbc.identification.model.yielding import deflects, loose, plays
 from wbc.identification.records.record import Record

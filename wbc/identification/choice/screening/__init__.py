@@ -1,1 +1,0 @@
-"""Candidate causes as columns of a linear regression: tried without fitting a model."""

@@ -1,1 +1,0 @@
-"""From logs to the hypothesis that they speak for: moves, proposals, search."""
