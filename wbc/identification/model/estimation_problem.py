@@ -62,7 +62,7 @@ class EstimationProblem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) resampled together.
-        mistimed: (outputs,) mean squares in floors that the times of the drives may leave.
+        mistimed: (m + b,) mean squares in floors that the times of the drives may leave.
         warnings: about the logs.
     """
 
@@ -126,7 +126,6 @@ class EstimationProblem:
         aside += not_judged(records)
         floor = replace(floor, aside=aside)
         believed = tuple(record.believing(robot) for record in records)
-        kept = np.setdiff1d(np.arange(len(floor.values)), aside)
         return cls(
             robot=robot,
             records=believed,
@@ -134,7 +133,7 @@ class EstimationProblem:
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
             blocks=bootstrap_blocks(records),
-            mistimed=(missed_by_times(robot, records) / floor.values**2)[kept],
+            mistimed=missed_by_times(robot, records) / floor.values**2,
             warnings=tuple(warnings),
             silent=silent,
         )
@@ -224,7 +223,7 @@ class EstimationProblem:
         moved = np.hypot(other.values - fit.values, doubt * fit.values)
         if fit.swings:  # beside simulated links the evidence counts no likeness either
             return np.asarray(moved)
-        first = self.first + self.mistimed / DISTORTED**2
+        first = self.first + self._mistimed / DISTORTED**2
         alike = TAIL * alike_shifts(fit, first, self.row_noise(fit.residual))
         return np.asarray(np.hypot(moved, alike))
 
@@ -239,7 +238,11 @@ class EstimationProblem:
         Args:
             share: of the first error (rms), that is distorted.
         """
-        return np.asarray(share**2 * np.maximum(self.first - 1.0, 0.0) + self.mistimed)
+        return np.asarray(share**2 * np.maximum(self.first - 1.0, 0.0) + self._mistimed)
+
+    @property
+    def _mistimed(self) -> FloatArray:
+        return np.delete(self.mistimed, self.floor.aside)
 
     def block_means(self, values: FloatArray) -> FloatArray:
         """Return the mean (B,) of `values` (rows,) in every block."""

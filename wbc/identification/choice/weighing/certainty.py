@@ -41,10 +41,11 @@ EVEN = 0.5
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
 # Share (rms) of what a larger cause explains that a smaller one may only make up for. Causes of the
-# list, fitted well, leave 2 % mostly, stand-ins 6 to 28 % (84 generated logs). Wind on an arm of
+# list, fitted well, leave 2 to 4.4 %, stand-ins 6 to 28 % (84 generated logs). Wind on an arm of
 # another simulator was a tilt and, at 0.999 each, two springs and a friction of a third of a floor
-# to a floor; they have 0.82 to 0.92 so.
-_MADE_UP = 0.02
+# to a floor; none of the three is certain so.
+_MADE_UP = 0.03
+_SEVERAL = 2  # names of causes without each of which the logs are explained, too
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller
 
 
@@ -59,7 +60,7 @@ class Support:
             that it explains.
         coverage: (k - 1) k / n where the same effect was found at k of n joints that are judged.
         explained: whether too little is left altogether to ask for one cause more, and enough
-            without this one.
+            without this one where it is one of several tiny causes.
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
     """
@@ -138,18 +139,23 @@ def _supports(
     first = np.maximum(trials.nothing.outputs, 1e-300)
     names = [effect.name for effect in h.effects]
     pairs = [(name, np.maximum(gain, 0.0)) for name, gain in zip(names, gained, strict=True)]
+    tiny = [not unexplained(trials.nothing.error, h, excess + gain) for _, gain in pairs]
+    several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) >= _SEVERAL
     result = []
-    for effect, gain, implausible in zip(h.effects, gained, h.implausible, strict=True):
+    for effect, gain, implausible, is_tiny in zip(
+        h.effects, gained, h.implausible, tiny, strict=True
+    ):
         share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
-        larger = [g.max() for n, g in pairs if n != effect.name and g.sum() > gain.sum()]
-        made_up = _MADE_UP**2 * sum(larger)  # at any output
-        needed = unexplained(trials.nothing.error, h, excess + np.maximum(gain, 0.0))
+        small, left = several and is_tiny, excess
+        if small:
+            others = [g for n, g in pairs if n != effect.name and g.sum() > gain.sum()]
+            left = left + _MADE_UP**2 * np.sum([np.zeros_like(share), *others], axis=0)
         support = Support(
             odds=1.0,
             group=1.0,
-            remainder=_remainder(share, (excess + made_up) / first),
+            remainder=_remainder(share, left / first),
             coverage=(places - 1) * places / len(trials.problem.judged_joints),
-            explained=explained and needed,
+            explained=explained and not small,
             expected=effect.search.expected,
             implausible=implausible,
         )
