@@ -19,6 +19,7 @@ from PIL import Image
 
 from sims import (
     backdrive,
+    bodies,
     case_study,
     demo,
     energy_flow,
@@ -170,6 +171,8 @@ def designs() -> None:
         lambda theme: {"tilting_table": tilting_table.figure(slid, theme)},
         tilting_table="tilting_table",
     )
+    lying = bodies.main()
+    plots(lambda theme: {"bodies": bodies.figure(lying, theme)}, bodies="bodies")
     plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")
     flow, blocks = energy_flow.main(), wedge.panels(wedge.main())
     plots(

@@ -38,7 +38,7 @@ from benchmarks.cube_tosses.engines import ENGINES, steps_per_frame
 from benchmarks.cube_tosses.engines import Path as Thrown
 from benchmarks.cube_tosses.scores import Trial, fit, scores
 
-PACKAGES = {"wbc": "wbc", "MuJoCo": "mujoco", "Drake": "drake"}
+PACKAGES = {"wbc": "wbc", "wbc, compliant": "wbc", "MuJoCo": "mujoco", "Drake": "drake"}
 
 
 def installed() -> dict[str, str]:

@@ -4,6 +4,7 @@ An engine is made with its contact parameters and then throws the cube from a `S
 has Coulomb friction with the coefficient it is given; what happens along the normal is its own:
 
     wbc      restitution (Newton), a rigid ground; nothing else to choose
+    wbc, compliant  stiffness [N/m^(3/2)] and dissipation [s/m] (Hunt and Crossley)
     MuJoCo   time constant [s] and damping ratio of the soft constraint (`solref`)
     Drake    stiffness [N/m] and dissipation [s/m] of the point contact (Hunt and Crossley)
 """
@@ -20,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.cube_tosses.data import CORNERS, HALF_EDGE, INERTIA, MASS, Start
 from wbc import Robot
 from wbc.robot import ContactPoint
-from wbc.sim import Plant
+from wbc.sim import HuntCrossley, Plant
 from wbc.transmission import Transmission
 
 Path = tuple[np.ndarray, Rotation]
@@ -48,9 +49,16 @@ def cube(friction: float) -> Robot:
 
 
 def wbc(friction: float, restitution: float) -> Throw:
-    """Return this library's plant."""
-    plant = Plant(cube(friction), restitution=restitution)
+    """Return this library's plant on a rigid ground."""
+    return _thrown(Plant(cube(friction), restitution=restitution))
 
+
+def wbc_compliant(friction: float, stiffness: float, dissipation: float) -> Throw:
+    """Return this library's plant with compliant contacts."""
+    return _thrown(Plant(cube(friction), compliance=HuntCrossley(stiffness, dissipation)))
+
+
+def _thrown(plant: Plant) -> Throw:
     def throw(start: Start, time: np.ndarray) -> Path:
         back = start.rotation.inv()
         q = np.concatenate([start.position, start.rotation.as_quat()])
@@ -170,6 +178,7 @@ def inside(corner: np.ndarray) -> np.ndarray:
 
 ENGINES: Mapping[str, Callable[..., Throw]] = {
     "wbc": wbc,
+    "wbc, compliant": wbc_compliant,
     "MuJoCo": mujoco_engine,
     "Drake": drake_engine,
 }

@@ -113,6 +113,7 @@ def scores(trial: Trial, path: Path) -> dict[str, float]:
 FRICTION = (0.1, 0.4)
 RANGES: dict[str, tuple[tuple[float, float], ...]] = {
     "wbc": (FRICTION, (0.05, 1.0)),
+    "wbc, compliant": (FRICTION, (3e4, 3e6), (0.1, 10.0)),
     "MuJoCo": (FRICTION, (3e-3, 0.05), (0.2, 2.0)),
     "Drake": (FRICTION, (1e3, 1e5), (0.1, 10.0)),
 }

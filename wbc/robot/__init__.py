@@ -1,7 +1,8 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
-from wbc.robot.body_contacts import body_contacts
+from wbc.robot.body_contacts import body_contacts, body_surfaces
 from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
+from wbc.robot.hulls import Hull, ground_box
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.loading.description import (
     RobotDescription,
@@ -13,7 +14,7 @@ from wbc.robot.loading.description import (
 )
 from wbc.robot.loading.library import find_description, robot_names, robots_directory
 from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
-from wbc.robot.model import BodySurface, ContactPoint, RotorMounting
+from wbc.robot.model import BodySurface, ContactPoint, FreeBody, LinkSolid, RotorMounting
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.parameter import Parameter, Usual
 from wbc.robot.robot import Robot, RobotSource
@@ -26,8 +27,11 @@ __all__ = [
     "ContactPoint",
     "Effect",
     "Evidence",
+    "FreeBody",
     "Hook",
+    "Hull",
     "JointMap",
+    "LinkSolid",
     "Memory",
     "MemoryEnergy",
     "Motion",
@@ -43,9 +47,11 @@ __all__ = [
     "Usual",
     "bare_robot",
     "body_contacts",
+    "body_surfaces",
     "build_robot",
     "collision_solids",
     "find_description",
+    "ground_box",
     "placed_geometry",
     "read_description",
     "robot_names",

@@ -6,7 +6,6 @@ they touch, spheres, capsules and boxes are exact.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -16,6 +15,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
+from wbc.robot.hulls import Hull, hull_of
 from wbc.robot.loading.solids import collision_solids
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot
@@ -35,7 +35,14 @@ _RIM = 8  # points on the rim of a disc: lying on its side it sinks by 1 - cos(p
 def body_contacts(
     robot: Robot, surface: BodySurface | None = None, solids: pin.GeometryModel | None = None
 ) -> tuple[ContactPoint, ...]:
-    """Return contact points of a robot's bodies, beside those that it has.
+    """Return the contact points of `body_surfaces`."""
+    return body_surfaces(robot, surface, solids)[0]
+
+
+def body_surfaces(
+    robot: Robot, surface: BodySurface | None = None, solids: pin.GeometryModel | None = None
+) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
+    """Return contact points of a robot's bodies, beside those that it has, and their hulls.
 
     - sphere: a ball; capsule: a ball at each end; box: its eight corners;
     - cylinder: the two balls of the capsule inside it where it is longer than wide, else eight
@@ -44,7 +51,9 @@ def body_contacts(
       at most `depth`.
 
     Points of a solid that are nearer to a contact of the robot than the solid is thick are left
-    out: that contact (a foot, say) stands for them.
+    out: that contact (a foot, say) stands for them. The hull of a solid is that of the points that
+    are left, with which its edges and faces meet the edges and corners of the ground, and other
+    bodies.
 
     Args:
         robot: loaded from a URDF or MJCF file with collision geometry.
@@ -68,31 +77,37 @@ def body_contacts(
             "<collision> elements (URDF) or geoms (MJCF) and install their meshes, or give it "
             "more [[contacts]]."
         )
-    return tuple(
-        point
-        for item in shapes
-        if item.parentJoint and (links is None or robot.bodies[item.parentJoint - 1] in links)
-        for point in _of_solid(robot, item, surface)
-    )
+    found: list[ContactPoint] = []
+    hulls: list[Hull] = []
+    for item in shapes:
+        body = robot.bodies[item.parentJoint - 1] if item.parentJoint else ""
+        if body and (links is None or body in links):
+            points, radius = _free_points(robot, item, surface)
+            frame = robot.model.frames[item.parentFrame]
+            for number, place in enumerate(points):
+                offset = frame.placement.actInv(place)
+                name = f"{item.name}/{number}"
+                found.append(ContactPoint(name, frame.name, offset, surface.friction, radius))
+            if len(points):
+                hulls.append(hull_of(item.name, body, item.parentJoint, points, radius))
+    return tuple(found), tuple(hulls)
 
 
-def _of_solid(robot: Robot, item: Any, surface: BodySurface) -> Iterator[ContactPoint]:
-    """Yield the contact points of one solid."""
+def _free_points(robot: Robot, item: Any, surface: BodySurface) -> tuple[FloatArray, float]:
+    """Return the points (n, 3) of a solid that no contact stands for, on its joint, and radii."""
     model = robot.model
     points, radius, thickness = _points(item, surface.depth)
-    to_joint = item.placement
-    frame = model.frames[item.parentFrame]
     known = []
     for contact in robot.contacts:
         carrier = model.frames[model.getFrameId(contact.frame)]
         if carrier.parentJoint == item.parentJoint:
             known.append(((carrier.placement * contact.placement()).translation, contact.radius))
-    for number, point in enumerate(points):
-        place = to_joint.act(point)
-        if any(np.linalg.norm(place - at) - own - radius < thickness for at, own in known):
-            continue
-        offset = frame.placement.actInv(place)
-        yield ContactPoint(f"{item.name}/{number}", frame.name, offset, surface.friction, radius)
+    kept = [
+        place
+        for place in (item.placement.act(point) for point in points)
+        if all(np.linalg.norm(place - at) - own - radius >= thickness for at, own in known)
+    ]
+    return np.reshape(kept, (-1, 3)), radius
 
 
 def _points(item: Any, depth: float) -> tuple[FloatArray, float, float]:

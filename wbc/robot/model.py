@@ -50,6 +50,49 @@ class ContactPoint:
         return pin.SE3(pin.SE3.Identity().rotation, self.offset)
 
 
+@dataclass(frozen=True, eq=False)
+class FreeBody:
+    """A uniform solid that moves freely beside a robot: a box to grasp, a stone to stand on.
+
+    Attributes:
+        name: of its joint and its link.
+        shape: a `coal.Sphere`, `Capsule`, `Box`, `Cylinder` or convex mesh.
+        mass: [kg].
+    """
+
+    name: str
+    shape: Any
+    mass: float
+
+    def inertia(self) -> pin.Inertia:
+        """Return mass, centre and inertia about it.
+
+        Raises:
+            RobotError: a mass or a volume that is not positive.
+        """
+        volume = float(self.shape.computeVolume())
+        if not (self.mass > 0.0 and volume > 0.0):
+            raise RobotError(
+                f"free body '{self.name}': mass and volume must be positive, got {self.mass} kg "
+                f"and {volume} m^3."
+            )
+        turning = np.asarray(self.shape.computeMomentofInertiaRelatedToCOM())
+        return pin.Inertia(self.mass, self.shape.computeCOM(), self.mass / volume * turning)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkSolid:
+    """Collision geometry of a link beside that of the model file.
+
+    Attributes:
+        link: name of a frame of the pinocchio model; also that of the solid.
+        shape: a `coal.Sphere`, `Capsule`, `Box`, `Cylinder` or convex mesh, in the frame's axes.
+    """
+
+    link: str
+    shape: Any
+
+
 @dataclass(frozen=True)
 class BodySurface:
     """How the links of a robot touch the ground beside its contacts (`body_contacts`).
@@ -58,11 +101,15 @@ class BodySurface:
         links: names of the bodies that may touch, None for all.
         friction: Coulomb coefficient between them and the ground.
         depth: [m] that a mesh may sink into flat ground between its points.
+        pairs: of bodies that touch each other, too; none without.
+        solids: beside those of the model file; free bodies have one (`Robot.with_free_bodies`).
     """
 
     links: tuple[str, ...] | None = None
     friction: float = 0.7
     depth: float = 0.02
+    pairs: tuple[tuple[str, str], ...] = ()
+    solids: tuple[LinkSolid, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges."""

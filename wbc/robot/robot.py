@@ -15,10 +15,19 @@ from numpy.typing import ArrayLike
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.effect import Effect
-from wbc.robot.model import BodySurface, ContactPoint, RotorMounting, require_sound, rotor_mounting
+from wbc.robot.model import (
+    BodySurface,
+    ContactPoint,
+    FreeBody,
+    LinkSolid,
+    RotorMounting,
+    require_sound,
+    rotor_mounting,
+)
 from wbc.robot.motion import Motion
 from wbc.transmission import Transmission
 
+_UNMOVED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # q of a free-flyer at the origin
 _FREE_FLYER = "JointModelFreeFlyer"
 
 
@@ -330,6 +339,29 @@ class Robot:
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
         return self._with(model=model, source=None, before_effects=None)
+
+    def with_free_bodies(self, *bodies: FreeBody, pairs: Iterable[tuple[str, str]] = ()) -> Robot:
+        """Return the same robot with free bodies behind its own coordinates, at the origin.
+
+        Args:
+            bodies: to add; q gets seven entries of each, v six.
+            pairs: of bodies, the robot's or free ones, that touch each other beside the ground.
+
+        Raises:
+            RobotError: a body without mass or volume.
+        """
+        model, more = self.model.copy(), np.tile(_UNMOVED, len(bodies))
+        for body in bodies:
+            joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), body.name)
+            model.appendBodyToJoint(joint, body.inertia(), pin.SE3.Identity())
+            model.addBodyFrame(body.name, joint, pin.SE3.Identity(), 0)
+        surface = replace(
+            self.surface,
+            solids=(*self.surface.solids, *(LinkSolid(body.name, body.shape) for body in bodies)),
+            pairs=(*self.surface.pairs, *pairs),
+        )
+        poses = {name: np.concatenate((q, more)) for name, q in self.poses.items()}
+        return replace(self, model=model, surface=surface, poses=poses, before_effects=None)
 
     def lossless(self) -> Robot:
         """Return the same robot with perfect gears (eta = 1, frictionless rotors).

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.height_field import HeightField
     from wbc.sim.moving_ground import Moving
-    from wbc.sim.plant import Plant
+    from wbc.sim.plant import HuntCrossley, Plant
     from wbc.sim.recorder import Recorder
     from wbc.sim.result import StepEvent, StepResult
     from wbc.sim.sensors.sensor import Sensor
@@ -45,6 +45,7 @@ __all__ = [
     "EnergyAudit",
     "EnergyFlow",
     "HeightField",
+    "HuntCrossley",
     "Impact",
     "LoopTick",
     "Moving",
@@ -85,7 +86,7 @@ _HOMES = {
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),
     "moving_ground": ("Moving",),
-    "plant": ("Plant",),
+    "plant": ("HuntCrossley", "Plant"),
     "step.program": (
         "Elements",
         "Residuals",

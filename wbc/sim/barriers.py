@@ -8,7 +8,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.mechanics.tree import Tree
-from wbc.robot import Robot
+from wbc.robot import Hull, Robot
+from wbc.sim.body_pairs import pairs_of, tables_of
 from wbc.sim.ground import Terrain
 
 TOUCH = 1e-6
@@ -23,7 +24,9 @@ class Barriers:
     Attributes:
         limits: 2 j, lower limits, then upper ones, of j joints.
         points: k contact points.
-        contacts: c = k s contact barriers, all points for the first of s solids first.
+        pairs: names of p pairs of hulls.
+        contacts: c contact barriers, all points for the first of s solids first, then the pairs'.
+        bodies: the pairs as arrays.
         size: 2 j + c.
         planar: whether no contact point can leave its x-z plane.
         moving: whether any ground moves.
@@ -31,8 +34,18 @@ class Barriers:
         names: of the barriers (2 j + c).
     """
 
-    def __init__(self, robot: Robot, terrain: Terrain, space: Workspace) -> None:
-        """Collect the finite limits and prepare the contacts."""
+    def __init__(
+        self, robot: Robot, terrain: Terrain, space: Workspace, tree: Tree, hulls: tuple[Hull, ...]
+    ) -> None:
+        """Collect the finite limits and prepare the contacts.
+
+        Args:
+            robot: with all points that touch the ground.
+            terrain: what they touch.
+            space: of the robot.
+            tree: of the robot.
+            hulls: of its links that meet edges of the ground, and each other.
+        """
         model = robot.model
         low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
         single = [
@@ -50,14 +63,18 @@ class Barriers:
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
         self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
-        self.planar = _moves_in_plane(space)
+        both, pairs = pairs_of(hulls, robot.surface, terrain)
+        self.bodies = tables_of(both, pairs, robot.surface, tree)
+        self.pairs = tuple((both[a].name, both[b].name) for a, b in pairs)
+        self.planar = _moves_in_plane(space) and not pairs
         self.limits, self.points = 2 * len(single), len(robot.contacts)
-        self.contacts = self.points * len(terrain.solids)
+        self.contacts = self.points * len(terrain.solids) + len(self.bodies.slots)
         self.size = self.limits + self.contacts
         self.names = (
             *(f"joint '{name}' at its lower limit" for name, _ in single),
             *(f"joint '{name}' at its upper limit" for name, _ in single),
             *(f"contact '{c.name}'" for c in robot.contacts * len(terrain.solids)),
+            *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )
 
     def tables(self, tree: Tree) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:

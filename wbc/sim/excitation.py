@@ -74,7 +74,7 @@ def record_run(
         return np.asarray(torque / gears.gear_ratio)
 
     far = Plane(height=-10.0)  # the leg swings free, its ground out of reach
-    plant = Plant(robot, far, temperature=temperature)
+    plant = Plant(robot, far, temperature=temperature, bodies="feet")
     q, v, _ = path.at(0.0)
     state, recorder = plant.state(q, v), Recorder(robot, plant.temperature)
     for _ in range(round(duration / _TICK)):

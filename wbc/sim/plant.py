@@ -11,16 +11,50 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
-from wbc.errors import SimulationError
-from wbc.robot import Robot, body_contacts
+from wbc.errors import RobotError, SimulationError
+from wbc.robot import BodySurface, ContactPoint, Hull, Robot, body_surfaces
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
 from wbc.sim.step.course import Course
 from wbc.sim.step.energy import surveyed
+from wbc.sim.step.pairs import FAR
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class HuntCrossley:
+    """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`sim/step/compliant`).
+
+    A body that arrives at a low speed v leaves at about (1 - a v) v.
+
+    Attributes:
+        stiffness: K [N/m^(3/2)] of each contact point; 4/3 E* sqrt(R) for a ball of radius R
+            on flat ground (Hertz), where 1/E* sums (1 - nu^2)/E of both materials.
+        dissipation: a [s/m]; 0.08 to 0.32 for steel, bronze and ivory (Hunt and Crossley 1975).
+    """
+
+    stiffness: float
+    dissipation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            SimulationError: a stiffness that is not positive, or a negative dissipation.
+        """
+        if not (0.0 < self.stiffness < np.inf and 0.0 <= self.dissipation < np.inf):
+            raise SimulationError(
+                "compliant contacts need a stiffness > 0 [N/m^(3/2)] and a dissipation >= 0 "
+                f"[s/m], got {self.stiffness} and {self.dissipation}."
+            )
+
+    @property
+    def numbers(self) -> tuple[float, float]:
+        """K and a."""
+        return self.stiffness, self.dissipation
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +77,10 @@ class Plant:
         temperature: (m,) of the motors [deg C], as effects and the recording see it; None where
             it does not matter.
         bodies: what touches the ground: "feet", the robot's contacts, or "all", also its links, as
-            the collision geometry of its model file has them (`wbc.robot.body_contacts`). `robot`
-            then has these contacts behind its own.
+            the collision geometry of its model file has them (`wbc.robot.body_surfaces`); None for
+            all where there is such geometry.
+        compliance: of the contacts; None for rigid ones, with impacts.
+        contacts: what touches: the robot's contacts, then the points of its links.
     """
 
     robot: Robot
@@ -53,16 +89,18 @@ class Plant:
     return_speed: float = 1.0
     motor_bounds: MotorBounds | None = None
     temperature: FloatArray | None = None
-    bodies: Literal["feet", "all"] = "feet"
+    bodies: Literal["feet", "all"] | None = None
+    compliance: HuntCrossley | None = None
+    contacts: tuple[ContactPoint, ...] = field(init=False, repr=False)
     _setup: Setup = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Prepare what does not change from step to step."""
-        if self.bodies not in ("feet", "all"):
+        if self.bodies not in ("feet", "all", None):
             raise SimulationError(f'bodies: "feet" or "all" expected, got {self.bodies!r}.')
-        if self.bodies == "all":
-            touching = (*self.robot.contacts, *body_contacts(self.robot))
-            object.__setattr__(self, "robot", replace(self.robot, contacts=touching))
+        points, hulls = self._surfaces()
+        object.__setattr__(self, "contacts", (*self.robot.contacts, *points))
+        touching = replace(self.robot, contacts=self.contacts) if points else self.robot
         make_ready("wbc.sim")
         if not 0.0 <= self.restitution <= 1.0:
             raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")
@@ -76,12 +114,28 @@ class Plant:
             )
         if not self.return_speed > 0.0:
             raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
-        setup = prepare(self.robot, self.terrain, self.restitution, self.return_speed)
+        soft = (0.0, 0.0) if self.compliance is None else self.compliance.numbers
+        setup = prepare(touching, self.terrain, self.restitution, self.return_speed, hulls, soft)
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
             setup = replace(setup, temperature=warm)
             object.__setattr__(self, "temperature", warm)
         object.__setattr__(self, "_setup", setup)
+
+    def _surfaces(self) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
+        """Return points and hulls of the links, none of feet alone.
+
+        Raises:
+            RobotError: all bodies are asked for, and there is no geometry of them.
+        """
+        if self.bodies == "feet":
+            return (), ()
+        try:
+            return body_surfaces(self.robot)
+        except RobotError:
+            if self.bodies == "all" or self.robot.surface != BodySurface():
+                raise
+            return (), ()
 
     def state(
         self,
@@ -185,7 +239,26 @@ class Plant:
         """Return the distance (k,) of the contact points from the ground [m]."""
         barriers = self._setup.barriers
         gap = self._setup.core.gaps(state.position, state.time)[barriers.limits :]
+        gap = gap[: len(gap) - len(barriers.bodies.slots)]
         return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of the p pairs of solids that may touch; boxes and stairs are "ground"."""
+        return self._setup.barriers.pairs
+
+    def pair_gaps(self, state: SimState) -> FloatArray:
+        """Return the distances (p,) of pairs of solids [m], infinite where they are far apart.
+
+        Exact for round solids, and where corners, edges and faces of others face each other; corner
+        and edge of two solids that are apart may be nearer.
+        """
+        barriers = self._setup.barriers
+        gap = self._setup.core.gaps(state.position, state.time)
+        gap = np.where(gap < FAR, gap, np.inf)[barriers.size - len(barriers.bodies.slots) :]
+        found = np.full(len(self.pairs), np.inf)
+        np.minimum.at(found, barriers.bodies.slots[:, 0], gap)
+        return found
 
     def _lifted(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) moved out of the ground (as it lies at time zero) and to joint limits.

@@ -55,7 +55,7 @@ class Recorder:
             state.velocity,
             result.command,
             torque,
-            result.contact_force.ravel(),
+            result.contact_force[: len(self._robot.contacts)].ravel(),
             *turn,
         )
         self._rows.append(row)

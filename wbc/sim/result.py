@@ -71,13 +71,22 @@ class StepResult:
 
     @property
     def contact_impulse(self) -> FloatArray:
-        """(k, 3) [N s] on the robot, world axes, impacts excluded."""
-        return _sum([part.contact_impulse for part in self.parts])
+        """(k, 3) [N s] on the robot at the plant's contacts, world axes, impacts excluded."""
+        points = self.setup.barriers.points
+        return _sum([part.contact_impulse for part in self.parts])[:points]
+
+    @property
+    def pair_impulse(self) -> FloatArray:
+        """(p, 3) [N s] on the first body of each pair (`plant.pairs`), impacts included, world."""
+        pushes = [part.contact_impulse for part in self.parts]
+        pushes += [impact.contact_impulse for impact in self.impacts]
+        return _sum(pushes)[self.setup.barriers.points :]
 
     @property
     def contact_force(self) -> FloatArray:
         """Mean force (k, 3) [N] on the robot over the step, impacts included, world axes."""
-        hits = [impact.contact_impulse for impact in self.impacts]
+        points = self.setup.barriers.points
+        hits = [impact.contact_impulse[:points] for impact in self.impacts]
         return np.asarray(_sum([self.contact_impulse, *hits]) / self.duration)
 
     @property
@@ -233,7 +242,7 @@ def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEve
             state.time,
             -gap,
             f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no contact "
-            'holds its link. Give the robot contacts there, or the plant bodies="all"',
+            "holds its link. Give the robot contacts there, or the link collision geometry",
         )
 
 

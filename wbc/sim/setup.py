@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +12,8 @@ from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.dynamics import RotorCoupling, Terms, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
-from wbc.robot import Motion, Robot
+from wbc.mechanics.tree import tree_of
+from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.step.core import Core
@@ -45,6 +46,7 @@ class Setup:
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle, for effects or rotor coupling.
+        yielding: (2 j + c,) barriers that are compliant.
     """
 
     robot: Robot
@@ -64,6 +66,7 @@ class Setup:
     meshed: bool = False
     flies: bool = False
     waits: bool = False
+    yielding: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
 
     def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
@@ -109,8 +112,20 @@ class Setup:
             told.gyration[0, nv:] = ratio * found.rotor_bias
 
 
-def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: float) -> Setup:
+def prepare(
+    robot: Robot,
+    terrain: Terrain,
+    restitution: float,
+    return_speed: float,
+    hulls: tuple[Hull, ...] = (),
+    compliance: tuple[float, float] = (0.0, 0.0),
+) -> Setup:
     """Return the setup of `robot` on `terrain`.
+
+    Args:
+        robot, terrain, restitution, return_speed: see `Plant`.
+        hulls: of its links that meet edges, and each other.
+        compliance: K and a of compliant contacts, zero for rigid ones.
 
     Raises:
         SimulationError: a robot with a body without mass that moves freely, or with a joint of a
@@ -120,7 +135,14 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
     inertia = pin.crba(space.model, space.data, robot.neutral())
     if lapack.dpotrf(inertia)[1] != 0:
         raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
-    barriers, drive = Barriers(robot, terrain, space), Drivetrain.of(robot)
+    tree = tree_of(robot.model)
+    if tree is None:
+        kinds = sorted({joint.shortname() for joint in list(robot.model.joints)[1:]})
+        raise SimulationError(
+            f"'{robot.name}' has a joint of a kind that the plant does not know, among "
+            f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
+        )
+    barriers, drive = Barriers(robot, terrain, space, tree, hulls), Drivetrain.of(robot)
     setup = Setup(
         robot,
         space,
@@ -133,7 +155,8 @@ def prepare(robot: Robot, terrain: Terrain, restitution: float, return_speed: fl
         frozen(np.zeros(barriers.size), bool),
         -robot.transmission.torque_limit,
         float(np.linalg.norm(space.model.gravity.linear)),
-        Core(robot, terrain, drive, barriers, return_speed),
+        Core(robot, terrain, tree, drive, barriers, return_speed, compliance),
+        yielding=frozen(np.arange(barriers.size) >= barriers.limits, bool) & (compliance[0] > 0.0),
         varying=bool(robot.varying_gears.any()),
         meshed=any("meshed" in effect.acts_by for effect in robot.effects),
         flies=bool(len(free_bases(robot))),

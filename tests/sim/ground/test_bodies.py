@@ -117,10 +117,10 @@ def switched_off(plant: Plant, duration: float) -> tuple[np.ndarray, set[str], f
 def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
     """On its feet alone its trunk sank to 0.1 m under the ground, without a word."""
     robot = load_robot("solo12")
-    end, said, _ = switched_off(Plant(robot), 1.0)
+    end, said, _ = switched_off(Plant(robot, bodies="feet"), 1.0)
     assert end[2] < -0.05
     assert said == {"sunk"}
-    plant = Plant(robot, bodies="all")
+    plant = Plant(robot)
     end, said, made = switched_off(plant, 1.2)
     assert 0.01 < end[2] < 0.06
     assert said <= {"coarse"}  # three steps, 1e-6 J each
@@ -172,14 +172,17 @@ def test_a_description_says_which_links_touch(tmp_path: Path) -> None:
         path = tmp_path / "robot.toml"
         path.write_text('model = "ball.urdf"\nbase = "free_flyer"\n' + text)
         robot = load_robot(path)
-        plant = Plant(robot, bodies="all")
-        assert len(plant.robot.contacts) == count
-        assert len(replace(plant, restitution=0.5).robot.contacts) == count
-        assert plant.robot.contacts[-1].friction == (0.3 if "friction" in text else 0.7)
-        assert len(Plant(robot).robot.contacts) == 0
+        plant = Plant(robot)
+        assert len(plant.contacts) == count
+        assert len(replace(plant, restitution=0.5).contacts) == count
+        assert plant.contacts[-1].friction == (0.3 if "friction" in text else 0.7)
+        assert len(Plant(robot, bodies="feet").contacts) == 0
     path.write_text('model = "ball.urdf"\nbase = "free_flyer"\n[bodies]\nlinks = ["leg"]\n')
     with pytest.raises(RobotError, match=r"body of .* 'leg'"):
-        Plant(load_robot(path), bodies="all")
+        Plant(load_robot(path))
+    path.write_text('model = "ball.urdf"\nbase = "free_flyer"\n[bodies]\npairs = ["arm"]\n')
+    with pytest.raises(RobotError, match="lists of two bodies"):
+        load_robot(path)
     path.write_text('model = "ball.urdf"\n[bodies]\nlinks = "arm"\n')
     with pytest.raises(RobotError, match="names of bodies expected"):
         load_robot(path)
@@ -188,5 +191,6 @@ def test_a_description_says_which_links_touch(tmp_path: Path) -> None:
 def test_bodies_without_geometry_and_unknown_words_are_said() -> None:
     with pytest.raises(RobotError, match="no collision geometry"):
         Plant(load_robot("planar_leg"), bodies="all")
+    assert [contact.name for contact in Plant(load_robot("planar_leg")).contacts] == ["foot"]
     with pytest.raises(SimulationError, match='"feet" or "all"'):
         Plant(load_robot("planar_leg"), bodies="legs")

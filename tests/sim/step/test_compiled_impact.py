@@ -51,7 +51,7 @@ def test_random_robots_hit_the_ground() -> None:
 
 def test_four_feet_hit_the_ground() -> None:
     robot = load_robot("solo12")
-    plant, rng = Plant(robot), np.random.default_rng(3)
+    plant, rng = Plant(robot, bodies="feet"), np.random.default_rng(3)
     q = np.array(plant.state(robot.pose(), lifted=True).position)
     q[2] -= float(plant.gaps(plant.state(q)).min())
     hits = 0

@@ -77,7 +77,7 @@ class SimulatedLog:
         }
         return cls(
             robot=own,
-            plant=Plant(_without_limits(own), Plane(height=-_FAR)),
+            plant=Plant(_without_limits(own), Plane(height=-_FAR), bodies="feet"),
             laws=tuple(drive_law(log, gears, k) for k in range(gears.size)),
             time=np.asarray(log.time - log.time[0]),
             forces=forces,

@@ -244,7 +244,7 @@ def _contact(entry: Any, path: Path) -> ContactPoint:
 
 def _surface(entry: Any, place: str) -> BodySurface:
     """Return what [bodies] says: which links touch the ground, and how."""
-    given = dict(table_in(entry, ("links", "friction", "depth"), place))
+    given = dict(table_in(entry, ("links", "friction", "depth", "pairs"), place))
     for key, unit in (("friction", "1"), ("depth", "m")):
         if key in given:
             given[key] = number_in(given[key], unit, f"{place}: {key}")
@@ -252,6 +252,13 @@ def _surface(entry: Any, place: str) -> BodySurface:
         if not isinstance(given["links"], list):
             raise RobotError(f"{place}: links: names of bodies expected, got {given['links']!r}.")
         given["links"] = tuple(map(str, given["links"]))
+    if "pairs" in given:
+        pairs = given["pairs"]
+        if not (
+            isinstance(pairs, list) and all(isinstance(p, list) and len(p) == 2 for p in pairs)
+        ):
+            raise RobotError(f"{place}: pairs: lists of two bodies expected, got {pairs!r}.")
+        given["pairs"] = tuple((str(one), str(other)) for one, other in pairs)
     return BodySurface(**given)
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import pinocchio as pin
 
-from wbc.errors import RobotError
+from wbc.errors import RobotError, unknown_name
 from wbc.robot.loading.description import read_description
 from wbc.robot.loading.library import find_model
 from wbc.robot.robot import Robot
@@ -56,7 +56,7 @@ def placed_geometry(robot: Robot, kind: pin.GeometryType) -> list[PlacedGeometry
 
 
 def collision_solids(robot: Robot) -> pin.GeometryModel:
-    """Return the collision solids of the robot's model file, without pairs; empty without any.
+    """Return the collision solids of the robot's model file and its surface; empty without any.
 
     Meshes become their convex hulls.
     """
@@ -67,6 +67,18 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
             shape.buildConvexRepresentation(False)
             shape = shape.convex or shape
         found.addGeometryObject(pin.GeometryObject(item.name, joint, frame, placement, shape))
+    for solid in robot.surface.solids:
+        if not robot.model.existFrame(solid.link):
+            known = [own.name for own in robot.model.frames]
+            raise RobotError(unknown_name(f"frame of '{robot.name}'", solid.link, known))
+        frame = robot.model.getFrameId(solid.link)
+        joint, placement = (
+            robot.model.frames[frame].parentJoint,
+            robot.model.frames[frame].placement,
+        )
+        found.addGeometryObject(
+            pin.GeometryObject(solid.link, joint, frame, placement, solid.shape)
+        )
     return found
 
 

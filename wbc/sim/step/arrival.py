@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
+    Count,
     Dense,
     Flag,
     Flags,
@@ -32,9 +33,11 @@ from wbc.mechanics.linear import (
 )
 from wbc.sim.step.contacts import barrier_rows, gaps_at
 from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
+from wbc.sim.step.pairs import FAR
 from wbc.sim.step.tables import (
     DRIFT_FROM,
     GEARS,
+    HERTZ,
     INERTIA,
     OPENED,
     RETURN_SPEED,
@@ -202,7 +205,7 @@ def take_back(
         before, off, row = off, 0.0, 0
         for i in range(len(closed)):
             if closed[i]:
-                missing[row] = aim[row] - gap[i]
+                missing[row] = aim[row] - gap[i] if i < rigid_ones(plant) else -FAR
                 off = max(off, abs(missing[row]) if pressed[row] else missing[row])
                 row += 1
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
@@ -213,6 +216,15 @@ def take_back(
             moved[j] += shift[j]
         if off <= plant.bounds[DRIFT_FROM]:
             return
+
+
+@compiled(Count, OPENED, counted=False)
+def rigid_ones(plant: Opened) -> int:
+    """Return how many barriers are rigid: all, or the joint limits where contacts are compliant."""
+    limits = 2 * len(plant.obstacles.limit_at)
+    if plant.bounds[HERTZ] > 0.0:
+        return limits
+    return limits + len(plant.obstacles.touch)
 
 
 @compiled(
@@ -262,8 +274,11 @@ def arrive(
     row, off, deepest, left = 0, 0.0, 0.0, False
     for i in range(len(closed)):
         overlap[i] = 0.0
-        if closed[i]:
-            pressed[row], drift[row] = pushes[row] > 0.0, gap[i]
+        if closed[i] and i >= rigid_ones(plant):
+            pressed[row], drift[row] = False, 0.0
+            row += 1
+        elif closed[i]:
+            pressed[row], drift[row] = pushes[row] > 0.0 and gap[i] < FAR, gap[i]
             off = max(off, abs(gap[i]) if pressed[row] else -gap[i])
             deepest = min(deepest, gap[i])
             row += 1
@@ -273,7 +288,8 @@ def arrive(
         if deepest < -furthest - plant.bounds[TOUCH]:
             left = True
             for i in range(len(closed)):
-                overlap[i] = max(-gap[i] - furthest, 0.0) if closed[i] else 0.0
+                rigid = closed[i] and i < rigid_ones(plant)
+                overlap[i] = max(-gap[i] - furthest, 0.0) if rigid else 0.0
         take_back(plant, closed, matrix, pressed, drift, furthest, time, q_end, gap, moved)
     v_end[:] = after
     if len(bases):

@@ -24,6 +24,7 @@ from wbc.compiled import (
     local,
 )
 from wbc.sim.step.field import field_gap
+from wbc.sim.step.pairs import FAR, meet_all, pair_of
 from wbc.sim.step.tables import OPENED, Opened, point_of_reference
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
@@ -118,8 +119,8 @@ def touch_ground(plant: Opened, time: float) -> None:
                 points[i, k] += pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
     if obstacles.asked != 0:
         ask(obstacles.asked, GAPS, time, time)
-    count = len(contacts)
-    for b in range(len(touch)):
+    count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
+    for b in range(ground):
         contact, one = b % count, touch[b]
         if obstacles.asked == 0:
             solid = obstacles.solids[b // count]
@@ -128,11 +129,13 @@ def touch_ground(plant: Opened, time: float) -> None:
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
+    if len(plant.bodies.pairs):
+        meet_all(plant, ground)
 
 
 @compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)
 def gaps_at(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
-    """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid.
+    """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid, pairs.
 
     Args:
         plant: whose poses stand at q.
@@ -150,6 +153,35 @@ def gaps_at(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 
 
+@compiled(Count, OPENED, Count, Count, counted=False)
+def carrier(plant: Opened, barrier: int, side: int) -> int:
+    """Return the last row of v that moves one side of a contact barrier, -1 for ground at rest.
+
+    The normal points to the first side, 0, from the second, 1.
+    """
+    pair = pair_of(plant, barrier)
+    if pair >= 0:
+        row: int = plant.bodies.hulls[plant.bodies.pairs[pair, side], 1]
+        return row
+    if side == 1:
+        return -1
+    contact_at = plant.obstacles.contact_at
+    row = contact_at[barrier % len(contact_at), 1]
+    return row
+
+
+@compiled(Number, OPENED, Count, counted=False)
+def friction_of(plant: Opened, barrier: int) -> float:
+    """Return the friction coefficient of a contact barrier."""
+    pair = pair_of(plant, barrier)
+    if pair >= 0:
+        own: float = plant.bodies.frictions[pair, 0]
+        return own
+    contacts = plant.obstacles.contacts
+    own = contacts[barrier % len(contacts), 4]
+    return own
+
+
 @compiled(Nothing, OPENED, Flags, Row, OutRow, counted=False)
 def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) -> None:
     """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
@@ -162,7 +194,7 @@ def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) 
     """
     limits, columns = 2 * len(plant.obstacles.limit_at), plant.placed.columns
     about = point_of_reference(plant.flight.bases, plant.placed.poses)
-    contact_at, k, motion = plant.obstacles.contact_at, len(plant.obstacles.contact_at), local(6)
+    motion = local(6)
     for b in range(len(closed)):
         rate[b] = 0.0
         if b < limits or not closed[b]:
@@ -170,11 +202,12 @@ def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) 
         one = plant.obstacles.touch[b - limits]
         x, y, z = one[4] - about[0], one[5] - about[1], one[6] - about[2]
         motion[:] = 0.0
-        i = contact_at[(b - limits) % k, 1]
-        while i >= 0:
-            for a in range(6):
-                motion[a] += columns[i, a] * v[i]
-            i = plant.tree.rows[i, 1]
+        for side in range(2):
+            i, sign = carrier(plant, b - limits, side), 1.0 if side == 0 else -1.0
+            while i >= 0:
+                for a in range(6):
+                    motion[a] += sign * columns[i, a] * v[i]
+                i = plant.tree.rows[i, 1]
         rate[b] = one[1] * (motion[0] + motion[4] * z - motion[5] * y)
         rate[b] += one[2] * (motion[1] + motion[5] * x - motion[3] * z)
         rate[b] += one[3] * (motion[2] + motion[3] * y - motion[4] * x)
@@ -223,10 +256,10 @@ def barrier_rows(
         axes: (closed contacts (1 + d), 3) to write.
         which: numbers of the closed contact barriers to write.
     """
-    limit_at, contact_at = plant.obstacles.limit_at, plant.obstacles.contact_at
+    limit_at = plant.obstacles.limit_at
     columns, rows = plant.placed.columns, plant.tree.rows
     about = point_of_reference(plant.flight.bases, plant.placed.poses)
-    j, k, row, count = len(limit_at), len(contact_at), first, 0
+    j, row, count = len(limit_at), first, 0
     for i in range(2 * j):
         if closed[i]:
             matrix[row] = 0.0
@@ -246,18 +279,19 @@ def barrier_rows(
             matrix[at] = 0.0
             u, v, w = own[a, 0], own[a, 1], own[a, 2]
             p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
-            i = contact_at[which[c] % k, 1]
-            while i >= 0:
-                column = columns[i]
-                matrix[at, i] = (
-                    u * column[0]
-                    + v * column[1]
-                    + w * column[2]
-                    + p * column[3]
-                    + q * column[4]
-                    + r * column[5]
-                )
-                i = rows[i, 1]
+            for side in range(2):
+                i, sign = carrier(plant, which[c], side), 1.0 if side == 0 else -1.0
+                while i >= 0:
+                    column = columns[i]
+                    matrix[at, i] += sign * (
+                        u * column[0]
+                        + v * column[1]
+                        + w * column[2]
+                        + p * column[3]
+                        + q * column[4]
+                        + r * column[5]
+                    )
+                    i = rows[i, 1]
 
 
 @compiled(Nothing, OPENED, Number, Number, Dense, Places, OutRow, counted=False)
@@ -330,7 +364,7 @@ def lowest_speeds(
     for i in range(len(closed)):
         if closed[i]:
             targets[row] = 0.0
-            if kept[i]:
+            if kept[i] or gap[i] >= FAR:
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
             elif i >= limits:
                 drifted = -rate[i]
@@ -340,25 +374,27 @@ def lowest_speeds(
             row += 1
 
 
-@compiled(Nothing, Row, Dense, Places, Count, OutDense, counted=False)
+@compiled(Nothing, OPENED, Row, Dense, Places, OutDense, counted=False)
 def world_pushes(
-    solved: FloatArray, axes: FloatArray, which: IntArray, tangents: int, pushes: FloatArray
+    plant: Opened, solved: FloatArray, axes: FloatArray, which: IntArray, pushes: FloatArray
 ) -> None:
-    """Write the impulse on every contact point (k, 3), world.
+    """Write the impulse on every contact point, and on the first hull of every pair (k + p, 3).
 
     Args:
+        plant: whose contacts they are.
         solved: normal impulses of the closed contacts, then their tangents' (c (1 + d),).
         axes: (c (1 + d), 3), see `barrier_rows`.
         which: (c,) numbers of the closed contact barriers.
-        tangents: d.
-        pushes: to write.
+        pushes: to write, world.
     """
     pushes[:] = 0.0
-    count = len(which)
+    count, tangents, points = len(which), plant.obstacles.tangents, len(plant.obstacles.contacts)
     for c in range(count):
+        pair = pair_of(plant, which[c])
+        at = points + pair if pair >= 0 else which[c] % points
         for x in range(3):
             push = solved[c] * axes[c * (1 + tangents), x]
             for a in range(tangents):
                 along = axes[c * (1 + tangents) + 1 + a, x]
                 push += solved[count + c * tangents + a] * along
-            pushes[which[c] % len(pushes), x] += push
+            pushes[at, x] += push

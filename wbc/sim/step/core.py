@@ -11,12 +11,13 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import UNSOLVED, WAYS
 from wbc.mechanics.rows import RowSystem
-from wbc.mechanics.tree import tree_of
+from wbc.mechanics.tree import Tree
 from wbc.robot import Robot
 from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
+from wbc.sim.step.compliant import NEVER
 from wbc.sim.step.contacts import GAPS
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.gears import FLANKS, Drivetrain
@@ -74,7 +75,8 @@ class Ended:
         after: v (nv,) at the middle, after forces and impulses.
         mesh_impulse: T (m,) [N m s].
         depth: (2 j + c,) that is left to take back.
-        pushes: (3 k,) impulses [N s] on the robot, world axes.
+        pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
+            world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: (11,) work and losses [J], MOTOR to MISSED of `part`.
         work: linear systems solved, and what found the impulses, see `mechanics.newton`.
@@ -137,18 +139,13 @@ class Core:
         self,
         robot: Robot,
         terrain: Terrain,
+        tree: Tree,
         drive: Drivetrain,
         barriers: Barriers,
         return_speed: float,
+        compliance: tuple[float, float],
     ) -> None:
         """Keep what does not change and make room for the rest."""
-        tree = tree_of(robot.model)
-        if tree is None:
-            kinds = sorted({joint.shortname() for joint in list(robot.model.joints)[1:]})
-            raise SimulationError(
-                f"'{robot.name}' has a joint of a kind that the plant does not know, among "
-                f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
-            )
         bases = free_bases(robot)
         nq, nv, m = robot.model.nq, robot.model.nv, drive.size
         points, size, tangents = barriers.points, barriers.size, 1 if barriers.planar else 2
@@ -171,14 +168,15 @@ class Core:
             asked,
         )
         stored = m + nv + size + tangents * barriers.contacts
-        sizes = (nq, nv, m, stored, size, nv, m, size, 3 * points, m, 11, 2, nq, nv, size)
+        pushes = 3 * (points + len(barriers.pairs))
+        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size)
         ends = np.cumsum(sizes)
         self._cuts = tuple(map(slice, [0, *ends.tolist()], ends.tolist()))
-        self._most, self._size, self._pushes = m + size * (1 + tangents), size, 3 * points
-        bounds = return_speed, TOLERANCE, DRIFT, TOUCH
+        self._most, self._size, self._pushes = m + size * (1 + tangents), size, pushes
+        bounds = return_speed, TOLERANCE, DRIFT, TOUCH, *compliance
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
-        self.plant = opened(tree, bases, obstacles, gears, bounds, ends)
+        self.plant = opened(tree, bases, obstacles, gears, barriers.bodies, bounds, ends)
         self._loose, self._drive, self._nv = drive.any_loose, drive, nv
 
     def _ask_ground(self, what: int, time: float, later: float) -> None:
@@ -316,6 +314,11 @@ class Core:
         rows, system, _, inertia = self._in_rows(before, ended.after, ended.motor_speed)
         used, way = ended.work.astype(int).tolist()
         method, impulse = "ranges" if ended.given else WAYS[way], ended.impulse[rows.places]
+        if len(rows.depths):  # what compliant contacts meet is their aim
+            met = slice(len(rows.targets) - len(rows.depths), None)
+            normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
+            speed = system.free[normal] + system.delassus[normal] @ impulse
+            rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
         return _solution(rows, system, inertia, impulse, ended.after, used, method)
 
     def gaps(self, position: FloatArray, time: float = 0.0) -> FloatArray:

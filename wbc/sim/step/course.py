@@ -175,7 +175,8 @@ class Course:
         springy = 2.0 * setup.restitution
         share = min(1.0, (1.0 - setup.restitution) / springy) if springy > 0.0 else 1.0
         short, limits = share * setup.gravity * self.left**2, setup.barriers.limits
-        how = landing_of(self.state.closed, self.kept, start, part.gap, limits, short, landing)
+        held = self.kept | setup.yielding
+        how = landing_of(self.state.closed, held, start, part.gap, limits, short, landing)
         return how == SLOW
 
     def _until_landing(self, part: Flow, start: FloatArray) -> tuple[Flow | None, BoolArray | None]:
@@ -186,7 +187,7 @@ class Course:
         The flow ends before the jump, or is None where that is at once. The second value says
         which barriers (2 j + c,) jump; it is None where there is a place of landing.
         """
-        closed, kept, before = self.state.closed, self.kept, None
+        closed, kept, before = self.state.closed, self.kept | self._setup.yielding, None
         ahead, gap_early, gap_late = np.empty((3, len(start)))
         nearest(closed, kept, start, start, gap_early)
         if not nearest(closed, kept, start, part.gap, gap_late) < 0.0:
@@ -242,7 +243,8 @@ def settle(
     """
     closed, ahead = state.closed, setup.none if kept is None else kept
     if len(closed) != setup.barriers.size:
-        check_outside(setup, setup.core.gaps(state.position, state.time))
+        gap = setup.core.gaps(state.position, state.time)
+        check_outside(setup, np.where(setup.yielding, np.inf, gap))
         closed = setup.none
     back = np.full(len(closed), setup.restitution)
     if springy is not None:

@@ -12,10 +12,19 @@ from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.contacts import solid_gap
+from wbc.sim.step.compliant import stored_at
+from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds
 from wbc.sim.step.part import spring_energy
-from wbc.sim.step.tables import DEFLECTION, INERTIA, OPENED, STIFFNESS, Opened, point_of_reference
+from wbc.sim.step.tables import (
+    DEFLECTION,
+    HERTZ,
+    INERTIA,
+    OPENED,
+    STIFFNESS,
+    Opened,
+    point_of_reference,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +142,12 @@ def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
     return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]
 
 
-@compiled(several(Number, Number, Count), OPENED, Row, Row)
-def survey(plant: Opened, q: FloatArray, v: FloatArray) -> tuple[float, float, int]:
-    """Return what a plant stores at q (nq,) and v (nv,) [J]; the deepest body, and its gap.
+@compiled(several(Number, Number, Count), OPENED, Row, Row, Number)
+def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[float, float, int]:
+    """Return what a plant stores at q (nq,), v (nv,), time [J]; the deepest body, and its gap.
 
-    Stored are the kinetic energy of links and rotors, gravity's and the gear springs'. The gap is
+    Stored are the kinetic energy of links and rotors, gravity's, and that of springs in gears and
+    compliant contacts. The gap is
     that of the origin of the joint that carries a body, from the nearest solid that loops know.
     """
     tree, placed, gears = plant.tree, plant.placed, plant.gears
@@ -173,6 +183,10 @@ def survey(plant: Opened, q: FloatArray, v: FloatArray) -> tuple[float, float, i
         if len(gears.coupling):
             for c in range(len(v)):
                 energy += motor[g] * gears.coupling[g, c] * v[c]
+    if plant.bounds[HERTZ] > 0.0:
+        touch_ground(plant, time)
+        for b in range(len(plant.obstacles.touch)):
+            energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     return energy, deepest, lowest
 
 
@@ -181,5 +195,5 @@ def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
     setup.tell_coupling(state.position, state.velocity)
     setup.core.tell_motion(state)
     q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    found: tuple[float, float, int] = survey(setup.core.plant, q, v)
+    found: tuple[float, float, int] = survey(setup.core.plant, q, v, state.time)
     return found

@@ -26,7 +26,14 @@ from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import SYSTEM, RowSystem
-from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, world_pushes
+from wbc.sim.step.arrival import rigid_ones
+from wbc.sim.step.contacts import (
+    barrier_rows,
+    friction_of,
+    gaps_at,
+    ground_speeds,
+    world_pushes,
+)
 from wbc.sim.step.gears import motor_speeds, rotor_brings
 from wbc.sim.step.motion import look
 from wbc.sim.step.part import (
@@ -170,12 +177,12 @@ def impact_rows(plant: Opened, together: BoolArray, v: FloatArray, time: float) 
         for c in range(n):
             matrix[i, c] = plant.gears.rows[i, c]
     for c in range(touching):
-        frictions[c] = obstacles.contacts[which[c] % len(obstacles.contacts), 4]
+        frictions[c] = friction_of(plant, which[c])
     if not factor_inertia(plant.placed.inertia, lower):
         lower[0, 0] = np.nan
     return PartRows(
         matrix, lower, laws, np.zeros(both), frictions, v.copy(), carried, np.zeros(0), axes, which,
-        np.zeros(0, dtype=np.int64), motor, np.zeros(m),
+        np.zeros(0, dtype=np.int64), motor, np.zeros(m), np.zeros((0, 2)),
     )  # fmt: skip
 
 
@@ -286,9 +293,9 @@ def impact_at(
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     gap, ahead, reached, both = np.empty(size), np.zeros(size, dtype=np.bool_), False, 0
     gaps_at(plant, q, time, gap)
-    found[:] = 0.0
+    found[:], rigid = 0.0, rigid_ones(plant)
     for i in range(size):
-        fresh[i] = not before[i] and gap[i] <= touch
+        fresh[i] = not before[i] and gap[i] <= touch and i < rigid
         ahead[i] = kept[i] and not before[i] and not fresh[i]
         closed[i] = before[i] or fresh[i] or ahead[i]
         reached = reached or fresh[i] or ahead[i]
@@ -348,8 +355,7 @@ def impact_at(
         return HIT
     after[:] = solved.after
     first = m + both - len(rows.which)
-    d = plant.obstacles.tangents
-    world_pushes(solved.impulse[first:], rows.axes, rows.which, d, pushes.reshape(-1, 3))
+    world_pushes(plant, solved.impulse[first:], rows.axes, rows.which, pushes.reshape(-1, 3))
     row = m
     for i in range(size):
         if closed[i]:

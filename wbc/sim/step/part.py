@@ -42,8 +42,16 @@ from wbc.mechanics.newton import (
 )
 from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
 from wbc.mechanics.tree import Tree
-from wbc.sim.step.arrival import arrive
-from wbc.sim.step.contacts import barrier_rows, gaps_at, ground_speeds, lowest_speeds, world_pushes
+from wbc.sim.step.arrival import arrive, rigid_ones
+from wbc.sim.step.compliant import solve_compliant, stored_at
+from wbc.sim.step.contacts import (
+    barrier_rows,
+    friction_of,
+    gaps_at,
+    ground_speeds,
+    lowest_speeds,
+    world_pushes,
+)
 from wbc.sim.step.gears import (
     FLANKS,
     gear_laws,
@@ -53,6 +61,7 @@ from wbc.sim.step.gears import (
     solve_gripped,
 )
 from wbc.sim.step.motion import to_middle
+from wbc.sim.step.pairs import FAR
 from wbc.sim.step.tables import (
     ACCURACY,
     BACKWARD,
@@ -60,6 +69,7 @@ from wbc.sim.step.tables import (
     DEFLECTION,
     FIRST,
     FLIGHT,
+    HERTZ,
     INERTIA,
     INVERSE,
     JOINT,
@@ -121,6 +131,7 @@ class PartRows(NamedTuple):
         places: (r,) of the rows among the impulses that a state keeps.
         motor: (m,) speeds of the motor outputs before.
         relative: (m,) the same less those of the joints.
+        depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
     """
 
     matrix: FloatArray
@@ -136,6 +147,7 @@ class PartRows(NamedTuple):
     places: IntArray
     motor: FloatArray
     relative: FloatArray
+    depths: FloatArray
 
 
 class Solved(NamedTuple):
@@ -164,7 +176,7 @@ class Solved(NamedTuple):
 ACTING = group(Acting, Flags, Flags, *(Row,) * 5, Number, Number)
 ROWS = group(
     PartRows, OutDense, OutDense, OutDense, *(OutRow,) * 5, OutDense, OutPlaces, OutPlaces,
-    OutRow, OutRow,
+    OutRow, OutRow, OutDense,
 )  # fmt: skip
 SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
 MIDDLE = several(OutRow, OutRow, OutRow)
@@ -183,6 +195,7 @@ speed by which a passive end misses the laws."""
 _COUPLING_ROUNDS = 200
 _COUPLING_TOLERANCE = 1e-13
 _SLOWEST = 1e-9
+_FASTEST = 10.0
 
 
 @compiled(MIDDLE, OutRow, OutPlaces)
@@ -305,8 +318,14 @@ def rows_of(
         ground_speeds(plant, now, now, axes, which, pushed)
         later = acting.time + step
         ground_speeds(plant, now, later, axes, which, carried[elements + held :])
+    depths = np.empty((touching if plant.bounds[HERTZ] > 0.0 else 0, 2))
+    for c in range(len(depths)):
+        at, opens = limits + which[c], -pushed[c]
+        for i in range(n):
+            opens += matrix[elements + held + c, i] * speed[i]
+        depths[c, 0], depths[c, 1] = 0.5 * step * opens - gap[at], -gap[at]
     for c in range(touching):
-        frictions[c] = obstacles.contacts[which[c] % len(obstacles.contacts), 4]
+        frictions[c] = friction_of(plant, which[c])
     row = elements
     for i in range(len(closed)):
         if closed[i]:
@@ -318,7 +337,7 @@ def rows_of(
             row += 1
     return PartRows(
         matrix, lower, laws, targets, frictions, free, carried, pushed, axes, which, places,
-        motor, relative,
+        motor, relative, depths,
     )  # fmt: skip
 
 
@@ -459,7 +478,12 @@ def solve_part(
         if coupled:
             lag_coupling(plant, rows, system, speed, last, rows.free, step, laws, shifted)
         if len(given) == 0:
-            if step > 0.0:
+            if len(rows.depths):
+                more, way = solve_compliant(
+                    plant, rows.depths, system, rows.relative, step, start, tolerance, impulse,
+                    end, damped,
+                )  # fmt: skip
+            elif step > 0.0:
                 more, way = solve_gripped(
                     plant.gears, system, rows.relative, step, start, tolerance, impulse, end, damped
                 )
@@ -636,10 +660,19 @@ def books_of(
         if i >= elements + both:
             books[CONTACT] -= made
             continue
-        books[NORMAL] = max(books[NORMAL], made)
+        contact = i - elements - limits
+        if len(rows.depths) == 0 or contact < 0:
+            books[NORMAL] = max(books[NORMAL], made)
         mean = -ground
         for c in range(n):
             mean += 0.5 * rows.matrix[i, c] * (speed[c] + solved.after[c])
+        if len(rows.depths) and contact >= 0:
+            # What the spring does not take is lost; at the speed of the end, as others are.
+            stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
+            after = rows.depths[contact, 1] - 0.5 * step * solved.speed[i]
+            taken = stored_at(stiffness, after) - stored_at(stiffness, before)
+            books[CONTACT] += push / step * (after - before) - taken
+            continue
         books[CONTACT] += max(-push * mean, 0.0)
     for i in range(len(solved.impulse)):
         books[TRAFFIC] += abs(solved.impulse[i] * solved.speed[i])
@@ -648,24 +681,42 @@ def books_of(
         books[KINETIC] += abs(inertia[c, c]) * square
 
 
-@compiled(Count, Row, Row, Number, OutFlags, counted=False)
-def hold_or_land(pushes: FloatArray, gap: FloatArray, touch: float, closed: BoolArray) -> int:
+@compiled(Count, Row, Row, Number, Count, OutFlags, counted=False)
+def hold_or_land(
+    pushes: FloatArray, gap: FloatArray, touch: float, rigid: int, closed: BoolArray
+) -> int:
     """Write which barriers stay closed, pressed ones or in touch; return LANDED or SMOOTH.
 
     Args:
         pushes: (l + k,) impulses of the closed limits and normals.
         gap: (2 j + c,) at the end.
         touch: gap up to which a barrier counts as closed; one that is passed by more has landed.
+        rigid: number of barriers, those that are compliant left out: they neither close nor land.
         closed: (2 j + c,) to change.
     """
     result, row = SMOOTH, 0
     for i in range(len(gap)):
         if closed[i]:
-            closed[i] = gap[i] <= touch or pushes[row] > 0.0
+            closed[i] = gap[i] <= touch or (pushes[row] > 0.0 and gap[i] < FAR)
+            closed[i] = closed[i] and i < rigid
             row += 1
-        elif gap[i] < -touch:
+        elif gap[i] < -touch and i < rigid:
             result = LANDED
     return result
+
+
+@compiled(Nothing, OPENED, Row, ACTING, OutRow, OutFlags, counted=False)
+def meet_compliant(
+    plant: Opened, middle: FloatArray, acting: Acting, gap: FloatArray, closed: BoolArray
+) -> None:
+    """Let compliant contacts take part that may be met within the part: `_FASTEST` [m/s].
+
+    One that comes faster is met by the part after, deeper in its spring.
+    """
+    if plant.bounds[HERTZ] > 0.0:
+        gaps_at(plant, middle, acting.time + 0.5 * acting.step, gap)
+        for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
+            closed[i] = gap[i] < 0.5 * acting.step * _FASTEST
 
 
 @compiled(OutRow, Row, Places)
@@ -740,6 +791,7 @@ def part_of_step(
     acting = Acting(before, kept, stored, v, torque, force, friction, time, step)
     for i in range(len(closed)):
         closed[i] = before[i] or kept[i]
+    meet_compliant(plant, middle, acting, gap, closed)
     rows = rows_of(plant, acting, closed, middle, speed, rate, gap)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
@@ -759,10 +811,7 @@ def part_of_step(
         after[c] = solved.after[c]
     elements, both = len(rows.laws), len(rows.targets)
     first = elements + both - len(rows.frictions)
-    world_pushes(
-        solved.impulse[first:], rows.axes, rows.which, plant.obstacles.tangents,
-        pushes.reshape(-1, 3),
-    )  # fmt: skip
+    world_pushes(plant, solved.impulse[first:], rows.axes, rows.which, pushes.reshape(-1, 3))
     pressed, moved = solved.impulse[elements : elements + both], np.empty(len(after))
     left = arrive(
         plant, closed, rows.matrix[elements : elements + both], pressed, middle, after, step,
@@ -777,7 +826,7 @@ def part_of_step(
         if plant.gears.at[i, 1] == 1:  # motors stay where they are
             for c in range(len(after)):
                 deflection[i] -= plant.gears.rows[i, c] * moved[c]
-    result = hold_or_land(pressed, gap, plant.bounds[TOUCH], closed)
+    result = hold_or_land(pressed, gap, plant.bounds[TOUCH], rigid_ones(plant), closed)
     return -result if left else result
 
 
@@ -811,7 +860,9 @@ def part_in_rows(
     acting = Acting(before, kept, stored, v, torque, force, friction, time, step)
     for i in range(len(closed)):
         closed[i] = before[i] or kept[i]
-    rows = rows_of(plant, acting, closed, middle, speed, rate, np.empty(len(closed)))
+    gap = np.empty(len(closed))
+    meet_compliant(plant, middle, acting, gap, closed)
+    rows = rows_of(plant, acting, closed, middle, speed, rate, gap)
     system = part_system(rows, plant.obstacles.tangents)
     if len(after):
         couple(plant, rows, system, speed, after, step)

@@ -22,7 +22,9 @@ from wbc.structures import Structure
 
 
 class Obstacles(NamedTuple):
-    """Joint limits, contact points, and the solids that these may meet; c = points times solids.
+    """Joint limits, contact points, and the solids that these may meet.
+
+    The c contact barriers are all points times all solids, then those of pairs of hulls (`Bodies`).
 
     Attributes:
         limit_at: (j, 2) entry of q and row of v.
@@ -82,6 +84,33 @@ class Gears(NamedTuple):
     loose: bool
 
 
+class Bodies(NamedTuple):
+    """Convex hulls that meet edges of the ground, and each other, see `Hull` and `pairs`.
+
+    Attributes:
+        hulls: (h, 8) joint (-1 for the world), its last row of v (-1), and where the corners,
+            planes and edges begin and how many there are.
+        shapes: (h, 6) centre (3) and radius of a ball around it, radius of balls at the corners,
+            least width; on the joint.
+        corners: (n, 3).
+        planes: (f, 4).
+        edges: (e, 12).
+        pairs: (p, 5) two hulls, first barrier, whether the corners of the first hull take part
+            (those on the ground are contact points), and last barrier + 1.
+        frictions: (p, 1).
+        slots: (s, 1) pair of each barrier.
+    """
+
+    hulls: IntArray
+    shapes: FloatArray
+    corners: FloatArray
+    planes: FloatArray
+    edges: FloatArray
+    pairs: IntArray
+    frictions: FloatArray
+    slots: IntArray
+
+
 class PlacedTree(NamedTuple):
     """Memory for a tree in one configuration.
 
@@ -119,10 +148,11 @@ class Opened(NamedTuple):
     """All of a plant.
 
     Attributes:
-        tree, flight, obstacles, gears, placed: see there.
-        bounds: (4,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
+        tree, flight, obstacles, gears, placed, bodies: see there.
+        bounds: (6,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
             solution; DRIFT_FROM: overlap from which on it is taken back; TOUCH: gap up to which a
-            barrier counts as closed.
+            barrier counts as closed; HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for
+            rigid ones.
         ends: where each part of what a step writes ends, see `Ended`.
     """
 
@@ -131,6 +161,7 @@ class Opened(NamedTuple):
     obstacles: Obstacles
     gears: Gears
     placed: PlacedTree
+    bodies: Bodies
     bounds: FloatArray
     ends: IntArray
 
@@ -163,8 +194,19 @@ _GEARS = Structure(
 )
 _PLACED = Structure("PlacedTree", **dict.fromkeys(PlacedTree._fields, OutDense))
 _FLIGHT = Structure("Flight", bases=OutTable, carried=OutDense, frames=OutDense)
+_BODIES = Structure(
+    "Bodies",
+    hulls=OutTable,
+    shapes=OutDense,
+    corners=OutDense,
+    planes=OutDense,
+    edges=OutDense,
+    pairs=OutTable,
+    frictions=OutDense,
+    slots=OutTable,
+)
 TREE, OBSTACLES, GEARS = _TREE.kind, _OBSTACLES.kind, _GEARS.kind
-PLACED, FLIGHT = _PLACED.kind, _FLIGHT.kind
+PLACED, FLIGHT, BODIES = _PLACED.kind, _FLIGHT.kind, _BODIES.kind
 _OPENED = Structure(
     "Opened",
     tree=TREE,
@@ -172,6 +214,7 @@ _OPENED = Structure(
     obstacles=OBSTACLES,
     gears=GEARS,
     placed=PLACED,
+    bodies=BODIES,
     bounds=OutRow,
     ends=OutPlaces,
 )
@@ -180,7 +223,7 @@ OPENED = _OPENED.kind
 JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
 
-RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH = range(4)
+RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION = range(6)
 
 
 def opened(
@@ -188,6 +231,7 @@ def opened(
     bases: IntArray,
     obstacles: Obstacles,
     gears: Gears,
+    bodies: Bodies,
     bounds: tuple[float, ...],
     ends: IntArray,
 ) -> Opened:
@@ -201,6 +245,7 @@ def opened(
         obstacles=_OBSTACLES.of(**obstacles._asdict()),
         gears=_GEARS.of(**gears._asdict()),
         placed=_PLACED.of(**placed),
+        bodies=_BODIES.of(**bodies._asdict()),
         bounds=np.array(bounds),
         ends=ends,
     )

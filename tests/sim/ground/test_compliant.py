@@ -1,0 +1,109 @@
+"""Compliant contacts: Hunt and Crossley's law against its closed relations, energy and rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc import load_robot
+from wbc.errors import SimulationError
+from wbc.robot import FreeBody, bare_robot
+from wbc.sim import HuntCrossley, Plane, Plant, Stairs
+
+_K = 1e6  # [N/m^(3/2)]
+_MASS, _RADIUS = 1.0, 0.1
+
+
+def bounce(dissipation: float, speed: float, step: float) -> tuple[float, float]:
+    """Return speed after over before, and the peak force [N], of a ball without gravity."""
+    robot = bare_robot(pin.Model()).with_free_bodies(FreeBody("ball", coal.Sphere(_RADIUS), _MASS))
+    model = robot.model.copy()
+    model.gravity.linear = np.zeros(3)
+    plant = Plant(replace(robot, model=model), compliance=HuntCrossley(_K, dissipation))
+    state, peak = plant.state([0, 0, _RADIUS, 0, 0, 0, 1], [0, 0, -speed, 0, 0, 0]), 0.0
+    energy = plant.mechanical_energy(state)
+    for _ in range(round(0.2 / step)):
+        result = plant.step(state, [], step)
+        state, peak = result.state, max(peak, result.contact_force[0, 2])
+        assert result.impacts == ()
+        assert result.events == ()
+        assert abs(result.balance.residual) < 1e-9 * energy
+        if state.velocity[2] > 0.0 and state.position[2] > _RADIUS:
+            return state.velocity[2] / speed, peak
+    raise AssertionError("the ball does not leave")
+
+
+def test_a_peak_force_converges_to_the_one_of_a_spring() -> None:
+    """m v^2 / 2 = 2/5 K d^(5/2) at the deepest place, where F = K d^(3/2)."""
+    depth = (1.25 * _MASS / _K) ** 0.4
+    errors = []
+    for step in (2e-3, 5e-4, 1.25e-4):
+        share, peak = bounce(0.0, 1.0, step)
+        assert share == pytest.approx(1.0, abs=1e-9)
+        errors.append(abs(peak / (_K * depth**1.5) - 1.0))
+    assert errors[2] < 2e-3
+    assert errors[2] < errors[1] < errors[0] < 0.2
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.2])
+def test_restitution_falls_with_speed(speed: float) -> None:
+    """1 - a v for small losses (Hunt and Crossley 1975)."""
+    a = 0.2
+    share, _ = bounce(a, speed, 2.5e-4)
+    assert share == pytest.approx(1.0 - a * speed, abs=1.2 * (a * speed) ** 2)
+
+
+def test_the_loss_is_that_of_the_law_in_fine_steps() -> None:
+    """Large losses, against the law integrated with steps of 1e-6 s."""
+    a, v, d = 0.5, 1.0, 0.0
+    h = 1e-6
+    while d > 0.0 or v > 0.0:
+        v -= h / _MASS * max(_K * max(d, 0.0) ** 1.5 * (1.0 + 1.5 * a * v), 0.0)
+        d += h * v
+    share, _ = bounce(a, 1.0, 1e-4)
+    assert share == pytest.approx(-v, abs=1e-3)
+
+
+def test_a_box_sinks_as_deep_as_its_weight_says_and_makes_no_energy() -> None:
+    robot = bare_robot(pin.Model()).with_free_bodies(FreeBody("box", coal.Box(0.2, 0.2, 0.2), 1.0))
+    plant = Plant(robot, compliance=HuntCrossley(_K, 2.0))
+    turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.3, 0.2, 0.0)).coeffs()
+    state = plant.state([0.0, 0.0, 0.15, *turn])
+    energy = plant.mechanical_energy(state)
+    for _ in range(3000):
+        result = plant.step(state, [], 1e-3)
+        state, after = result.state, plant.mechanical_energy(result.state)
+        assert after < energy + 1e-5
+        assert {event.kind for event in result.events} <= {"coarse"}
+        energy = after
+    depth = (9.81 / 4.0 / _K) ** (2.0 / 3.0)
+    np.testing.assert_allclose(plant.gaps(state)[plant.gaps(state) < 0.0], -depth, rtol=0.2)
+
+
+def test_a_quadruped_and_a_plank_stand_on_compliant_ground() -> None:
+    soft = HuntCrossley(1e6, 1.0)
+    plank = bare_robot(pin.Model()).with_free_bodies(
+        FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)
+    )
+    stair = Stairs(edges=np.array([0.0]), heights=np.array([0.0, 0.1]))
+    plant = Plant(plank, stair, compliance=soft)
+    state = plant.state([-0.05, 0.0, 0.35, 0.0, 0.0, 0.0, 1.0])
+    state = plant.run(state, [], 2.0, 2000).state
+    assert plant.pair_gaps(state).min() > -1e-3
+    assert state.position[2] > 0.08
+    plant = Plant(load_robot("solo12"), Plane(), compliance=soft)
+    q = plant.robot.pose().copy()
+    q[2] -= plant.gaps(plant.state(q)).min()
+    result = plant.run(plant.state(q), np.zeros(12), 1.0, 1000)
+    assert result.impacts == () or all(not i.contact_impulse.any() for i in result.impacts)
+    assert plant.gaps(result.state).min() > -2e-3
+
+
+def test_wrong_numbers_are_said() -> None:
+    for numbers in ((0.0, 0.1), (np.inf, 0.1), (1e6, -0.1)):
+        with pytest.raises(SimulationError, match="compliant contacts need"):
+            HuntCrossley(*numbers)

@@ -1,0 +1,182 @@
+"""Bodies against edges of the ground and against each other: distances as coal has them, rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sims import bodies
+from wbc import Robot
+from wbc.errors import RobotError, SimulationError
+from wbc.robot import FreeBody, bare_robot
+from wbc.sim import Box, Plane, Plant, SimState, Stairs, Together
+
+_STEP = 1e-3  # [s]
+_FAR = Plane(height=-50.0)
+
+
+def cloud(points: np.ndarray) -> coal.CollisionGeometry:
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(points) // 3, len(points))
+    mesh.addVertices(points)
+    mesh.endModel()
+    mesh.buildConvexHull(True, "Qt")
+    return mesh.convex
+
+
+SHAPES = {
+    "sphere": coal.Sphere(0.06),
+    "capsule": coal.Capsule(0.04, 0.2),
+    "box": coal.Box(0.2, 0.14, 0.1),
+    "mesh": cloud(np.random.default_rng(3).normal(size=(18, 3)) * [0.1, 0.07, 0.05]),
+}
+
+
+def free(*bodies: FreeBody, pairs: tuple[tuple[str, str], ...] = ()) -> Robot:
+    return bare_robot(pin.Model()).with_free_bodies(*bodies, pairs=pairs)
+
+
+def placed(*places: tuple[list[float], list[float]]) -> np.ndarray:
+    """Return q of free bodies at places, turned by roll, pitch, yaw."""
+    turns = [pin.Quaternion(pin.rpy.rpyToMatrix(*turn)).coeffs() for _, turn in places]
+    return np.concatenate([np.r_[p, t] for (p, _), t in zip(places, turns, strict=True)])
+
+
+def watched(plant: Plant, q: np.ndarray, duration: float) -> tuple[SimState, float]:
+    """Run a plant until it rests, at most for `duration`; return the end, and how deep it was."""
+    state, deepest = plant.state(q), 0.0
+    energy = total = plant.mechanical_energy(state)
+    for _ in range(round(duration / _STEP)):
+        result = plant.step(state, np.zeros(plant.robot.transmission.size), _STEP)
+        state, after = result.state, plant.mechanical_energy(result.state)
+        assert after < energy + 1e-5 * total  # the step's own error: turning is of second order
+        assert {event.kind for event in result.events} <= {"coarse"}
+        energy = after
+        gaps = [plant.gaps(state).min(initial=0.0), plant.pair_gaps(state).min(initial=0.0)]
+        deepest = min(deepest, *gaps)
+        if np.abs(state.velocity).max() < 1e-9:
+            break
+    return state, deepest
+
+
+@pytest.mark.parametrize("kinds", list(combinations_with_replacement(SHAPES, 2)), ids="-".join)
+def test_distances_are_those_of_coal(kinds: tuple[str, str]) -> None:
+    """Where they overlap; apart, the distance is at least coal's (see `Plant.pair_gaps`)."""
+    one, other = (SHAPES[kind] for kind in kinds)
+    both = FreeBody("a", one, 1.0), FreeBody("b", other, 1.0)
+    robot = free(*both, pairs=(("a", "b"),))
+    # With the vertices of a mesh that stick out by 1e-4 m and more: nearly all that it has.
+    robot = replace(robot, surface=replace(robot.surface, depth=1e-9))
+    plant = Plant(robot, _FAR)
+    random = np.random.default_rng(5)
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    overlaps = 0
+    for _ in range(300):
+        first, second = (pin.Quaternion(random.normal(size=4)).normalized() for _ in range(2))
+        way, wanted, apart = random.normal(size=3), random.uniform(-2e-3, 3e-3), 0.4
+        way /= np.linalg.norm(way)
+        for _ in range(40):  # along the way to about the wanted distance
+            poses = (first.matrix(), np.zeros(3)), (second.matrix(), apart * way)
+            places = [coal.Transform3s(*pose) for pose in poses]
+            found = coal.distance(one, places[0], other, places[1], request, coal.DistanceResult())
+            apart -= found - wanted
+        if abs(found - wanted) > 1e-7 or apart < 0.0:
+            continue  # coal does not settle there
+        q = np.concatenate((np.zeros(3), first.coeffs(), poses[1][1], second.coeffs()))
+        seen = plant.pair_gaps(plant.state(q))[0]
+        if "mesh" in kinds:  # some vertices are left out
+            assert seen > found - 1e-6
+        elif found < 0.0:
+            assert seen == pytest.approx(found, abs=1e-6)
+            overlaps += 1
+        else:
+            assert seen > found - 1e-6
+    assert "mesh" in kinds or overlaps > 20
+
+
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [0.5, 0.3, 0.7]], ids=["level", "turned"])
+def test_a_plank_lies_on_the_edge_of_a_stair(turn: list[float]) -> None:
+    """Its corners touch the treads; the edge was 42 mm inside it."""
+    stair = Stairs(edges=np.array([0.0]), heights=np.array([0.0, 0.1]))
+    plant = Plant(free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)), stair)
+    state, deepest = watched(plant, placed(([-0.05, 0.0, 0.45], turn)), 3.0)
+    assert np.abs(state.velocity).max() < 1e-9
+    assert deepest > -1e-6
+    rotation = pin.Quaternion(state.position[3:]).matrix()
+    along = np.linspace(-0.3, 0.3, 601)
+    edge = np.column_stack((0.0 * along, along, 0.0 * along + 0.1)) - state.position[:3]
+    inside = np.min([0.3, 0.2, 0.05] - np.abs(edge @ rotation), axis=1)
+    assert inside.max() < 1e-6
+
+
+def test_a_plank_lies_on_the_corner_of_a_box() -> None:
+    ground = Together([Plane(), Box(np.array([0.25, 0.15, 0.0]), np.array([0.4, 0.3, 0.3]))])
+    plant = Plant(free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)), ground)
+    state, deepest = watched(plant, placed(([0.0, 0.0, 0.35], [0.1, 0.05, 0.3])), 3.0)
+    assert np.abs(state.velocity).max() < 1e-9
+    assert deepest > -1e-6
+
+
+def boxes(*places: tuple[list[float], list[float]]) -> tuple[Plant, np.ndarray]:
+    """Return two boxes of 0.2 m and 1 kg that touch each other, and where they begin."""
+    both = [FreeBody(name, coal.Box(0.2, 0.2, 0.2), 1.0) for name in ("lower", "upper")]
+    return Plant(free(*both, pairs=(("lower", "upper"),))), placed(*places)
+
+
+def test_a_stack_of_two_boxes_stands_and_carries_its_weight() -> None:
+    plant, q = boxes(([0.0, 0.0, 0.1], [0.0] * 3), ([0.0, 0.0, 0.3], [0.0] * 3))
+    state = plant.state(q)
+    result = plant.run(state, [], 1.0, 1000)
+    np.testing.assert_allclose(result.state.position, q, atol=1e-12)
+    push = result.pair_impulse[0] * (1.0 if plant.pairs[0][0] == "upper" else -1.0)
+    np.testing.assert_allclose(push, [0.0, 0.0, 9.81], atol=1e-9)
+    ground = result.contact_force[: len(plant.contacts)].sum(axis=0)
+    np.testing.assert_allclose(ground, [0.0, 0.0, 19.62], atol=1e-9)
+
+
+def test_a_box_dropped_on_a_box_rests_on_it_or_topples_off() -> None:
+    on_it = ([0.03, 0.02, 0.35], [0.1, 0.05, 0.4])
+    beside = ([0.12, 0.01, 0.301], [0.0, 0.0, 0.4])
+    for place, height in ((on_it, 0.3), (beside, 0.1)):
+        plant, q = boxes(([0.0, 0.0, 0.1], [0.0] * 3), place)
+        state, deepest = watched(plant, q, 2.0)
+        assert np.abs(state.velocity).max() < 1e-9
+        assert state.position[9] == pytest.approx(height, abs=1e-6)
+        assert deepest > -2e-6
+
+
+def test_a_capsule_and_a_ball_rest_on_a_box() -> None:
+    """Round ones roll without friction of rolling: in a corner of fixed boxes they rest."""
+    walls = [Box(np.array([x, 0.0, 0.1]), np.array([0.1, 1.0, 0.6])) for x in (-0.11, 0.11)]
+    both = FreeBody("rod", coal.Capsule(0.05, 0.2), 1.0), FreeBody("ball", coal.Sphere(0.05), 1.0)
+    plant = Plant(free(*both, pairs=(("rod", "ball"),)), Together([Plane(), *walls]))
+    q = placed(([0.0, 0.0, 0.06], [np.pi / 2, 0.0, 0.0]), ([0.005, 0.02, 0.2], [0.0] * 3))
+    state, deepest = watched(plant, q, 2.0)
+    assert state.position[2] == pytest.approx(0.05, abs=1e-5)
+    assert deepest > -1e-5
+
+
+def test_two_fingers_lift_a_box_by_friction() -> None:
+    scene = bodies.scenes()[2]
+    states = bodies.run(scene)
+    held = states[300].position
+    np.testing.assert_allclose(states[-1].position[2] - held[2], 0.0, atol=1e-6)
+    risen = states[-1].position[0] - held[0]
+    assert risen > 0.06
+    assert states[-1].position[5] - held[5] == pytest.approx(risen, abs=1e-4)
+    # A box too heavy for mu times the grip stays on the ground.
+    heavy = replace(scene, plant=replace(scene.plant, robot=bodies.hand(mass=2.0)))
+    assert bodies.run(heavy)[-1].position[5] == pytest.approx(0.04, abs=1e-6)
+
+
+def test_wrong_bodies_are_said() -> None:
+    with pytest.raises(RobotError, match="mass and volume must be positive"):
+        free(FreeBody("box", coal.Box(0.1, 0.1, 0.1), 0.0))
+    with pytest.raises(SimulationError, match="body with collision geometry"):
+        Plant(free(FreeBody("box", coal.Box(0.1, 0.1, 0.1), 1.0), pairs=(("box", "bag"),)))

@@ -1,0 +1,389 @@
+"""Where two convex hulls touch: corner on face, edge on edge, balls; for compiled loops.
+
+Each corner, and each end of the stretch in which an edge of the second hull lies under the first,
+is a barrier of its own. So a contact keeps its identity from step to step, and lying faces touch at
+their outermost points. A barrier takes part while the normal lies in the cone of normals of its
+corner or edge, or nearly so (`_TILT`): an edge that is nearly level already waits for the ground.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Row,
+    compiled,
+    local,
+)
+from wbc.sim.step.tables import BODIES, OPENED, Bodies, Opened
+
+FAR = 10.0
+"""Gap [m] of a barrier whose features do not face each other; nothing acts on it."""
+
+_TILT = 0.5
+"""Sine of the angle by which a normal may leave its cone. Any up to that of a box's corners (90
+degrees apart, so 0.7) tells faces from each other; larger ones look ahead further."""
+_LEVEL = 1e-6  # sine up to which a normal lies in a cone
+_PARALLEL = 1e-3  # sine of the angle below which edges do not cross: their ends touch instead
+_INSIDE = 1e-6  # [m] by which a place may lie beside a face or beyond the end of an edge
+_SAME = 1e-5  # [m] within which two barriers are one
+
+
+@compiled(Nothing, Dense, Count, OutRow, counted=False)
+def pose_of(poses: FloatArray, joint: int, pose: FloatArray) -> None:
+    """Write the pose (12,) of a joint, -1 for the world."""
+    if joint >= 0:
+        for k in range(12):
+            pose[k] = poses[joint, k]
+        return
+    pose[:] = 0.0
+    pose[0] = pose[4] = pose[8] = 1.0
+
+
+@compiled(Nothing, Row, Row, OutRow, counted=False)
+def turned(pose: FloatArray, way: FloatArray, out: FloatArray) -> None:
+    """Write a direction (3,) in the outer axes of a pose (12,)."""
+    for k in range(3):
+        out[k] = pose[3 * k] * way[0] + pose[3 * k + 1] * way[1] + pose[3 * k + 2] * way[2]
+
+
+@compiled(Nothing, Row, Row, OutRow, counted=False)
+def between(outer: FloatArray, inner: FloatArray, pose: FloatArray) -> None:
+    """Write the pose (12,) of `inner` as `outer` sees it."""
+    for i in range(3):
+        pose[9 + i] = 0.0
+        for j in range(3):
+            pose[3 * i + j] = 0.0
+            for k in range(3):
+                pose[3 * i + j] += outer[3 * k + i] * inner[3 * k + j]
+            pose[9 + i] += outer[3 * j + i] * (inner[9 + j] - outer[9 + j])
+
+
+@compiled(Nothing, Row, Dense, OutDense, counted=False)
+def placed_points(pose: FloatArray, points: FloatArray, placed: FloatArray) -> None:
+    """Write points (n, 3) in the outer axes of a pose (12,)."""
+    for i in range(len(points)):
+        turned(pose, points[i], placed[i])
+        for k in range(3):
+            placed[i, k] += pose[9 + k]
+
+
+@compiled(Number, Row, Row, Row, OutRow, counted=False)
+def to_segment(start: FloatArray, end: FloatArray, point: FloatArray, nearest: FloatArray) -> float:
+    """Write the nearest place (3,) of a segment to a point; return its share of the way."""
+    along, square = 0.0, 0.0
+    for k in range(3):
+        along += (point[k] - start[k]) * (end[k] - start[k])
+        square += (end[k] - start[k]) ** 2
+    share = along / square if square > 0.0 else 0.0
+    within = min(max(share, 0.0), 1.0)
+    for k in range(3):
+        nearest[k] = start[k] + within * (end[k] - start[k])
+    return share
+
+
+@compiled(Number, BODIES, Count, Dense, Count, Number, Flag, Number, Number, OutRow, counted=False)
+def corner_gap(
+    bodies: Bodies,
+    which: int,
+    points: FloatArray,
+    i: int,
+    radius: float,
+    round_too: bool,
+    deepest: float,
+    reach: float,
+    found: FloatArray,
+) -> float:
+    """Return the gap between a hull and a corner, or the ball at it, of another; FAR for none.
+
+    Args:
+        bodies: with the hull.
+        which: its number.
+        points: (n, 3) corners of the other, in the axes of this hull.
+        i: the corner's number.
+        radius: of the ball.
+        round_too: whether the ends of a hull of balls count.
+        deepest: least gap that counts.
+        reach: greatest gap that counts.
+        found: normal out of the hull (3), and place on it (3), to write.
+    """
+    hull, point, near = bodies.hulls[which], points[i], local(3)
+    planes, own = bodies.planes[hull[4] : hull[4] + hull[5]], bodies.shapes[which, 4]
+    if len(planes) == 0:
+        corners = bodies.corners[hull[2] : hull[2] + hull[3]]
+        share = to_segment(corners[0], corners[len(corners) - 1], point, near)
+        if own == 0.0 or not (round_too or (len(corners) == 2 and 0.0 < share < 1.0)):
+            return FAR
+    else:
+        # The nearest face that the corner points to, or, where there is none, nearly points to.
+        best, face, points_to = -np.inf, -1, False
+        for f in range(len(planes)):
+            plane, tilt = planes[f], 0.0
+            gap = plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+            if gap > reach or (points_to and gap <= best):
+                continue
+            for j in range(len(points)):
+                rise, square = 0.0, 0.0
+                for k in range(3):
+                    rise += plane[k] * (points[j, k] - point[k])
+                    square += (points[j, k] - point[k]) ** 2
+                tilt = max(tilt, -rise / sqrt(square) if square > 0.0 else 0.0)
+            straight = tilt <= _LEVEL
+            if tilt <= _TILT and (gap > best or (straight and not points_to)):
+                best, face, points_to = gap, f, straight
+        if face >= 0 and best >= deepest:
+            over = True
+            for k in range(3):
+                found[k] = planes[face, k]
+                found[3 + k] = point[k] - best * found[k]
+            for f in range(len(planes)):
+                beside = -planes[f, 3]
+                for k in range(3):
+                    beside += planes[f, k] * found[3 + k]
+                over = over and beside <= _INSIDE
+            if over:
+                gap = best - radius
+                return gap
+        if radius == 0.0:
+            return FAR
+        edges, least, spot = bodies.edges[hull[6] : hull[6] + hull[7]], np.inf, local(3)
+        for e in range(len(edges)):
+            to_segment(edges[e, :3], edges[e, 3:6], point, spot)
+            square = 0.0
+            for k in range(3):
+                square += (point[k] - spot[k]) ** 2
+            if square < least:
+                least = square
+                for k in range(3):
+                    near[k] = spot[k]
+    square = 0.0
+    for k in range(3):
+        square += (point[k] - near[k]) ** 2
+    away = sqrt(square)
+    if away <= 0.0:
+        return FAR
+    for k in range(3):
+        found[k] = (point[k] - near[k]) / away
+        found[3 + k] = near[k] + own * found[k]
+    apart: float = away - own - radius
+    return apart
+
+
+@compiled(Number, Row, Row, Number, Number, OutRow, counted=False)
+def edge_gap(
+    one: FloatArray, other: FloatArray, radius: float, tilt: float, found: FloatArray
+) -> float:
+    """Return the gap between two edges (12,) that cross, FAR where they do not.
+
+    Args:
+        one, other: see `Hull`; of one hull and of the other.
+        radius: of the balls that roll along them, both together.
+        tilt: sine by which the normal may leave the cones of both edges; zero for the distance of
+            the lines whose cones meet, wherever they cross.
+        found: normal from the other to the one (3), and place on the other (3), to write.
+    """
+    a = b = c = d = e = 0.0
+    for k in range(3):
+        along, across, way = one[3 + k] - one[k], other[3 + k] - other[k], one[k] - other[k]
+        a, b, c = a + along * along, b + along * across, c + across * across
+        d, e = d + along * way, e + across * way
+    whole = a * c - b * b
+    if whole <= _PARALLEL**2 * a * c:
+        return FAR
+    s, t = (b * e - c * d) / whole, (a * e - b * d) / whole
+    beyond_one, beyond_other = _INSIDE / sqrt(a), _INSIDE / sqrt(c)
+    outside = abs(s - 0.5) > 0.5 + beyond_one or abs(t - 0.5) > 0.5 + beyond_other
+    if outside and (tilt > 0.0 or radius > 0.0):
+        return FAR
+    way, normal, square, inward = local(3), local(3), 0.0, 0.0
+    for k in range(3):
+        found[3 + k] = other[k] + t * (other[3 + k] - other[k])
+        way[k] = one[k] + s * (one[3 + k] - one[k]) - found[3 + k]
+    if radius > 0.0:
+        for k in range(3):
+            normal[k] = way[k]
+    else:
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            normal[k] = (one[3 + i] - one[i]) * (other[3 + j] - other[j])
+            normal[k] -= (one[3 + j] - one[j]) * (other[3 + i] - other[i])
+    for k in range(3):
+        square += normal[k] * normal[k]
+        inward += normal[k] * (other[6 + k] + other[9 + k])
+    if square <= 1e-24:
+        return FAR
+    length, gap = sqrt(square), 0.0
+    if radius == 0.0 and inward > 0.0:
+        length = -length
+    first = second = third = fourth = 0.0
+    for k in range(3):
+        normal[k] /= length
+        found[k] = normal[k]
+        gap += normal[k] * way[k]
+        first, second = first + normal[k] * other[6 + k], second + normal[k] * other[9 + k]
+        third, fourth = third + normal[k] * one[6 + k], fourth + normal[k] * one[9 + k]
+    if max(first, second) > tilt or min(third, fourth) < -tilt:
+        return FAR
+    return gap - radius
+
+
+@compiled(Number, BODIES, Count, Dense, counted=False)
+def beyond_faces(bodies: Bodies, which: int, points: FloatArray) -> float:
+    """Return how far points (n, 3) are all beyond one face of a hull, in its axes, at most.
+
+    The ground of a stair has no corners: minus infinity.
+    """
+    hull, most = bodies.hulls[which], -np.inf
+    if len(points) == 0:
+        return most
+    for f in range(hull[4], hull[4] + hull[5]):
+        plane, least = bodies.planes[f], np.inf
+        for i in range(len(points)):
+            one = points[i]
+            height = plane[0] * one[0] + plane[1] * one[1] + plane[2] * one[2] - plane[3]
+            least = min(least, height)
+        most = max(most, least)
+    return most
+
+
+@compiled(Number, BODIES, Count, Row, counted=False)
+def clearance(bodies: Bodies, which: int, point: FloatArray) -> float:
+    """Return a lower bound of the distance of a point (3,) from a hull, in its axes."""
+    hull, near, away = bodies.hulls[which], local(3), -np.inf
+    for f in range(hull[4], hull[4] + hull[5]):
+        plane = bodies.planes[f]
+        gap = plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+        away = max(away, gap)
+    if hull[5] == 0:
+        first, last = hull[2], hull[2] + hull[3] - 1
+        to_segment(bodies.corners[first], bodies.corners[last], point, near)
+        square = 0.0
+        for k in range(3):
+            square += (point[k] - near[k]) ** 2
+        away = sqrt(square) - bodies.shapes[which, 4]
+    return away
+
+
+@compiled(Nothing, Row, Number, Row, Number, OutRow, counted=False)
+def write_touch(
+    pose: FloatArray, gap: float, found: FloatArray, sign: float, touch: FloatArray
+) -> None:
+    """Write a gap, the normal and the place (6,), out of a pose (12,), into a touch (7,)."""
+    touch[0] = gap
+    turned(pose, found[:3], touch[1:4])
+    turned(pose, found[3:], touch[4:])
+    for k in range(3):
+        touch[1 + k] *= sign
+        touch[4 + k] += pose[9 + k]
+
+
+@compiled(Flag, OutDense, Count, counted=False)
+def doubled(touch: FloatArray, i: int) -> bool:
+    """Return whether a touch (s, 7) is where one before it is."""
+    for j in range(i):
+        square = 0.0
+        for k in range(3):
+            square += (touch[i, 4 + k] - touch[j, 4 + k]) ** 2
+        if touch[j, 0] < FAR and square < _SAME * _SAME:
+            return True
+    return False
+
+
+@compiled(Nothing, BODIES, Dense, Count, OutDense)
+def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> None:
+    """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints."""
+    a, b, whole = bodies.pairs[pair, 0], bodies.pairs[pair, 1], bodies.pairs[pair, 3] == 1
+    one, other, shapes = bodies.hulls[a], bodies.hulls[b], bodies.shapes
+    touch[:] = 0.0
+    for i in range(len(touch)):
+        touch[i, 0], touch[i, 3] = FAR, 1.0
+    first, second, seen, back = local(12), local(12), local(12), local(12)
+    middle, found, size = local(3), local(6), shapes[a, 3]
+    pose_of(poses, one[0], first)
+    pose_of(poses, other[0], second)
+    between(second, first, seen)
+    turned(seen, shapes[a, :3], middle)
+    for k in range(3):
+        middle[k] += seen[9 + k]
+    if clearance(bodies, b, middle) > 2.0 * size:
+        return
+    between(first, second, back)
+    corners = np.empty((one[3], 3))
+    placed_points(seen, bodies.corners[one[2] : one[2] + one[3]], corners)
+    thin = min(shapes[a, 5], shapes[b, 5])
+    deepest, round_a, round_b, slot = -0.5 * thin, shapes[a, 4], shapes[b, 4], 0
+    theirs, edges = np.empty((other[3], 3)), np.empty((one[7], 12))
+    placed_points(back, bodies.corners[other[2] : other[2] + other[3]], theirs)
+    for f in range(one[7]):
+        for k in range(0, 12, 3):
+            turned(seen, bodies.edges[one[6] + f, k : k + 3], edges[f, k : k + 3])
+        for k in range(6):
+            edges[f, k] += seen[9 + k % 3]
+    if round_a + round_b == 0.0:
+        # No barrier lies deeper than the hulls do: what does has its features on a far side.
+        apart = max(beyond_faces(bodies, a, theirs), beyond_faces(bodies, b, corners))
+        for f in range(one[7] if apart < size else 0):
+            for e in range(other[7]):
+                gap = edge_gap(edges[f], bodies.edges[other[6] + e], 0.0, 0.0, found)
+                apart = max(apart, gap if gap < FAR else apart)
+        if apart >= size:
+            return
+        deepest = max(deepest, apart - _INSIDE)
+    if whole:
+        for i in range(len(corners)):
+            ball = round_a > 0.0
+            gap = corner_gap(bodies, b, corners, i, round_a, ball, deepest, size, found)
+            if deepest <= gap < size:
+                write_touch(second, gap, found, 1.0, touch[slot])
+            slot += 1
+    for i in range(len(theirs)):
+        gap = corner_gap(bodies, a, theirs, i, round_b, False, deepest, size, found)
+        if deepest <= gap < size:
+            write_touch(first, gap, found, -1.0, touch[slot])
+            if doubled(touch, slot):
+                touch[slot, 0] = FAR
+        slot += 1
+    for f in range(one[7]):
+        edge = edges[f]
+        for e in range(other[7]):
+            theirs_too = bodies.edges[other[6] + e]
+            gap = edge_gap(edge, theirs_too, round_a + round_b, _TILT, found)
+            side = 0.0
+            for k in range(3):
+                side += (theirs_too[3 + k] - theirs_too[k]) * (edge[6 + k] + edge[9 + k])
+            at = slot + 2 * e + (1 if side < 0.0 else 0)
+            if deepest <= gap < min(size, touch[at, 0]):
+                write_touch(second, gap, found, 1.0, touch[at])
+    for i in range(slot, len(touch)):
+        if touch[i, 0] < FAR and doubled(touch, i):
+            touch[i, 0] = FAR
+
+
+@compiled(Nothing, OPENED, Count, counted=False)
+def meet_all(plant: Opened, first: int) -> None:
+    """Write the touches of all pairs, which begin at `first`, for the poses in memory."""
+    bodies, touch = plant.bodies, plant.obstacles.touch
+    for pair in range(len(bodies.pairs)):
+        start = first + bodies.pairs[pair, 2]
+        end = first + bodies.pairs[pair, 4]
+        meet(bodies, plant.placed.poses, pair, touch[start:end])
+
+
+@compiled(Count, OPENED, Count, counted=False)
+def pair_of(plant: Opened, barrier: int) -> int:
+    """Return the pair to which a contact barrier belongs, -1 where it is a point on the ground."""
+    points = len(plant.obstacles.touch) - len(plant.bodies.slots)
+    if barrier < points:
+        return -1
+    pair: int = plant.bodies.slots[barrier - points, 0]
+    return pair
