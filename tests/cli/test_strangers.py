@@ -243,3 +243,124 @@ def test_after_the_check_says_so_rows_with_holes_are_dropped(
     assert code == 1
     assert "shoulder.motor_torque is needed" in said
     assert told("check", *runs, *read, "--columns", tmp_path / "fix.toml")[0] == 0
+
+
+ARM = ("yaw", "shoulder", "elbow")
+JOINT_STATES = ("name", "position", "effort")
+
+
+def written(
+    folder: Path,
+    head: list[str],
+    row: Callable[[float, np.ndarray, np.ndarray, np.ndarray], list[str]],
+    mark: str = ",",
+    above: str = "",
+) -> list[str]:
+    """Write three runs of a right arm as others would: a row of time, q, dq and torque."""
+    paths = []
+    for source in sorted(stranger("15_impossible_inertia").glob("run*.csv")):
+        table = np.loadtxt(source, delimiter=",", skiprows=1)
+        speed = np.gradient(table[:, 1::2], table[:, 0], axis=0)
+        rows = zip(table[:, 0], table[:, 1::2], speed, table[:, 2::2], strict=True)
+        lines = [mark.join(head), *(mark.join(row(*each)) for each in rows)]
+        path = folder / source.name
+        path.write_text(above + "\n".join(lines) + "\n", encoding="utf-8")
+        paths.append(str(path))
+    return paths
+
+
+def cells(*parts: object) -> list[str]:
+    return [f"{number:.9g}" for number in np.concatenate([np.atleast_1d(part) for part in parts])]
+
+
+def of_a_bag(folder: Path) -> list[str]:
+    """Nested names, joints in alphabetical order, named in cells."""
+    order = [2, 1, 0]
+    names = [f"/joint_states/{kind}[{k}]" for kind in JOINT_STATES for k in range(3)]
+    return written(
+        folder,
+        ["__time", *names],
+        lambda t, q, dq, tau: [
+            f"{1.7e9 + t:.6f}", *(ARM[k] for k in order), *cells(q[order], tau[order])
+        ],
+    )  # fmt: skip
+
+
+def of_a_vendor(folder: Path) -> list[str]:
+    kinds = ("ActPos (deg)", "ActVel (deg/s)", "ActTorque (Nm)")
+    return written(
+        folder,
+        ["Time (s)", *(f"J{k}_{kind}" for kind in kinds for k in (1, 2, 3))],
+        lambda t, q, dq, tau: cells(t, np.degrees(q), np.degrees(dq), tau),
+    )
+
+
+def with_dates(folder: Path) -> list[str]:
+    """Semicolons, decimal commas and ISO dates in a column whose name says nothing."""
+    start = np.datetime64("2024-05-03T12:01:02.000000")
+    return written(
+        folder,
+        [
+            "Messpunkt",
+            *(f"Position {k}" for k in (1, 2, 3)),
+            *(f"Drehmoment {k}" for k in (1, 2, 3)),
+        ],
+        lambda t, q, dq, tau: [
+            str(start + np.timedelta64(round(1e6 * t), "us")),
+            *(cell.replace(".", ",") for cell in cells(q, tau)),
+        ],
+        mark=";",
+    )
+
+
+def with_microseconds(folder: Path) -> list[str]:
+    names = [f"joint_{kind}_{k}" for kind in ("pos", "torque") for k in range(3)]
+    return written(
+        folder,
+        ["timestamp_us", *names],
+        lambda t, q, dq, tau: [str(1714737662000000 + round(1e6 * t)), *cells(q, tau)],
+        above="# robot: arm 3\n# operator: night shift\n",
+    )
+
+
+def from_one(folder: Path) -> list[str]:
+    return written(
+        folder,
+        ["t", *(f"{kind}{k}" for kind in ("q", "dq", "tau") for k in (1, 2, 3))],
+        lambda t, q, dq, tau: cells(t, q, dq, tau),
+    )
+
+
+@pytest.mark.parametrize("write", [of_a_bag, of_a_vendor, with_dates, with_microseconds, from_one])
+def test_files_of_five_kinds_become_the_same_logs(
+    write: Callable[[Path], list[str]], told: Told, tmp_path: Path
+) -> None:
+    runs = write(tmp_path)
+    model = stranger("09_degrees_wrapped") / "arm.urdf"
+    code, said = told("init", model, *runs, "--out", tmp_path / "out")
+    assert code == 0
+    assert "elbow: motion and torque alone tell its columns with 100 %" in said
+    columns = tmp_path / "out" / "columns.toml"
+    source = sorted(stranger("15_impossible_inertia").glob("run*.csv"))[0]
+    right, (log, *_) = load_logs([source])[0], load_logs(runs, columns)
+    np.testing.assert_allclose(log.time - log.time[0], right.time - right.time[0], atol=1e-6)
+    for quantity in ("position", "motor_torque"):
+        np.testing.assert_allclose(
+            log.stack(quantity, ARM), right.stack(quantity, ARM), rtol=1e-7, atol=1e-9
+        )
+    code, said = told("check", *runs, "--robot", tmp_path / "out/robot.toml", "--columns", columns)
+    assert code == 0
+    assert "columns are its own" in said
+
+
+def test_init_says_that_a_joint_mimics_another(told: Told, tmp_path: Path) -> None:
+    source = stranger("09_degrees_wrapped") / "arm.urdf"
+    mimic = tmp_path / "mimic.urdf"
+    text = source.read_text()
+    joint = text.index('<joint name="elbow"')
+    end = text.index("</joint>", joint)
+    mimic.write_text(f'{text[:end]}<mimic joint="shoulder" multiplier="1"/>{text[end:]}')
+    runs = from_one(tmp_path)
+    code, said = told("init", mimic, *runs, "--out", tmp_path / "out")
+    assert code == 0
+    assert "joint 'elbow' mimics 'shoulder'" in said

@@ -15,9 +15,12 @@ from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.measurement import LogFinding, LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
 from wbc.measurement.guess import guessed_numbers
-from wbc.view.rows import clock_rows, short_label
+from wbc.measurement.robot_checks import told_by_rows
+from wbc.view.rows import clock_rows, joint_rows, short_label
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
+
+_LOGS = 4  # that tell whose columns are whose
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
@@ -34,11 +37,18 @@ def run(options: argparse.Namespace, console: Console) -> int:
             f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
             + ", ".join(guessed)
         )
+    told = told_by_rows(robot, logs[:_LOGS]) if robot is not None else {}
+    if strange := [joint for joint, (own, _) in told.items() if own < 0.5]:
+        said.append(
+            f"warning: motion and torque of {', '.join(strange)} fit the columns of other joints "
+            "better: compare the column map with the names that the maker of the file gives."
+        )
     answer = [_answer(qualities, len(said), options.quiet)]
     parts = [Part("remarks", Spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(short_label(qualities[k].label) for k in group)
         parts.append(Part("repeats", f"repeats of one run: {names}"))
+    parts += [Part("the joints", table(joint_rows(told)))] if told else []
     parts.append(Part("the clocks", table(clock_rows(qualities))))
     print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}

@@ -21,6 +21,7 @@ from wbc.measurement.guess import (
     not_found,
     write_robot,
 )
+from wbc.robot.loading.model_file import left_out
 
 
 def run(options: argparse.Namespace, console: Console) -> int:
@@ -63,6 +64,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
         ratios = guess_ratios(given[0], driven, known)
         name = str(write_robot(target, model, options.base, driven, title, targets, held, ratios))
         console.print(f"wrote {name}")
+        for note in left_out(model):
+            console.print(f"note: {note}", soft_wrap=True)
         if held:
             console.print(
                 f"no column with the position of {', '.join(held)}: lock in {name} holds them at "
@@ -79,6 +82,12 @@ def run(options: argparse.Namespace, console: Console) -> int:
     )
     for reason in reasons:
         console.print(f"  {reason}", soft_wrap=True)
+    for joint, (own, share) in guess.told.items():
+        console.print(
+            f"  {joint}: motion and torque alone tell its columns with {100.0 * own:.0f} %, and "
+            f"explain {100.0 * share:.0f} % of its torque",
+            soft_wrap=True,
+        )
     console.print(f"wrote {path}")
     for finding in not_found(robot, options.logs, guess.table):
         console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))

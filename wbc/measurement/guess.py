@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -24,7 +25,7 @@ from wbc.measurement.log import Log
 from wbc.measurement.mistakes import LIKELY, find_suspicions, single_ratios
 from wbc.measurement.names import NameGuess, guess_name, joints_of
 from wbc.measurement.read import clock_of, read_logs, split_path
-from wbc.measurement.robot_checks import check_robot, match_joints
+from wbc.measurement.robot_checks import check_robot, match_joints, told_by_rows
 from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
 from wbc.measurement.tables import Table, open_table
 from wbc.measurement.torque import REPORTED
@@ -63,6 +64,7 @@ class MapGuess:
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
         unseen: joints without a column of positions; of velocities where no joint has positions.
+        told: how well the rows tell the columns of each joint, see `told_by_rows`.
     """
 
     table: Mapping[str, Any]
@@ -70,6 +72,7 @@ class MapGuess:
     driven: tuple[str, ...]
     targets: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ def guess_names(
             + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
         )
     named = joints_of(owners, joints)
+    named |= _by_cells(table, owners, joints)
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
     ]
@@ -200,7 +204,8 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         else:
             break
         unsure = unsure and not moved
-    return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)))
+    told = told_by_rows(robot, _read(paths, table, robot))
+    return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)), told=told)
 
 
 def not_found(
@@ -246,6 +251,27 @@ def guess_ratios(
             if (value := _ratio(table, rotor, joint)) and name not in found:
                 found[name] = RatioGuess(value, f"'{rotor.name}' over '{joint.name}' in the log")
     return found
+
+
+def _by_cells(
+    table: Table, owners: Sequence[str], joints: Sequence[str]
+) -> dict[str, tuple[str, str]]:
+    """Return owner -> (joint, why) where a column of texts names the joint of a number.
+
+    Joint states list their joints by name, often in alphabetical order.
+    """
+    said: dict[str, tuple[str, str]] = {}
+    for name in table.names:
+        numbers = re.findall(r"\d+", name)
+        cells = set() if not numbers or table.holds_numbers(name) else set(table.texts(name))
+        if len(cells) == 1 and (joint := cells.pop()) in joints:
+            said[numbers[-1]] = (joint, f"by the cells of '{name}'")
+    found = {owner: re.findall(r"\d+", owner) for owner in owners}
+    return {
+        owner: said[numbers[-1]]
+        for owner, numbers in found.items()
+        if numbers and numbers[-1] in said
+    }
 
 
 def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[str]]) -> list[str]:
@@ -316,6 +342,8 @@ def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
 
 def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
     times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
+    # Dates are a clock, whatever their column is called.
+    times += [g for g in guesses if not times and table.holds_dates(g.name)]
     if not times:
         raise LogError(
             f"{table.path}: no column looks like a clock. There are: {', '.join(table.names)}. "

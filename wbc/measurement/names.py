@@ -19,11 +19,22 @@ _UNITS = {
 """Words of a name in lower case -> the unit that they name."""
 
 _QUANTITIES = {
-    "time": ("time", "t", "stamp", "timestamp", "clock"),
-    "position": ("q", "pos", "position", "theta", "phi", "angle", "ang"),
-    "velocity": ("v", "dq", "qd", "vel", "velocity", "w", "omega", "speed", "qdot"),
-    "motor_torque": ("tau", "torque", "trq", "effort", "force", "moment"),
-    "current": ("i", "cur", "current", "amp", "amps"),
+    "time": ("time", "t", "stamp", "timestamp", "clock", "zeit", "zeitstempel"),
+    "position": ("q", "pos", "position", "theta", "phi", "angle", "ang", "winkel"),
+    "velocity": (
+        "v",
+        "dq",
+        "qd",
+        "vel",
+        "velocity",
+        "w",
+        "omega",
+        "speed",
+        "qdot",
+        "geschwindigkeit",
+    ),
+    "motor_torque": ("tau", "torque", "trq", "effort", "force", "moment", "drehmoment"),
+    "current": ("i", "cur", "current", "amp", "amps", "strom"),
     "temperature": ("temp", "temperature"),
 }
 _OF_KINDS = {
@@ -89,39 +100,30 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
         owners: in the order of the file.
         joints: of the robot, from the base to the tips.
     """
-    words = {owner: set(owner.lower().split("_")) - {""} for owner in owners}
-    series = _series(owners)
+    numbers = {joint: set("_".join(_words(joint)).split("_")) for joint in joints}
     fitting = {
-        owner: [
-            joint
-            for joint in joints
-            if joint == owner or (own and own <= set("_".join(_words(joint)).split("_")))
-        ]
-        for owner, own in words.items()
+        owner: [j for j in joints if j == owner or (own and own <= numbers[j])]
+        for owner in owners
+        for own in [set(owner.lower().split("_")) - {""}]
     }
+    series = _series(owners)
     met = [tuple(fitting[owner]) for owner in series]
-    counted = bool(series) and not (all(len(m) == 1 for m in met) and len(set(met)) == len(met))
-    others = {fitting[owner][0] for owner in owners if len(fitting[owner]) == 1} - {
-        fitting[owner][0] for owner in series if len(fitting[owner]) == 1
-    }
-    counted = counted and len(series) >= len(joints) - len(others)
+    told = all(len(m) == 1 for m in met) and len(set(met)) == len(met)
+    others = {fitting[o][0] for o in owners if o not in series and len(fitting[o]) == 1}
+    counted = bool(series) and not told and len(series) >= len(joints) - len(others)
     named: dict[str, tuple[str, str]] = {}
+
+    def left() -> list[str]:
+        return [j for j in joints if j not in [joint for joint, _ in named.values()]]
+
     for owner in owners:
-        if owner in series and counted:
-            continue
-        free = [j for j in fitting[owner] if j not in [joint for joint, _ in named.values()]]
-        if len(free) == 1:
+        free = [j for j in fitting[owner] if j in left()]
+        if len(free) == 1 and not (counted and owner in series):
             named[owner] = (free[0], "by its name")
-    for chosen, why in (
-        (series if counted else [], "by its number along the chain"),
-        (list(owners), "by its place in the file"),
-    ):
-        left = [j for j in joints if j not in [joint for joint, _ in named.values()]]
-        for owner in chosen:
-            if owner not in named and left:
-                named[owner] = (left.pop(0), why)
-        if chosen and series and counted:
-            break  # what is left beside a series that was counted is no joint
+    # What is left beside a series that was counted is no joint.
+    why = "by its number along the chain" if counted else "by its place in the file"
+    unnamed = [owner for owner in (series if counted else owners) if owner not in named]
+    named |= {owner: (joint, why) for owner, joint in zip(unnamed, left(), strict=False)}
     return named
 
 

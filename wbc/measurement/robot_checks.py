@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations, permutations
 from math import factorial
 
 import numpy as np
@@ -13,10 +13,10 @@ from scipy.special import logsumexp
 from wbc.measurement.evidence import evidence
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.log_rows import rows_of
+from wbc.measurement.log_rows import LogRows, rows_of
 from wbc.measurement.names import unread_columns, unread_map
 from wbc.measurement.read import mended
-from wbc.measurement.readings import Bench, as_it_stands
+from wbc.measurement.readings import Bench, Reading, as_it_stands
 from wbc.measurement.torque import (
     REPORTED,
     makes_torque,
@@ -265,19 +265,59 @@ def match_joints(
     if rows is None or len(set(rows.quantities)) > 1:
         return plain, False
     bench = Bench(rows)
-    single, driven = list(robot.single_joints), list(robot.transmission.joints)
     orders = list(permutations(range(len(ours))))
     scores = []
     for order in orders:
-        reading = as_it_stands(rows)
-        places, torques = reading.order.copy(), reading.torque_order.copy()
-        for k, source in enumerate(order):
-            places[single.index(ours[k])] = single.index(ours[source])
-            if ours[k] in driven and ours[source] in driven:
-                torques[driven.index(ours[k])] = driven.index(ours[source])
-        changed = replace(reading, order=places, torque_order=torques)
+        sources = dict(zip(ours, (ours[k] for k in order), strict=True))
+        changed = _reordered(robot, rows, sources)
         scores.append(evidence([(bench.reports(changed), bench.unrelated(changed))]))
     best = int(np.argmax(scores))
     sure = float(np.exp(scores[best] - logsumexp(scores))) > _SURE
     chosen = orders[best] if sure else orders[0]
     return {ours[k]: theirs[source] for k, source in enumerate(chosen)}, sure
+
+
+def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
+    """Return how well the rows tell the columns of each driven joint from those of the others.
+
+    Args:
+        robot: whose logs they are.
+        logs: of it.
+
+    Returns:
+        Joint -> (probability that its position and torque are its own, with even odds for every
+        exchange with another joint; share of its torque's power that the motion explains). Empty
+        where the logs cannot be held against the robot, or nothing can be exchanged.
+    """
+    known = [rows for rows in (rows_of(robot, log) for log in logs) if rows is not None]
+    driven = robot.transmission.joints
+    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for rows in known):
+        return {}
+    benches = [(rows, Bench(rows)) for rows in known]
+    plain = [(bench, as_it_stands(rows)) for rows, bench in benches]
+    standing = evidence([(bench.reports(one), bench.unrelated(one)) for bench, one in plain])
+    left = np.mean([[r.left for r in bench.reports(one)] for bench, one in plain], axis=0)
+    before = np.sum([bench.strays(one).sum(axis=0) for bench, one in plain], axis=0)
+    odds = np.zeros(len(driven))
+    for a, b in combinations(range(len(driven)), 2):
+        pair = {driven[a]: driven[b], driven[b]: driven[a]}
+        each = [(bench, _reordered(robot, rows, pair)) for rows, bench in benches]
+        after = np.sum([bench.strays(one).sum(axis=0) for bench, one in each], axis=0)
+        if after[[a, b]].sum() >= before[[a, b]].sum():
+            continue  # what brings no report closer to the need is no rival
+        score = evidence([(bench.reports(one), bench.unrelated(one)) for bench, one in each])
+        odds[[a, b]] += np.exp(np.minimum(score - standing, 500.0))
+    own, share = 1.0 / (1.0 + odds), np.clip(1.0 - left, 0.0, 1.0)
+    return {joint: (float(own[k]), float(share[k])) for k, joint in enumerate(driven)}
+
+
+def _reordered(robot: Robot, rows: LogRows, sources: Mapping[str, str]) -> Reading:
+    """Return the reading in which some joints have the columns of others, position and torque."""
+    single, driven = list(robot.single_joints), list(robot.transmission.joints)
+    reading = as_it_stands(rows)
+    places, torques = reading.order.copy(), reading.torque_order.copy()
+    for joint, source in sources.items():
+        places[single.index(joint)] = single.index(source)
+        if joint in driven and source in driven:
+            torques[driven.index(joint)] = driven.index(source)
+    return replace(reading, order=places, torque_order=torques)

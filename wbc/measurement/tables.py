@@ -103,6 +103,11 @@ class Table:
         """Return a column (N,) as text."""
         return np.asarray([str(cell) for cell in np.asarray(self.columns[name])], dtype=np.str_)
 
+    def holds_dates(self, name: str) -> bool:
+        """Whether the cells of a column are dates."""
+        values = np.asarray(self.columns[name])
+        return bool(values.dtype.kind == "M" or (values.dtype.kind in "OU" and _dates(values)))
+
     def holds_numbers(self, name: str) -> bool:
         """Whether a column can be read as numbers."""
         try:
@@ -233,6 +238,13 @@ def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
         else:
             columns |= {f"{name}_{k}": parts[:, k] for k in range(parts.shape[1])}
     return columns
+
+
+def _dates(values: NDArray[Any]) -> bool:
+    cells = [str(cell).strip() for cell in values[:2] if cell is not None]
+    return any(any(mark in cell for mark in ":-/") for cell in cells) and (
+        _seconds(cells) is not None
+    )
 
 
 def _parts(name: str, values: Any, path: Path) -> NDArray[Any] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,6 +75,18 @@ def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
             )
             for q in qualities
         ),
+    )
+
+
+def joint_rows(told: Mapping[str, tuple[float, float]]) -> TextTable:
+    """Return how well the rows of logs tell whose columns are whose."""
+    return _rows(
+        "~joint|>columns are its own|>torque explained",
+        (
+            (joint, f"{100.0 * own:.0f} %", f"{100.0 * share:.0f} %")
+            for joint, (own, share) in told.items()
+        ),
+        caption="by motion and torque alone, without names",
     )
 
 
