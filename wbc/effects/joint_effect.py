@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -80,3 +80,52 @@ class JointEffect(Effect, ABC):
         result = np.zeros((*motion.velocity.shape[:-1], robot.transmission.size))
         result[..., self.gear(robot)] = torque
         return result
+
+
+@dataclass(frozen=True)
+class ScaledDrive(JointEffect, ABC):
+    """Base of the effects after which a drive delivers another torque by a factor."""
+
+    @abstractmethod
+    def factor_at(self, robot: Robot, motion: Motion) -> ArrayLike:
+        """Return delivered over reported torque of this gear, (...) or one number."""
+
+    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque delivered for a reported one, (..., m)."""
+        return torque * self._factors(robot, motion)
+
+    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque reported for a delivered one, (..., m)."""
+        return torque / self._factors(robot, motion)
+
+    def _factors(self, robot: Robot, motion: Motion) -> FloatArray:
+        factors = np.ones((*motion.velocity.shape[:-1], robot.transmission.size))
+        factors[..., self.gear(robot)] = self.factor_at(robot, motion)
+        return factors
+
+
+@dataclass(frozen=True)
+class RotorNumber(JointEffect, ABC):
+    """Base of the effects that replace a number of a rotor, seen at the motor's output.
+
+    Attributes:
+        number: its attribute of the transmission, on the rotor.
+        power: of |N| by which it is larger at the output.
+    """
+
+    number: ClassVar[str]
+    power: ClassVar[int]
+
+    @classmethod
+    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
+        """Return the robot's present number."""
+        gears, column = robot.transmission, robot.transmission.index(where)
+        own = getattr(gears, cls.number)[column] * abs(gears.gear_ratio[column]) ** cls.power
+        return {cls.parameters[0].name: float(own)}
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot with this number."""
+        gears = robot.transmission
+        ratio = abs(float(gears.gear_ratio[gears.index(self.where)]))
+        value = float(getattr(self, self.parameters[0].name)) / ratio**self.power
+        return robot.with_transmission(gears.with_value(self.number, self.where, value))

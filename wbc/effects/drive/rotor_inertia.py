@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
-from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Parameter, Robot, SearchOffer
+from wbc.effects.joint_effect import RotorNumber
+from wbc.robot import Parameter, SearchOffer
 
 
 @final
 @dataclass(frozen=True)
-class RotorInertia(JointEffect):
+class RotorInertia(RotorNumber):
     """The rotor's inertia, as it is felt behind the reduction.
 
     Attributes:
@@ -21,6 +21,7 @@ class RotorInertia(JointEffect):
     reflected_inertia: float
 
     name = "rotor_inertia"
+    number, power = "rotor_inertia", 2
     parameters = (Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),)
     explanation = (
         "The spinning rotor, amplified by the square of the gear ratio, is heavier than the "
@@ -31,20 +32,3 @@ class RotorInertia(JointEffect):
         "torque follows the acceleration."
     )
     search = SearchOffer(expected=1.0)
-
-    @classmethod
-    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
-        """Return the robot's present reflected inertia."""
-        transmission = robot.transmission
-        return {
-            "reflected_inertia": float(transmission.reflected_inertia[transmission.index(where)])
-        }
-
-    def change(self, robot: Robot) -> Robot:
-        """Return the robot with this rotor inertia."""
-        transmission = robot.transmission
-        ratio = transmission.gear_ratio[transmission.index(self.where)]
-        inertia = self.reflected_inertia / float(ratio) ** 2
-        return robot.with_transmission(
-            transmission.with_value("rotor_inertia", self.where, inertia)
-        )

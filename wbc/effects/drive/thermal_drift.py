@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import JointEffect
+from wbc.effects.joint_effect import ScaledDrive
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer, Usual, usual_cost
 
 _LEAST = 0.05  # share of the torque that is always left
@@ -46,7 +46,7 @@ def _implausibility(effect: ThermalDrift, robot: Robot, motions: Sequence[Motion
 
 @final
 @dataclass(frozen=True)
-class ThermalDrift(JointEffect):
+class ThermalDrift(ScaledDrive):
     """The delivered torque falls as the motor warms up: 1 - rate tau (1 - exp(-t/tau)).
 
     t counts from the start of the log; a simulator carries the warmth from step to step, so that a
@@ -84,19 +84,9 @@ class ThermalDrift(JointEffect):
         """Return the warm seconds (k,) at the end of a step."""
         return np.ravel(self._warm(motion, 1.0))
 
-    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the torque left for this gear, (..., m)."""
-        return torque * self._factor(robot, motion)
-
-    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the torque reported for a delivered one, (..., m)."""
-        return torque / self._factor(robot, motion)
-
-    def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
-        warm = self._warm(motion, 0.5)
-        factor = np.ones((*motion.velocity.shape[:-1], robot.transmission.size))
-        factor[..., self.gear(robot)] = np.maximum(1.0 - self.rate * warm, _LEAST)
-        return factor
+    def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the share of the torque that is left, (...)."""
+        return np.maximum(1.0 - self.rate * self._warm(motion, 0.5), _LEAST)
 
     def _warm(self, motion: Motion, share: float) -> FloatArray:
         """Return w, dw/dt = 1 - w/tau, from w = 0: along a log, or `share` of a step onward."""

@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import final
 
-import numpy as np
-
-from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import JointEffect
+from wbc.effects.joint_effect import ScaledDrive
 from wbc.robot import Motion, Parameter, Robot, Usual
 
 # Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
@@ -17,7 +14,7 @@ _USUAL = Usual(1.0, 1.0, 0.2, factor=True)
 
 @final
 @dataclass(frozen=True)
-class TorqueConstant(JointEffect):
+class TorqueConstant(ScaledDrive):
     """The drive delivers factor times the torque that it reports.
 
     Attributes:
@@ -37,15 +34,6 @@ class TorqueConstant(JointEffect):
         "mean torque is off by the factor."
     )
 
-    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return factor * torque for this gear, (..., m)."""
-        return torque * self._scale(robot, self.factor)
-
-    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return torque / factor for this gear, (..., m)."""
-        return torque * self._scale(robot, 1.0 / self.factor)
-
-    def _scale(self, robot: Robot, factor: float) -> FloatArray:
-        scale = np.ones(robot.transmission.size)
-        scale[self.gear(robot)] = factor
-        return scale
+    def factor_at(self, robot: Robot, motion: Motion) -> float:
+        """Return the factor."""
+        return self.factor

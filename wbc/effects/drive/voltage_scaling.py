@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import JointEffect
+from wbc.effects.joint_effect import ScaledDrive
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer, Usual
 
 # A drive that sets the duty of a winding follows its supply fully, one that regulates the current
@@ -49,7 +49,7 @@ def _recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion
 
 @final
 @dataclass(frozen=True)
-class VoltageScaling(JointEffect):
+class VoltageScaling(ScaledDrive):
     """The drive delivers 1 + share * (U / nominal - 1) times the torque that it reports.
 
     U is the supply's voltage, the column `<joint>.voltage` of a log. Where none was logged it is
@@ -82,23 +82,14 @@ class VoltageScaling(JointEffect):
         recognisable=_recognisable,
     )
 
-    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the torque left for this gear, (..., m)."""
-        return torque * self._factor(robot, motion)
-
-    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return the torque reported for a delivered one, (..., m)."""
-        return torque / self._factor(robot, motion)
-
-    def _factor(self, robot: Robot, motion: Motion) -> FloatArray:
+    def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the share of the torque that is left, (...)."""
         gear = self.gear(robot)
         voltage = np.asarray(robot.transmission.supply_voltage[gear])
         if motion.supply_voltage is not None:
             voltage = motion.supply_voltage[..., gear]
         known = np.where(np.isfinite(voltage), voltage, self.nominal)
-        factor = np.ones((*motion.velocity.shape[:-1], robot.transmission.size))
-        factor[..., gear] = np.maximum(1.0 + self.share * (known / self.nominal - 1.0), _LEAST)
-        return factor
+        return np.maximum(1.0 + self.share * (known / self.nominal - 1.0), _LEAST)
 
 
 def _range(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:

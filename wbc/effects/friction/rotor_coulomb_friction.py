@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
-from wbc.robot import Parameter, Robot, SearchOffer
+from wbc.robot import Parameter, SearchOffer
 
 
 @final
@@ -21,6 +21,7 @@ class RotorCoulombFriction(CoupledGearEffect):
     level: float
 
     name = "rotor_coulomb_friction"
+    number, power = "rotor_coulomb_friction", 1
     parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
     explanation = (
         "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
@@ -31,19 +32,3 @@ class RotorCoulombFriction(CoupledGearEffect):
         "motor stands still: what rubs at the motor falls away."
     )
     search = SearchOffer(expected=2.0)
-
-    @classmethod
-    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
-        """Return the robot's present friction."""
-        gears, column = robot.transmission, robot.transmission.index(where)
-        return {
-            "level": float(gears.rotor_coulomb_friction[column] * abs(gears.gear_ratio[column]))
-        }
-
-    def change(self, robot: Robot) -> Robot:
-        """Return the robot whose rotor rubs that much."""
-        gears = robot.transmission
-        level = self.level / self.ratio(robot)
-        return robot.with_transmission(
-            gears.with_value("rotor_coulomb_friction", self.where, level)
-        )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import final
 
 from wbc.effects.gear.coupled_gear_effect import CoupledGearEffect
-from wbc.robot import Parameter, Robot, SearchOffer
+from wbc.robot import Parameter, SearchOffer
 
 
 @final
@@ -22,6 +22,7 @@ class RotorViscousFriction(CoupledGearEffect):
     coefficient: float
 
     name = "rotor_viscous_friction"
+    number, power = "rotor_viscous_friction", 2
     parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
     explanation = (
         "Grease is sheared on the motor's side of a coupled gear: a torque grows with the speed of "
@@ -32,18 +33,3 @@ class RotorViscousFriction(CoupledGearEffect):
         "another so that the motor stands still: what drags at the motor falls away."
     )
     search = SearchOffer(expected=2.0)
-
-    @classmethod
-    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
-        """Return the robot's present friction."""
-        gears, column = robot.transmission, robot.transmission.index(where)
-        ratio = float(gears.gear_ratio[column])
-        return {"coefficient": float(gears.rotor_viscous_friction[column] * ratio**2)}
-
-    def change(self, robot: Robot) -> Robot:
-        """Return the robot whose rotor is dragged that much."""
-        gears = robot.transmission
-        coefficient = self.coefficient / self.ratio(robot) ** 2
-        return robot.with_transmission(
-            gears.with_value("rotor_viscous_friction", self.where, coefficient)
-        )

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.effects.joint_effect import JointEffect
+from wbc.effects.joint_effect import RotorNumber
 from wbc.errors import EffectError, unknown_name
 from wbc.robot import Robot
 
 
 @dataclass(frozen=True)
-class CoupledGearEffect(JointEffect, ABC):
+class CoupledGearEffect(RotorNumber, ABC):
     """Base of the effects whose place is a motor that several joints turn.
 
     Where a motor turns with its joint alone, what happens at the motor cannot be told from what
@@ -37,7 +37,3 @@ class CoupledGearEffect(JointEffect, ABC):
         joints = robot.transmission.joints
         if self.where not in joints:
             raise EffectError(unknown_name(f"place for {self.name}", self.where, joints))
-
-    def ratio(self, robot: Robot) -> float:
-        """Return |N| of this gear."""
-        return abs(float(robot.transmission.gear_ratio[robot.transmission.index(self.where)]))
