@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,18 @@ from wbc.sim.step.compliant import NEVER
 from wbc.sim.step.contacts import GAPS
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.gears import FLANKS, Drivetrain
-from wbc.sim.step.impact import HIT, USED, WAY, gaps_of, impact_at, impact_in_rows
+from wbc.sim.step.impact import (
+    CONTACT,
+    ENERGY,
+    HIT,
+    ROWS_OF,
+    SHARE,
+    USED,
+    WAY,
+    gaps_of,
+    impact_at,
+    impact_in_rows,
+)
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import (
     LANDED,
@@ -51,6 +63,10 @@ COUPLING_FAILED = (
     "links that carry it. Model it as a joint of its own."
 )
 _NOTHING = np.zeros(0)
+_ROUNDING = 1e-9
+_TRIES = 5
+"""Shares of the restitution tried between none and all; the loss is quadratic in the share while
+rows keep to their pieces, so that false position meets it soon."""
 _Answer = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_double, ctypes.c_double)
 
 
@@ -361,20 +377,28 @@ class Core:
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = self.plant, closed, kept, back, q, v, state.time, slow, left
         written = after, pushes, impulse, aims, found, fresh, after_closed
-        kind = impact_at(*before, -1.0, _NOTHING, *written)
+
+        def strike(share: float, given: FloatArray = _NOTHING) -> int:
+            arguments = (*before, share, given, *written)
+            kind: int = impact_at(*arguments)
+            return kind
+
+        kind = strike(1.0)
         self._heard()
         together = closed | fresh | kept
-        if kind == HIT and found[WAY] == UNDECIDED:
+        if kind == HIT and found[SHARE] > 0.0 and found[WAY] <= UNSOLVED:
+            _give_less_back(strike, found)
+        elif kind == HIT and found[WAY] == UNDECIDED:
             for share in (1.0, 0.0):
-                impact_at(*before, share, _NOTHING, *written)
+                strike(share)
                 _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
                 start, m = np.zeros(len(system.free)), len(self._names)
                 start[:m] = state.impulse[:m] if len(state.impulse) else 0.0
                 given, _, _ = solve_rows(system, start, self._names)
-                impact_at(*before, share, given, *written)
-                if found[1] >= 0.0:
+                strike(share, given)
+                if found[CONTACT] >= 0.0:
                     break
-        impulse = impulse[: int(found[3])]
+        impulse = impulse[: int(found[ROWS_OF])]
         if kind == HIT and found[WAY] >= UNSOLVED:
             raise self._impact_failure(int(found[WAY]), state, together, aims, impulse)
         aims, points = aims[: int(together.sum())], pushes.reshape(-1, 3)
@@ -409,6 +433,39 @@ class Core:
         rows, system, inertia = self._impact_in_rows(state, together, struck.aims, struck.after)
         used, way, impulse = int(struck.found[USED]), int(struck.found[WAY]), struck.impulse
         return _solution(rows, system, inertia, impulse, struck.after, used, WAYS[way])
+
+
+def _give_less_back(strike: Callable[[float], int], found: FloatArray) -> None:
+    """Take the largest share of the restitution at which an impact makes no energy, by a few tries.
+
+    Args:
+        strike: takes the impact with a share, and writes `found`.
+        found: numbers MESH to LEFT of `impact`, of the whole restitution.
+    """
+
+    def passive() -> bool:
+        lost, had = found[CONTACT], found[ENERGY]
+        return bool(found[WAY] < UNSOLVED and lost >= -_ROUNDING * had)
+
+    if passive():
+        return
+    used, high, low = found[USED], 1.0, 0.0
+    lost_high = found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+    strike(0.0)
+    used, lost_low = used + found[USED], found[CONTACT]
+    for _ in range(_TRIES if found[WAY] < UNSOLVED else 0):
+        share = 0.5 * (low + high)
+        if lost_high < 0.0:
+            share = low + (high - low) * lost_low / (lost_low - lost_high)
+            share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+        strike(share)
+        used += found[USED]
+        if passive():
+            low, lost_low = share, found[CONTACT]
+        else:
+            high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+    strike(low)
+    found[USED] += used
 
 
 def _solution(

@@ -39,9 +39,7 @@ from wbc.sim.step.motion import look
 from wbc.sim.step.part import (
     NO_INERTIA,
     ROWS,
-    SOLVED,
     PartRows,
-    Solved,
     couple,
     part_system,
     solve_part,
@@ -56,12 +54,8 @@ restitution, what a moving ground gave, the kinetic energy before [J], what `Sol
 the speed by which a passive end misses the laws."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
-_ROUNDING = 1e-9
 _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
-_TRIES = 5
-"""Shares tried between none and all; the loss is quadratic in the share while rows keep to their
-pieces, so that false position meets it soon."""
 
 
 @compiled(Nothing, OPENED, Row, OutDense, counted=False)
@@ -186,60 +180,6 @@ def impact_rows(plant: Opened, together: BoolArray, v: FloatArray, time: float) 
     )  # fmt: skip
 
 
-@compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Row, Number, Row, Row, OutRow)
-def bounce(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    v: FloatArray,
-    least: FloatArray,
-    opening: FloatArray,
-    share: float,
-    laws: FloatArray,
-    given: FloatArray,
-    found: FloatArray,
-) -> Solved:
-    """Return the impact after which barriers part at `least` plus `share` times `opening` (l + k,).
-
-    Args:
-        plant: where the robot is.
-        rows, system: of the impact; their targets are changed.
-        v: (nv,) before.
-        least, opening, share: see above.
-        laws: those of the gears (9 m,).
-        given: (r,) impulses where they are known already, else empty.
-        found: numbers MESH to LEFT to write.
-    """
-    m, n = len(rows.motor), len(v)
-    for i in range(len(least)):
-        system.targets[i] = rows.targets[i] = least[i] + share * opening[i]
-    for i in range(m):
-        for k in range(9):
-            system.laws[i, k] = laws[9 * i + k]
-    rows.free[:] = v
-    work = 1.0 if share == 0.0 else _SHARE_OF_WORK
-    start = np.zeros(len(rows.carried))
-    solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
-    found[USED] += solved.used
-    found[WAY], found[SHARE], found[ROWS_OF] = solved.way, share, len(solved.impulse)
-    found[LEFT] = solved.missed
-    if solved.way < UNSOLVED:
-        following, carried = rows.motor.copy(), 0.0
-        for i in range(m):
-            if plant.gears.at[i, 1] == 0:
-                following[i] = 0.0
-                for c in range(n):
-                    following[i] += plant.gears.rows[i, c] * solved.after[c]
-        for i in range(len(rows.carried)):
-            carried += solved.impulse[i] * rows.carried[i]
-        had, has = kinetic_of(plant, v, rows.motor), kinetic_of(plant, solved.after, following)
-        mesh = solved.impulse[:m]
-        found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
-        found[CONTACT], found[WORK] = had - has + carried - found[MESH], carried
-        found[ENERGY] = had
-    return solved
-
-
 @compiled(
     Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number, Number, Number, Row,
     OutRow, OutRow, OutRow, OutRow, OutRow, OutFlags, OutFlags,
@@ -254,7 +194,7 @@ def impact_at(
     time: float,
     slow: float,
     left: float,
-    only: float,
+    share: float,
     given: FloatArray,
     after: FloatArray,
     pushes: FloatArray,
@@ -275,7 +215,7 @@ def impact_at(
         time: [s].
         slow: speed up to which barriers that part stay closed.
         left: of the step [s].
-        only: the one share of the restitution to try; below zero for the largest that is passive.
+        share: of the restitution that is given back.
         given: (r,) impulses where they are known already, else empty.
         after: v (nv,) to write.
         pushes: (3 k,) impulses on the contact points, world, to write.
@@ -287,7 +227,7 @@ def impact_at(
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
-        found[WAY] is UNSOLVED or more.
+        found[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
     size, touch = len(before), plant.bounds[TOUCH]
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
@@ -325,34 +265,28 @@ def impact_at(
         for i in range(size):
             closed[i] = closed[i] and not ahead[i]
         return RESTING
-    system = part_system(rows, plant.obstacles.tangents)
-    laws = rows.laws.copy().ravel()
-    slack = -_ROUNDING * kinetic_of(plant, v, rows.motor)
-    share = only if only >= 0.0 else (1.0 if opens else 0.0)
-    solved = bounce(plant, rows, system, v, least, opening, share, laws, given, found)
-    passive = found[WAY] < UNSOLVED and found[CONTACT] >= slack
-    if only < 0.0 and opens and not passive and found[WAY] <= UNSOLVED:
-        high, lost_high = 1.0, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
-        solved = bounce(plant, rows, system, v, least, opening, 0.0, laws, given, found)
-        low, best = 0.0, found.copy()
-        for _ in range(_TRIES if found[WAY] < UNSOLVED else 0):
-            share = 0.5 * (low + high)
-            if lost_high < 0.0:
-                share = low + (high - low) * best[CONTACT] / (best[CONTACT] - lost_high)
-                share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-            trial = bounce(plant, rows, system, v, least, opening, share, laws, given, found)
-            if found[WAY] < UNSOLVED and found[CONTACT] >= slack:
-                best[:], low, solved = found, share, trial
-            else:
-                high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
-        best[USED] = found[USED]
-        found[:] = best
+    share, carried, had = share if opens else 0.0, 0.0, kinetic_of(plant, v, rows.motor)
     for i in range(both):
-        aims[i] = least[i] + found[SHARE] * opening[i]
+        aims[i] = rows.targets[i] = least[i] + share * opening[i]
+    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.carried))
+    work = 1.0 if share == 0.0 else _SHARE_OF_WORK
+    solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
+    found[USED], found[ROWS_OF], found[ENERGY] = solved.used, len(solved.impulse), had
+    found[WAY], found[SHARE], found[LEFT] = solved.way, share, solved.missed
     for i in range(len(solved.impulse)):
         impulse[i] = solved.impulse[i]
-    if found[WAY] >= UNSOLVED:
+        carried += solved.impulse[i] * rows.carried[i]
+    if solved.way >= UNSOLVED:
         return HIT
+    following, mesh = rows.motor.copy(), solved.impulse[:m]
+    for i in range(m):
+        if plant.gears.at[i, 1] == 0:
+            following[i] = 0.0
+            for c in range(len(v)):
+                following[i] += plant.gears.rows[i, c] * solved.after[c]
+    found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
+    found[CONTACT] = had - kinetic_of(plant, solved.after, following) + carried - found[MESH]
+    found[WORK] = carried
     after[:] = solved.after
     first = m + both - len(rows.which)
     world_pushes(plant, solved.impulse[first:], rows.axes, rows.which, pushes.reshape(-1, 3))
