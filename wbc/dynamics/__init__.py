@@ -10,14 +10,16 @@ from wbc.dynamics.batch import (
     output_torque,
     rotor_torque,
 )
-from wbc.dynamics.equation import DissipativeEquation, dissipative_equation
-from wbc.dynamics.redundant import (
+from wbc.dynamics.equation import (
+    DissipativeEquation,
     RedundantModel,
+    RotorCoupling,
     constraint_jacobian,
     constraint_nullspace,
+    dissipative_equation,
     redundant_model,
+    rotor_coupling,
 )
-from wbc.dynamics.rotors import RotorCoupling, rotor_coupling
 from wbc.dynamics.terms import Terms, Workspace, evaluate
 
 __all__ = [

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics.rotors import rotor_coupling
+from wbc.dynamics.equation import rotor_coupling
 from wbc.dynamics.terms import Workspace, evaluate
 from wbc.errors import DynamicsError
 from wbc.robot import Motion, Robot

@@ -1,4 +1,19 @@
-"""The dissipative equation of motion, reduced to the joints (Sim & Ramos, section IV)."""
+"""The redundant model with real rotors, and the dissipative equation of motion that it reduces to.
+
+Sim & Ramos, section IV: H_s s_ddot + c_s - A' lambda = tau_s + tau_d, A K = 0, ds = K dq.
+Here the rows of s follow pinocchio's joint order with the rotors behind: s = [q, phi]; for a robot
+whose undriven joints come first, as every floating base does, that is the paper's order.
+
+Coupling between the spin of a rotor and the motion of its housing: a rotor is symmetric about its
+axis a, and its inertia at standstill belongs to the link that carries it. What its spin phi_dot
+adds to the kinetic energy is
+
+    1/2 I_r phi_dot^2 + I_r phi_dot a'omega,
+
+omega being the angular velocity of the housing, hence the rows I_r a'J_omega of H_s, the
+gyroscopic torque J_omega'(omega x I_r phi_dot a) on the links, and the drift I_r a'(dJ_omega/dt v)
+on the rotor.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +21,109 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics.redundant import redundant_model
 from wbc.dynamics.terms import Terms
 from wbc.robot import Robot
 from wbc.transmission import efficiency
+
+
+@dataclass(frozen=True, eq=False)
+class RotorCoupling:
+    """What the coupling adds to the redundant model.
+
+    Attributes:
+        inertia: I_r a'J_omega (m, nv), the rotor rows of H_s.
+        link_bias: gyroscopic torque (nv,) in c_s [N m].
+        rotor_bias: (m,) in c_s [N m].
+    """
+
+    inertia: FloatArray
+    link_bias: FloatArray
+    rotor_bias: FloatArray
+
+
+def rotor_coupling(robot: Robot, terms: Terms) -> RotorCoupling:
+    """Return the coupling at the state of `terms`, rotor speeds following from the gears.
+
+    Housings and axes are those of `robot.mounting`; a rotor on the fixed world couples to
+    nothing.
+    """
+    gears, model, data = robot.transmission, robot.model, terms.data
+    nv, m = model.nv, gears.size
+    spin = gears.gear_ratio * (gears.motor_from_joint @ terms.velocity[robot.actuated])
+    inertia, link_bias, rotor_bias = np.zeros((m, nv)), np.zeros(nv), np.zeros(m)
+    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for i, housing in enumerate(robot.mounting.housing.tolist()):
+        if housing == 0:
+            continue
+        axis = data.oMi[housing].rotation @ robot.mounting.axis[i]
+        turning = pin.getJointJacobian(model, data, housing, world)[3:].reshape(3, nv)
+        rate = turning @ terms.velocity
+        drift = pin.getAcceleration(model, data, housing, world).angular
+        moment = gears.rotor_inertia[i]
+        inertia[i] = moment * (axis @ turning)
+        link_bias += turning.T @ np.cross(rate, moment * spin[i] * axis)
+        rotor_bias[i] = moment * (axis @ drift)
+    return RotorCoupling(inertia, link_bias, rotor_bias)
+
+
+@dataclass(frozen=True, eq=False)
+class RedundantModel:
+    """H_s and c_s with the constraint's Jacobian and null space.
+
+    Attributes:
+        inertia: H_s (nv + m, nv + m).
+        bias: c_s (nv + m,).
+        constraint: A (m, nv + m), A ds = dq_m - D R dphi.
+        nullspace: K (nv + m, nv), ds = K dq.
+    """
+
+    inertia: FloatArray
+    bias: FloatArray
+    constraint: FloatArray
+    nullspace: FloatArray
+
+
+def constraint_nullspace(robot: Robot) -> FloatArray:
+    """Return K (nv + m, nv): ds = K dq, identity over (D R)^-1 on the driven columns."""
+    nv, gears = robot.model.nv, robot.transmission
+    nullspace = np.zeros((nv + gears.size, nv))
+    nullspace[:nv] = np.eye(nv)
+    nullspace[nv:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
+    return nullspace
+
+
+def constraint_jacobian(robot: Robot) -> FloatArray:
+    """Return A (m, nv + m): the constraint's velocity is dq_m - D R dphi."""
+    nv, gears = robot.model.nv, robot.transmission
+    jacobian = np.zeros((gears.size, nv + gears.size))
+    jacobian[np.arange(gears.size), robot.actuated] = 1.0
+    jacobian[:, nv:] = -gears.topology @ gears.reduction
+    return jacobian
+
+
+def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
+    """Return the redundant model at the state of `terms`.
+
+    Where `robot.rotors_turn_with_links` is set, the rotors are real bodies on their housings and
+    H_s holds their inertial coupling with the links, c_s their gyroscopic torque. The links'
+    inertias include the rotors at standstill either way.
+    """
+    nv, m = robot.model.nv, robot.transmission.size
+    inertia = np.zeros((nv + m, nv + m))
+    bias = np.zeros(nv + m)
+    inertia[:nv, :nv] = terms.mass_matrix
+    bias[:nv] = terms.bias
+    inertia[nv + np.arange(m), nv + np.arange(m)] = robot.transmission.rotor_inertia
+    if robot.rotors_turn_with_links:
+        coupling = rotor_coupling(robot, terms)
+        inertia[nv:, :nv] = coupling.inertia
+        inertia[:nv, nv:] = coupling.inertia.T
+        bias[:nv] += coupling.link_bias
+        bias[nv:] += coupling.rotor_bias
+    return RedundantModel(inertia, bias, constraint_jacobian(robot), constraint_nullspace(robot))
 
 
 @dataclass(frozen=True, eq=False)

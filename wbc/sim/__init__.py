@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from wbc.sim.plant import HuntCrossley, Plant
     from wbc.sim.recorder import Recorder
     from wbc.sim.result import StepEvent, StepResult
-    from wbc.sim.sensors.sensor import Sensor
-    from wbc.sim.sensors.sensor_model import SensorModel
+    from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.state import SimState
     from wbc.sim.step.course import Impact
@@ -97,8 +96,7 @@ _HOMES = {
     ),
     "recorder": ("Recorder",),
     "result": ("StepEvent", "StepResult"),
-    "sensors.sensor": ("Sensor",),
-    "sensors.sensor_model": ("SensorModel",),
+    "sensors": ("Sensor", "SensorModel"),
     "simulation": ("Simulation", "simulate"),
     "state": ("SimState",),
 }

@@ -13,8 +13,7 @@ from wbc.robot import Effect, Robot
 from wbc.sim.ground import Plane
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
-from wbc.sim.sensors.sensor import Sensor
-from wbc.sim.sensors.sensor_model import SensorModel
+from wbc.sim.sensors import Sensor, SensorModel
 from wbc.sim.state import SimState
 
 _TICK = 1e-3  # [s] of the control loop, and between rows of the recording

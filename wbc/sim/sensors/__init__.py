@@ -1,1 +1,0 @@
-"""What sensors make of a recording."""
