@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wbc.design.experiment import (
+    BAND,
     MotionLimits,
     Predictions,
     Rivals,
@@ -122,6 +123,14 @@ def found() -> Diagnosis:
     logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
     kinds = [effect_class(n) for n in ("coulomb_friction", "viscous_friction")]
     return diagnose(LEG, logs, kinds)
+
+
+def test_the_band_is_that_of_the_diagnosis(found: Diagnosis) -> None:
+    table = found.to_json()
+    assert 3.0 <= table["band"] <= 15.0
+    assert tied_rivals(table, LEG, NOISE).band == table["band"]
+    assert tied_rivals(table, LEG, NOISE, 4.0).band == 4.0
+    assert tied_rivals({**table, "band": None}, LEG, NOISE).band == BAND
 
 
 def test_a_diagnosis_says_what_it_leaves_open(found: Diagnosis) -> None:

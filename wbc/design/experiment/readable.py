@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.records.filters import SPREAD, gate
+from wbc.identification.records.preparation import REVERSAL
 from wbc.robot import Motion, Robot
 
 BAND = 5.0
-"""[Hz] that a diagnosis keeps of a torque. It takes 3 to 15 Hz, above which accelerations from the
-encoders are noisier than the torque; of twelve arms of the corpus with their sensors, half are kept
-to less than 5.2 Hz."""
-_SPREAD = 5.0  # kinematics keep this many times that band, as in a diagnosis
-_REVERSAL = 0.8  # periods of that band about a reversal whose direction of motion is uncertain
+"""[Hz] that a diagnosis keeps of a torque, where no diagnosis of the robot says it. It takes 3 to
+15 Hz, above which accelerations from the encoders are noisier than the torque; of twelve arms of
+the corpus with their sensors, half are kept to less than 5.2 Hz."""
 
 
 class ReadableRows:
@@ -30,7 +30,7 @@ class ReadableRows:
         frequency = np.fft.rfftfreq(2 * len(time), step)
         # Butterworth's filter of fourth order, forth and back.
         self._gain = np.asarray(1.0 / (1.0 + (frequency / band) ** 8), dtype=np.float64)
-        self._trust = _Trust(robot, motion, 1.0 / (_SPREAD * band))
+        self._trust = _Trust(robot, motion, 1.0 / (SPREAD * band))
         self._weight = self._trust.weight
 
     def of(self, torque: FloatArray) -> FloatArray:
@@ -80,13 +80,10 @@ class _Trust:
         rows = robot.actuated
         self._velocity = motion.velocity[:, rows]
         self._acceleration = np.asarray(motion.acceleration)[:, rows]
-        self._lasting = _REVERSAL * period * np.sqrt(np.mean(self._acceleration**2, axis=0))
+        self._lasting = REVERSAL * period * np.sqrt(np.mean(self._acceleration**2, axis=0))
         self._typical = 0.5 * np.sqrt(np.mean(self._velocity**2, axis=0))
-        slow = np.minimum(self._lasting, self._typical)
-        self._slow = np.where(slow > 0.0, slow, np.inf)
-        x = np.clip(2.0 * np.abs(self._velocity) / self._slow - 1.0, 0.0, 1.0)
-        self._x = np.where(slow > 0.0, x, 1.0)
-        each = self._x * self._x * (3.0 - 2.0 * self._x)
+        self._slow = np.minimum(self._lasting, self._typical)
+        each = gate(self._velocity, self._slow)
         moves = np.abs(robot.transmission.topology) > 0.0
         joints = [np.flatnonzero(moves[:, k]) for k in range(rows.size)]
         # The joint whose reversal counts, per row and gear.
@@ -98,11 +95,13 @@ class _Trust:
         own = np.zeros_like(slope)
         for k, least in enumerate(self._least.T):
             np.add.at(own, (np.arange(len(least)), least), slope[:, k])
-        own *= 6.0 * self._x * (1.0 - self._x) * 2.0 / self._slow
-        shrunk = -np.sum(own * np.abs(self._velocity) / self._slow, axis=0)
+        slow = np.where(self._slow > 0.0, self._slow, np.inf)
+        x = np.clip(2.0 * np.abs(self._velocity) / slow - 1.0, 0.0, 1.0)
+        own *= 12.0 * x * (1.0 - x) / slow  # the slope of `gate`
+        shrunk = -np.sum(own * np.abs(self._velocity) / slow, axis=0)
         # The slow speed is the smaller of two root mean squares.
         lasting = self._lasting < self._typical
-        share = 1.0 / (len(slope) * self._slow)
+        share = 1.0 / (len(slope) * slow)
         velocity = own * np.sign(self._velocity)
         velocity += np.where(lasting, 0.0, 0.25 * shrunk * share) * self._velocity
         reach = np.divide(

@@ -56,7 +56,8 @@ class ExperimentTask:
         duration: [s].
         rate: rows per second of the log.
         noise: of the measured rotor torques [N m]; None for 1 % of each motor's torque limit.
-        band: [Hz] of torques that the diagnosis will keep.
+        band: [Hz] of torques that the diagnosis of the log will keep; None for that of `found`, or
+            `BAND` without one.
         span, speed, acceleration: limits beside the robot's own [rad, m, s].
         rounds: changes tried.
         seed: of the search.
@@ -69,7 +70,7 @@ class ExperimentTask:
     duration: float = 10.0
     rate: float = 100.0
     noise: float | None = None
-    band: float = BAND
+    band: float | None = None
     span: float = np.inf
     speed: float = np.inf
     acceleration: float = np.inf
@@ -93,7 +94,7 @@ class ExperimentTask:
         if self.found:
             return tied_rivals(json.loads(self.found), robot, noise, self.band)
         causes = tuple(parse_cause(text, robot) for text in self.between)
-        return Rivals(robot, causes, noise, self.band)
+        return Rivals(robot, causes, noise, BAND if self.band is None else self.band)
 
     def limits(self, robot: Robot) -> MotionLimits:
         """Return what motions stay inside.
@@ -276,7 +277,10 @@ def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Ca
 
 
 def tied_rivals(
-    found: Mapping[str, Any] | str | Path, robot: Robot, noise: FloatArray, band: float = BAND
+    found: Mapping[str, Any] | str | Path,
+    robot: Robot,
+    noise: FloatArray,
+    band: float | None = None,
 ) -> Rivals:
     """Return the `tied_causes` of a diagnosis with what its logs leave open of their values.
 
@@ -284,7 +288,8 @@ def tied_rivals(
         found: what `wbc diagnose --json` wrote, or the path of its file.
         robot: the robot that was diagnosed.
         noise: (m,) standard deviation of the measured rotor torque [N m].
-        band: [Hz] that the diagnosis of the log will keep of torques.
+        band: [Hz] that the diagnosis of the log will keep of torques; that of `found` when left
+            out, or `BAND` where it does not say.
 
     Raises:
         DesignError: as `tied_causes`, and covariances that do not fit their causes.
@@ -293,6 +298,8 @@ def tied_rivals(
     table = found if isinstance(found, Mapping) else read_diagnosis(found)
     causes = tied_causes(table, robot)
     covariances = tuple(_covariance(table, cause) for cause in causes)
+    if band is None:
+        band = float(table.get("band") or BAND)
     return Rivals(robot, causes, noise, band, covariances)
 
 

@@ -13,7 +13,7 @@ from wbc.measurement import WINDOW_SAMPLES, unsmooth
 
 _LOWEST, _HIGHEST = 3.0, 15.0
 _MOVES = 4.0  # times the noise of the smoothed speed
-_SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
+SPREAD = 5.0  # kinematics keep this many times the residual's band, so that reversals stay sharp
 _ROUNDING = 1e-9  # of the range of a channel, below which a difference is one of rounding
 _SLOWEST = 10.0  # [Hz]: steps crossed more rarely are still taken for noise of this bandwidth
 
@@ -101,7 +101,7 @@ def choose_bandwidth(
                 best = min(best, 0.65 * float(cutoff))
                 break
     residual = float(np.clip(best, _LOWEST, min(_HIGHEST, 0.1 * rate)))
-    return Bandwidth(residual, min(_SPREAD * residual, 0.2 * rate))
+    return Bandwidth(residual, min(SPREAD * residual, 0.2 * rate))
 
 
 def white_level(values: FloatArray, rate: float) -> FloatArray:

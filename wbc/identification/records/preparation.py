@@ -33,7 +33,7 @@ _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
 _REST = 3.0  # standard deviations of its noise, up to which a speed is none
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
-REVERSAL = 1.0  # width of the weight around a reversal, in periods of the kinematic band
+REVERSAL = 0.8  # width of the weight around a reversal, in periods of the kinematic band
 
 
 def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tuple[Record, ...]:
@@ -243,7 +243,7 @@ def _weight(
     period = 1.0 / band.kinematics
     typical = np.sqrt(np.mean(acceleration[settled] ** 2, axis=0))
     noise_speed = noise.speed_deviation(band)[rows]
-    threshold = reversal * period * typical * 0.8 + 4.0 * noise_speed
+    threshold = period * typical * reversal + 4.0 * noise_speed
     threshold = np.minimum(threshold, 0.5 * np.sqrt(np.mean(speed**2, axis=0)))
     # A joint that holds still all the time carries a load, too.
     threshold *= noise.moving(motion.velocity, band)[rows]

@@ -142,6 +142,7 @@ def diagnose(
         after=series_of(fit.robot, problem.records),
         sources=tuple(log.source for log in logs),
         silent=problem.silent,
+        band=problem.records[0].bandwidth.residual,
     )
 
 

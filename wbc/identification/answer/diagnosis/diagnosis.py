@@ -179,6 +179,7 @@ class Diagnosis:
         before: measured torques and those of the robot as given over time, one per log.
         after: the same with the effects found.
         sources: where the logs came from.
+        band: [Hz] that was read of torques; NaN where it is not known.
         silent: joints whose drives report only noise; set aside unless no other drive reports.
     """
 
@@ -198,6 +199,7 @@ class Diagnosis:
     after: tuple[Series, ...] = ()
     sources: tuple[LogSource, ...] = ()
     silent: tuple[str, ...] = ()
+    band: float = np.nan
 
     def __str__(self) -> str:
         """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
@@ -331,6 +333,7 @@ class Diagnosis:
             "alternatives": {f.effect.name: [] for f in self.findings}
             | self._alternatives_by_name(),
             "next_experiment": self.next_experiment,
+            "band": None if np.isnan(self.band) else self.band,
             "error": {
                 "before": self.error.before,
                 "after": self.error.after,
