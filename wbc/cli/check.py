@@ -10,7 +10,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from wbc.cli.inputs import read_logs, robot_from, write_fix
-from wbc.cli.outputs import require_outputs, table_console, write_json
+from wbc.cli.outputs import Outcome
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.measurement import LogFinding, LogQuality, check_logs, find_repeats
 from wbc.measurement import read_logs as read_suspicious
@@ -23,13 +23,11 @@ _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 _LOGS = 4  # that tell whose columns are whose
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
-    require_outputs(options)
     robot = robot_from(options)
     logs = read_logs(options.logs, options.columns, robot, read_suspicious)
     qualities = check_logs(logs, robot)
-    shown = table_console(options, console)
     said = _remarks(qualities)
     guessed = guessed_numbers(options.robot)
     if guessed:
@@ -50,38 +48,34 @@ def run(options: argparse.Namespace, console: Console) -> int:
         parts.append(Part("repeats", f"repeats of one run: {names}"))
     parts += [Part("the joints", table(joint_rows(told)))] if told else []
     parts.append(Part("the clocks", table(clock_rows(qualities))))
-    print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
-    write_fix(options, list(wrong.values()), shown)
-    write_json(
-        options.json,
-        {
-            "logs": {
-                quality.label: {
-                    "rows": quality.rows,
-                    "duration": quality.duration,
-                    "rate": quality.rate,
-                    "jitter": quality.jitter,
-                    "longest_gap": quality.longest_gap,
-                    "findings": [
-                        {
-                            "severity": finding.severity,
-                            "kind": finding.kind,
-                            "column": finding.column,
-                            "text": finding.text,
-                            "way_out": finding.way_out,
-                            "mend": finding.mend,
-                            "probability": finding.probability,
-                        }
-                        for finding in quality.findings
-                    ],
-                }
-                for quality in qualities
+    write_fix(options, list(wrong.values()), console)
+    content = {
+        "logs": {
+            quality.label: {
+                "rows": quality.rows,
+                "duration": quality.duration,
+                "rate": quality.rate,
+                "jitter": quality.jitter,
+                "longest_gap": quality.longest_gap,
+                "findings": [
+                    {
+                        "severity": finding.severity,
+                        "kind": finding.kind,
+                        "column": finding.column,
+                        "text": finding.text,
+                        "way_out": finding.way_out,
+                        "mend": finding.mend,
+                        "probability": finding.probability,
+                    }
+                    for finding in quality.findings
+                ],
             }
-        },
-        console,
-    )
-    return 0 if all(quality.usable for quality in qualities) else 1
+            for quality in qualities
+        }
+    }
+    return int(not all(quality.usable for quality in qualities)), content
 
 
 def _remarks(qualities: Sequence[LogQuality]) -> list[str]:

@@ -9,8 +9,8 @@ from functools import cache
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from wbc.cli.inputs import logs_from, robot_from
-from wbc.cli.outputs import command_line, require_outputs, table_console, working, write_json
+from wbc.cli.inputs import robot_and_logs
+from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import load_robot
 from wbc.identification import Comparison, compare, rank_robots
@@ -27,15 +27,12 @@ Simulated = Callable[[], Sequence[OpenLoop]]
 """Returns the open-loop errors of robots, simulating when it is first called."""
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Compare, print, write."""
-    shown = table_console(options, console)
-    require_outputs(options)
-    robot = robot_from(options)
-    logs = logs_from(options, robot)
-    with working(shown, "comparing"):
+    robot, logs = robot_and_logs(options)
+    with working(console, "comparing"):
         comparison = compare(robot, logs)
-    simulated = simulated_later((robot,), logs, shown)
+    simulated = simulated_later((robot,), logs, console)
     content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     parts = []
     if options.against:
@@ -50,20 +47,19 @@ def run(options: argparse.Namespace, console: Console) -> int:
         parts.append(Part("warnings", Spoken("\n".join(comparison.warnings))))
     parts.append(Part("where it fails", table(where_rows(comparison))))
     answer = [comparison.sentence]
-    print_out(shown, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
-        write_json(options.json, content, console)
     if options.report:
         # Plotly, matplotlib and meshcat take a second to import; only a report needs them.
         from wbc.view.report import write_report
 
-        with working(shown, "writing the report"):
+        with working(console, "writing the report"):
             path = write_report(
                 options.report, robot, logs, command=command_line(), simulated=simulated()
             )
-        shown.print(f"wrote {path}")
-    return _judged(options.fail_above, comparison, shown)
+        console.print(f"wrote {path}")
+    return _judged(options.fail_above, comparison, console), content
 
 
 def _judged(limit: tuple[float, str] | None, comparison: Comparison, console: Console) -> int:

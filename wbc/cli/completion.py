@@ -8,6 +8,7 @@ import shtab
 from rich.console import Console
 
 from wbc.cli.options import build_parser
+from wbc.cli.outputs import Outcome
 from wbc.effects import EFFECTS
 from wbc.robot import robot_names
 
@@ -23,13 +24,13 @@ _FILE_MARKS = ("LOG", "RUN", "FILE", "MAP", "INDEX", "FITTED", "DIR")
 """How the metavar of an argument that names a file begins."""
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the script."""
     parser = build_parser()
     _describe(parser)
     script = shtab.complete(parser, options.shell, preamble=_preamble())
     console.out(script, highlight=False)
-    return 0
+    return 0, {}
 
 
 def _describe(parser: argparse.ArgumentParser) -> None:

@@ -14,13 +14,7 @@ from rich.console import Console
 
 from wbc.arrays import FloatArray
 from wbc.cli.inputs import read_logs
-from wbc.cli.outputs import (
-    require_outputs,
-    table_console,
-    watching,
-    write_figures,
-    write_json,
-)
+from wbc.cli.outputs import Outcome, watching, write_figures
 from wbc.cli.printout import table
 from wbc.cli.robots import checked_axes, first_contact, pose_from
 from wbc.design import (
@@ -45,28 +39,27 @@ _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Run or resume the study, print the front, write figures and JSON."""
-    require_outputs(options, ".parquet")
     if options.workers == 0:
         raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
     study = _study(options)
     units = describe_columns(study)
     objectives = _objectives(options, study, units)
-    shown = table_console(options, console)
-    with watching("designs", shown) as watch:
+    with watching("designs", console) as watch:
         path = run_study(
             study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
         )
     if study.gait:
-        shown.print(f"over {len(study.gait)} instants: objectives of the worst one, else the mean")
+        console.print(
+            f"over {len(study.gait)} instants: objectives of the worst one, else the mean"
+        )
     front = best_designs(path, objectives, len(study.gait))
-    _print(study, front, objectives, units, shown)
-    shown.print(f"wrote {path}: {study.size} designs")
-    write_json(options.json, _json(study, path, front, objectives, units), console)
+    _print(study, front, objectives, units, console)
+    console.print(f"wrote {path}: {study.size} designs")
     if options.figures:
-        _draw(options, study, path, front, objectives, units, shown)
-    return 0
+        _draw(options, study, path, front, objectives, units, console)
+    return 0, _json(study, path, front, objectives, units)
 
 
 def _study(options: argparse.Namespace) -> Study:

@@ -12,8 +12,8 @@ from rich.text import Text
 
 from wbc.cli import fleet
 from wbc.cli.compare import Simulated, open_loop_table, simulated_later
-from wbc.cli.inputs import logs_from, robot_from
-from wbc.cli.outputs import command_line, require_outputs, table_console, working, write_json
+from wbc.cli.inputs import robot_and_logs
+from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError
@@ -30,18 +30,15 @@ from wbc.view.rows import effect_rows, formula_rows, left_rows, ranking_rows, st
 _Intervals = Mapping[tuple[str, str, str], tuple[float, float]]
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
     begun = time.monotonic()
     if options.fleet:
         return fleet.run(options, console)
-    shown = table_console(options, console)
-    require_outputs(options)
     fleet.require_no_fleet(options)
-    robot = robot_from(options)
     candidates = _candidates(options.add)
-    logs = logs_from(options, robot)
-    with working(shown, "diagnosing") as progress:
+    robot, logs = robot_and_logs(options)
+    with working(console, "diagnosing") as progress:
         left = begun + options.budget - time.monotonic()
         diagnosis = diagnose(robot, logs, candidates, progress, left)
     diagnosis = _with_guesses(diagnosis, options.robot)
@@ -49,7 +46,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
-    simulated = simulated_later(robots, logs, shown)
+    simulated = simulated_later(robots, logs, console)
     commands = Commands.of(
         options.logs,
         options.robot,
@@ -59,13 +56,13 @@ def run(options: argparse.Namespace, console: Console) -> int:
         add=options.add,
     )
     print_diagnosis(
-        shown, diagnosis, commands, simulated, quiet=options.quiet, verbose=options.verbose
+        console, diagnosis, commands, simulated, quiet=options.quiet, verbose=options.verbose
     )
     content, discovery = diagnosis.to_json(), None
     if options.discover:
-        with working(shown, "discovering") as progress:
+        with working(console, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
-        _print_discovery(shown, discovery)
+        _print_discovery(console, discovery)
         content["discovery"] = discovery.to_json()
         if options.save:
             found = discovery if discovery.proposals else diagnosis
@@ -74,17 +71,16 @@ def run(options: argparse.Namespace, console: Console) -> int:
     if options.save:
         something = diagnosis.effects or (discovery is not None and discovery.proposals)
         as_it_was = "" if something else ": the robot as given, no effect was added"
-        shown.print(f"wrote {options.save}{as_it_was}", soft_wrap=True)
+        console.print(f"wrote {options.save}{as_it_was}", soft_wrap=True)
     if options.json:
         before, *after = (one.to_json() for one in simulated())
         content["open_loop"] = {"before": before, "after": after[0] if after else before}
         content["provenance"] = provenance(diagnosis.sources, command_line())
-        write_json(options.json, content, console)
     if options.report:
         # Plotly, matplotlib and meshcat take a second to import; only a report needs them.
         from wbc.view.report import write_report
 
-        with working(shown, "writing the report"):
+        with working(console, "writing the report"):
             path = write_report(
                 options.report,
                 robot,
@@ -95,8 +91,8 @@ def run(options: argparse.Namespace, console: Console) -> int:
                 commands=commands,
                 simulated=simulated(),
             )
-        shown.print(f"wrote {path}")
-    return 1 if diagnosis.verdict in ("unknown", "not_repeatable") else 0
+        console.print(f"wrote {path}")
+    return int(diagnosis.verdict in ("unknown", "not_repeatable")), content
 
 
 def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:

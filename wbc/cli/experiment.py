@@ -13,16 +13,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from wbc.cli.outputs import (
-    require_outputs,
-    table_console,
-    watching,
-    write_figures,
-    write_json,
-)
+from wbc.cli.outputs import Outcome, require_outputs, watching, write_figures
 from wbc.cli.printout import table
 from wbc.design.experiment import (
-    BAND,
     CLASSIC,
     DESIGNED,
     RANDOM,
@@ -39,7 +32,7 @@ from wbc.design.experiment import (
     torque_misfit,
 )
 from wbc.errors import WbcError
-from wbc.files import write_text
+from wbc.measurement import Log, save_log
 from wbc.results import read_results
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
@@ -49,28 +42,25 @@ _ODDS = "log10 of the expected odds (3: one thousand to one)"
 _SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Design the motion, say what to expect, write the set points."""
     options.out = options.out or ("plans.parquet" if options.each else "trajectory.csv")
-    options.band = BAND if options.band is None else options.band
     require_outputs(options, ".parquet" if options.each else ".csv")
     if options.rounds < 1:
         raise WbcError("--rounds must be at least 1.")
     if options.each:
-        return _run_each(options, table_console(options, console), console)
+        return _run_each(options, console)
     task = _task(options, options.between)
     robot = task.loaded()
     rivals, limits = task.rivals(robot), task.limits(robot)
-    shown = table_console(options, console)
-    with watching("motions", shown) as watch:
+    with watching("motions", console) as watch:
         found = compare_motions(task, rivals, limits, watch)
-    print_experiment(rivals, found, shown)
+    print_experiment(rivals, found, console)
     path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
-    shown.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
+    console.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
     if options.figures:
-        _draw(options, rivals, limits, found, shown)
-    write_json(options.json, _json(rivals, found, path), console)
-    return 0
+        _draw(options, rivals, limits, found, console)
+    return 0, _json(rivals, found, path)
 
 
 def _task(options: argparse.Namespace, between: Sequence[str]) -> ExperimentTask:
@@ -88,11 +78,11 @@ def _task(options: argparse.Namespace, between: Sequence[str]) -> ExperimentTask
     return ExperimentTask(between=() if files else tuple(between), found=found, **given)
 
 
-def _run_each(options: argparse.Namespace, shown: Console, console: Console) -> int:
+def _run_each(options: argparse.Namespace, console: Console) -> Outcome:
     """Plan a motion for every diagnosis, or for every two of the causes."""
     out = Path(options.out)
     tasks = [_task(options, group) for group in _groups(options.between)]
-    with watching("experiments", shown) as watch:
+    with watching("experiments", console) as watch:
         path = plan_experiments(
             tasks, out, workers=options.workers, cluster=options.cluster, watch=watch
         )
@@ -102,11 +92,10 @@ def _run_each(options: argparse.Namespace, shown: Console, console: Console) -> 
         if text:
             place = out.with_name(f"{out.stem}_{k}.csv")
             written.append(write_set_points(place, robot, read_path(text), options.rate))
-    _print_rows(rows, shown)
-    shown.print(f"wrote {', '.join(map(str, written))}")
+    _print_rows(rows, console)
+    console.print(f"wrote {', '.join(map(str, written))}")
     plain = {name: np.asarray(values).tolist() for name, values in rows.items()}
-    write_json(options.json, {**plain, "table": str(path)}, console)
-    return 0
+    return 0, {**plain, "table": str(path)}
 
 
 def _groups(texts: Sequence[str]) -> list[list[str]]:
@@ -219,16 +208,10 @@ def _draw(
 def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:
     """Write time, position, velocity and acceleration of every driven joint."""
     time = path.times(rate)
-    joints, parts = robot.transmission.joints, path.at(time)
-    heads = ["time"]
-    columns = [time]
-    for i, joint in enumerate(joints):
-        for what, values in zip(("position", "velocity", "acceleration"), parts, strict=True):
-            heads.append(f"{joint}.{what}")
-            columns.append(values[:, i])
-    rows = [",".join(heads)]
-    rows += [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
-    return write_text(name, "\n".join(rows) + "\n")
+    parts = list(zip(("position", "velocity", "acceleration"), path.at(time), strict=True))
+    joints = enumerate(robot.transmission.joints)
+    columns = {f"{joint}.{what}": values[:, i] for i, joint in joints for what, values in parts}
+    return save_log(Log(time, columns), name)
 
 
 def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from math import isfinite
 from rich.console import Console
 
 from wbc.cli.inputs import robot_from
-from wbc.cli.outputs import command_line, require_outputs, table_console, watching, write_json
+from wbc.cli.outputs import Outcome, command_line, watching
 from wbc.cli.printout import Part, print_out, table
 from wbc.errors import WbcError
 from wbc.identification.trend import diagnose_fleet, read_index
@@ -17,14 +17,12 @@ from wbc.view.rows import fleet_rows
 _SINGLE = ("save", "report", "fix", "discover")  # options that speak of one machine
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Diagnose every machine, print what they lack; exit code 1 where one has no answer."""
     _require_fleet(options)
-    require_outputs(options, ".parquet")
     robot_from(options)  # a mistake in the robot is one message, not one per machine
-    shown = table_console(options, console)
     names = None if options.add == "auto" else [n.strip() for n in options.add.split(",")]
-    with watching("log sets", shown) as watch:
+    with watching("log sets", console) as watch:
         fleet = diagnose_fleet(
             options.robot,
             read_index(options.fleet),
@@ -41,11 +39,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
         lines = [f"not diagnosed: {m.machine} {m.date}: {m.failure}" for m in fleet.failed]
         parts.append(Part("what failed", "\n".join(lines)))
     parts.append(Part("the machines", table(fleet_rows(fleet))))
-    print_out(shown, [fleet.sentence], parts, quiet=options.quiet, verbose=options.verbose)
-    shown.print(f"wrote {fleet.path}: {len(fleet.machines)} rows")
-    write_json(options.json, fleet.to_json() | {"command": command_line()}, console)
+    print_out(console, [fleet.sentence], parts, quiet=options.quiet, verbose=options.verbose)
+    console.print(f"wrote {fleet.path}: {len(fleet.machines)} rows")
     unanswered = {"unknown", "not_repeatable"} & set(fleet.verdicts)
-    return 1 if unanswered or fleet.failed else 0
+    content = fleet.to_json() | {"command": command_line()}
+    return int(bool(unanswered or fleet.failed)), content
 
 
 def require_no_fleet(options: argparse.Namespace) -> None:

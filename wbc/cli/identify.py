@@ -6,8 +6,8 @@ import argparse
 
 from rich.console import Console
 
-from wbc.cli.inputs import logs_from, robot_from
-from wbc.cli.outputs import require_outputs, table_console, working, write_json
+from wbc.cli.inputs import robot_and_logs
+from wbc.cli.outputs import Outcome, working
 from wbc.cli.printout import Spoken, table
 from wbc.identification.classic import identify
 from wbc.view.rows import fit_rows, parameter_rows
@@ -19,18 +19,14 @@ _LEGEND = (
 )
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Fit, print, write."""
-    shown = table_console(options, console)
-    require_outputs(options)
-    robot = robot_from(options)
-    logs = logs_from(options, robot)
-    with working(shown, "identifying"):
+    robot, logs = robot_and_logs(options)
+    with working(console, "identifying"):
         fit = identify(robot, logs)
-    shown.print(table(parameter_rows(fit)))
-    shown.print(_LEGEND)
-    shown.print(table(fit_rows(fit)))
+    console.print(table(parameter_rows(fit)))
+    console.print(_LEGEND)
+    console.print(table(fit_rows(fit)))
     for warning in fit.warnings:
-        shown.print(Spoken(warning), crop=False)
-    write_json(options.json, fit.to_json(), console)
-    return 0
+        console.print(Spoken(warning), crop=False)
+    return 0, fit.to_json()

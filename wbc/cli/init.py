@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from wbc.cli.outputs import Outcome
 from wbc.cli.printout import Spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
@@ -24,9 +25,9 @@ from wbc.measurement.guess import (
 from wbc.robot.loading.model_file import left_out
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Guess, write, and say what to do next."""
-    folder = Path(options.out)
+    folder = Path(options.folder)
     model = Path(options.robot)
     described = model.suffix not in (".urdf", ".xml")
     files = [folder / "columns.toml"] + ([] if described else [folder / "robot.toml"])
@@ -93,4 +94,4 @@ def run(options: argparse.Namespace, console: Console) -> int:
         console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
     logs = shlex.join(options.logs)
     console.print(f"next: wbc check {logs} --robot {name} --columns {path}", soft_wrap=True)
-    return 0
+    return 0, {}

@@ -25,6 +25,12 @@ from wbc.robot import Robot
 Reader = Callable[..., tuple[Log, ...]]
 
 
+def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]:
+    """Return the robot and the logs that the options name."""
+    robot = robot_from(options)
+    return robot, logs_from(options, robot)
+
+
 def robot_from(options: argparse.Namespace) -> Robot:
     """Return the robot that the options name."""
     robot = load_robot(options.robot)

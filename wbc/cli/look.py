@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.cli.outputs import Outcome
 from wbc.files import write_text
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
@@ -39,7 +40,7 @@ _LEGEND = (
 )
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Draw the columns of files, and write the page."""
     rows = read_table(options.columns).get("rows", {})
     parts = []
@@ -51,7 +52,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
         f"<p>{_LEGEND}</p>{''.join(parts)}"
     )
     console.print(f"wrote {write_text(Path(options.html), page)}", soft_wrap=True)
-    return 0
+    return 0, {}
 
 
 def _file(table: Table) -> str:

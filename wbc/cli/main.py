@@ -6,8 +6,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
-from wbc.cli.options import COMMANDS, build_parser
+from wbc.cli.options import COMMANDS, OPTIONS, build_parser
 from wbc.errors import WbcError
 from wbc.extras import needs
 
@@ -38,13 +39,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """Import what the command needs, check what it will write, and run it."""
-    module, _, function = COMMANDS[options.command].function.rpartition(".")
+    """Import what the command needs, check what it will write, run it, and write its JSON."""
+    entry = COMMANDS[options.command]
+    module, _, function = entry.function.rpartition(".")
     with needs("cli", "the command wbc"):
         from rich.console import Console
 
+        from wbc.cli.outputs import require_outputs, write_json
+
         command = import_module(f"wbc.cli.{module or options.command}")
-    return int(getattr(command, function)(options, Console(markup=False)))
+    outs = [OPTIONS[key]["metavar"] for key in entry.options.split() if key.startswith("--out/")]
+    require_outputs(options, *(Path(name).suffix for name in outs))
+    target = getattr(options, "json", None)
+    console = Console(markup=False, quiet=target == "-")
+    code, content = getattr(command, function)(options, console)
+    write_json(target, content, console)
+    return int(code)
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -81,7 +81,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--out/rows": _option("FILE.parquet", "table of machines and dates; given again, it grows"),
     "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
     "--out/path": _option("FILE", "set points, default trajectory.csv; plans.parquet of --each"),
-    "--out/folder": _option("DIR", "where to write (default here)", default="."),
+    "--out/folder": _option("DIR", "where to write (default here)", dest="folder", default="."),
     # init
     "--base": {
         "choices": ("fixed", "free_flyer"),

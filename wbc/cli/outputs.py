@@ -26,7 +26,7 @@ _ENDINGS = {
     "gif": (".gif", ".mp4"),
     "save": (".toml",),
     "out": (),  # each command says which
-    "file": (".xml", ".urdf", ".py"),
+    "file": (),  # each format has one
     "fix": (".toml",),
     "json": (),
 }
@@ -59,8 +59,10 @@ def require_outputs(options: argparse.Namespace, out: str = "") -> None:
             raise WbcError(f"--{option} would overwrite {taken[path.resolve()]}; choose another.")
         taken[path.resolve()] = f"what --{option} writes"
         _require_folder(path.parent, f"--{option} '{name}'")
-    if getattr(options, "figures", None):
-        _require_folder(Path(options.figures), f"--figures '{options.figures}'")
+    for option, dest in (("figures", "figures"), ("out", "folder")):
+        if getattr(options, dest, None):
+            folder = getattr(options, dest)
+            _require_folder(Path(folder), f"--{option} '{folder}'")
 
 
 def _require_folder(folder: Path, asker: str) -> None:
@@ -74,13 +76,17 @@ def _require_folder(folder: Path, asker: str) -> None:
         raise WbcError(f"{asker}: no permission to write in '{known}'.")
 
 
+Outcome = tuple[int, Mapping[str, Any]]
+"""What a command returns: the exit code, and what --json writes."""
+
+
 def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:
     """Write `content`, with the version of its format, to a file; print it for a target '-'."""
     if target is None:
         return
     text = json.dumps({"schema": SCHEMA, **content}, indent=2, allow_nan=False) + "\n"
     if target == "-":
-        console.out(text, end="")
+        print(text, end="")
     else:
         console.print(f"wrote {write_text(Path(target), text)}")
 
@@ -101,11 +107,6 @@ def write_figures(
     theme = DARK if options.theme == "dark" else LIGHT
     for path, figure in draw:
         console.print(f"wrote {write_figure(path, figure(theme))}")
-
-
-def table_console(options: argparse.Namespace, console: Console) -> Console:
-    """Return where tables go: nowhere when the JSON itself is printed."""
-    return Console(quiet=True) if options.json == "-" else console
 
 
 @contextmanager

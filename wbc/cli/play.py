@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from wbc.cli.inputs import read_logs
-from wbc.cli.outputs import require_outputs, working
+from wbc.cli.outputs import Outcome, working
 from wbc.effects import load_robot
 from wbc.errors import ViewError
 from wbc.measurement import Log
@@ -28,9 +28,8 @@ from wbc.view import (
 _GROUND_WIDTH = 2.0
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Write what was asked for; without any, open the page in the browser."""
-    require_outputs(options)
     robot = load_robot(options.robot)
     log = _one_log(options, robot)
     for option, instant in (("at", options.at), ("from", options.start), ("to", options.stop)):
@@ -58,7 +57,7 @@ def run(options: argparse.Namespace, console: Console) -> int:
             if not webbrowser.open(page.resolve().as_uri()):
                 raise ViewError("no browser to open the page in; write it with --html FILE.")
             console.input("Enter closes the page's file.")
-    return 0
+    return 0, {}
 
 
 def _one_log(options: argparse.Namespace, robot: Robot) -> Log:

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.outputs import require_outputs, table_console, write_figures, write_json
+from wbc.cli.outputs import Outcome, require_outputs, write_figures
 from wbc.cli.printout import table
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import RobotError, ViewError, WbcError
@@ -68,11 +68,10 @@ def checked_axes(axes: str) -> str:
     return axes
 
 
-def metrics(options: argparse.Namespace, console: Console) -> int:
+def metrics(options: argparse.Namespace, console: Console) -> Outcome:
     """Print what the gears do to inertia, force capability and impacts; write figures and JSON."""
     from wbc.metrics import summary, with_contact_at
 
-    require_outputs(options)
     if options.figures and len(options.axes) != 2:
         raise ViewError(f"--figures are drawn in two axes, not in '{options.axes}'.")
     robot = load_robot(options.robot)
@@ -80,16 +79,14 @@ def metrics(options: argparse.Namespace, console: Console) -> int:
     robot = with_contact_at(robot, contact)
     q = pose_from(robot, options.pose)
     found = summary(robot, q, contact, checked_axes(options.axes), options.load)
-    shown = table_console(options, console)
     notes = list(dict.fromkeys(metric.assumption for metric in found))
     cells = [(_label(m), _told(m, robot), str(notes.index(m.assumption) + 1)) for m in found]
     title = f"{robot.name}, contact {contact}"
-    shown.print(table(TextTable(("metric", "value", "assumes"), tuple(cells), title)))
+    console.print(table(TextTable(("metric", "value", "assumes"), tuple(cells), title)))
     numbered = tuple((str(number), note) for number, note in enumerate(notes, 1))
-    shown.print(table(TextTable(("", "what the numbers assume"), numbered)))
+    console.print(table(TextTable(("", "what the numbers assume"), numbered)))
     content: dict[str, Any] = {_label(metric): _by_joint(metric) for metric in found}
     content["assumptions"] = {_label(metric): metric.assumption for metric in found}
-    write_json(options.json, content, console)
     if options.figures:
         from wbc.view.plots import leg_figure, tradeoff_figure
 
@@ -100,8 +97,8 @@ def metrics(options: argparse.Namespace, console: Console) -> int:
             (Path(f"{start}_leg.png"), lambda theme: draw(theme=theme)),
             (Path(f"{start}_tradeoff.png"), lambda theme: compare(theme=theme)),
         )
-        write_figures(options, figures, shown)
-    return 0
+        write_figures(options, figures, console)
+    return 0, content
 
 
 def _label(metric: Metric) -> str:
@@ -165,7 +162,7 @@ def _entry(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:9.4f}"
 
 
-def export(options: argparse.Namespace, console: Console) -> int:
+def export(options: argparse.Namespace, console: Console) -> Outcome:
     """Write the robot as a file of another simulator, and print what is not in it."""
     from wbc.export import FORMATS, export_robot, losses_path
 
@@ -177,31 +174,27 @@ def export(options: argparse.Namespace, console: Console) -> int:
     require_outputs(options)
     exported = export_robot(robot, options.to)
     path = exported.write(options.file)
-    shown = table_console(options, console)
     for title, texts in (
         ("set by hand:", exported.notes),
         (f"{options.to} cannot say:", exported.unsaid),
     ):
         if texts:
-            shown.print("\n  - ".join((title, *texts)))
-    shown.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
+            console.print("\n  - ".join((title, *texts)))
+    console.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
     content: dict[str, Any]
     content = {"file": str(path), "notes": exported.notes, "unsaid": exported.unsaid}
     if exported.losses is not None:
         content["losses"] = str(losses_path(path))
-        shown.print(f"wrote {losses_path(path)}: the losses of the gears, to call in every step")
-    write_json(options.json, content, console)
-    return 0
+        console.print(f"wrote {losses_path(path)}: the losses of the gears, to call in every step")
+    return 0, content
 
 
-def listing(options: argparse.Namespace, console: Console) -> int:
+def listing(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the robots, effects or gearboxes there are."""
-    require_outputs(options)
     rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
     cells = tuple(tuple(row.values()) for row in rows)
-    table_console(options, console).print(table(TextTable(tuple(rows[0]), cells)))
-    write_json(options.json, {options.what: rows}, console)
-    return 0
+    console.print(table(TextTable(tuple(rows[0]), cells)))
+    return 0, {options.what: rows}
 
 
 def _robots() -> list[dict[str, str]]:

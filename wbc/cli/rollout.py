@@ -9,8 +9,8 @@ from pathlib import Path
 import tomli_w
 from rich.console import Console
 
-from wbc.cli.inputs import logs_from, robot_from
-from wbc.cli.outputs import command_line, require_outputs, table_console, working, write_json
+from wbc.cli.inputs import robot_and_logs
+from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import table
 from wbc.effects import save_robot
 from wbc.files import write_text
@@ -21,25 +21,21 @@ from wbc.view.rows import servo_model_rows, servo_number_rows
 _GEAR = ("torque_constant", "resistance", "rotor_inertia")
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Fit, print, write."""
-    shown = table_console(options, console)
-    require_outputs(options)
-    robot = robot_from(options)
-    logs = logs_from(options, robot)
-    with working(shown, "simulating") as progress:
+    robot, logs = robot_and_logs(options)
+    with working(console, "simulating") as progress:
         found = fit_rollouts(robot, logs, progress)
-    shown.print(_sentence(found))
-    shown.print(table(servo_model_rows(found)))
-    shown.print(table(servo_number_rows(found)))
+    console.print(_sentence(found))
+    console.print(table(servo_model_rows(found)))
+    console.print(table(servo_number_rows(found)))
     if options.save:
-        shown.print(f"wrote {_save(found, options.save)}", soft_wrap=True)
+        console.print(f"wrote {_save(found, options.save)}", soft_wrap=True)
         if "source_resistance" in found.chosen.fit.values:
-            shown.print(
+            console.print(
                 "not in the file, because a robot file has no such number: source_resistance"
             )
-    write_json(options.json, found.to_json(), console)
-    return 0
+    return 0, found.to_json()
 
 
 def _sentence(found: Rollouts) -> str:

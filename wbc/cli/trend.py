@@ -9,14 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from wbc.cli.inputs import robot_from
-from wbc.cli.outputs import (
-    command_line,
-    require_outputs,
-    table_console,
-    watching,
-    write_figures,
-    write_json,
-)
+from wbc.cli.outputs import Outcome, command_line, watching, write_figures
 from wbc.cli.printout import Part, print_out, table
 from wbc.errors import WbcError
 from wbc.identification.trend import find_runs, follow, read_index
@@ -26,17 +19,15 @@ EXIT_DRIFTS = 4
 """Exit code of --fail-on-drift where a machine drifts."""
 
 
-def run(options: argparse.Namespace, console: Console) -> int:
+def run(options: argparse.Namespace, console: Console) -> Outcome:
     """Measure every session, print what drifts, write plot and JSON."""
-    require_outputs(options, ".parquet")
     robot_from(options)  # a mistake in the robot is one message, not one per session
     runs = find_runs(options.logs)
     if options.index:
         runs += read_index(options.index)
     if not runs:
         raise WbcError("wbc trend: no log was given; name them, or a list with --index FILE.csv.")
-    shown = table_console(options, console)
-    with watching("sessions", shown) as watch:
+    with watching("sessions", console) as watch:
         trend = follow(
             options.robot,
             runs,
@@ -55,11 +46,11 @@ def run(options: argparse.Namespace, console: Console) -> int:
         lines = [f"not measured: {s.machine} {s.date}: {s.failure}" for s in failed]
         parts.append(Part("sessions that could not be measured", "\n".join(lines)))
     parts.append(Part("what does not surely drift", table(drift_rows(trend, False))))
-    print_out(shown, [trend.sentence], parts, quiet=options.quiet, verbose=options.verbose)
-    write_json(options.json, trend.to_json() | {"command": command_line()}, console)
+    print_out(console, [trend.sentence], parts, quiet=options.quiet, verbose=options.verbose)
     if options.png:
         from wbc.view.plots import trend_figure
 
         draw = partial(trend_figure, trend)
-        write_figures(options, [(Path(options.png), draw)], shown)
-    return EXIT_DRIFTS if options.fail_on_drift and trend.drifting else 0
+        write_figures(options, [(Path(options.png), draw)], console)
+    code = EXIT_DRIFTS if options.fail_on_drift and trend.drifting else 0
+    return code, trend.to_json() | {"command": command_line()}
