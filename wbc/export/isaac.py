@@ -9,8 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.lumped import Lumped
-from wbc.export.tree import links
+from wbc.export.parts import Lumped, links
 from wbc.robot import Robot
 
 _HEAD = '''\
@@ -47,8 +46,6 @@ def isaac(robot: Robot, found: JointNumbers) -> tuple[str, list[str]]:
                 f"friction of the undriven joint {joint} (dry {at_joints.friction[row]:.6g} N m, "
                 f"viscous {at_joints.damping[row]:.6g} N m s/rad)"
             )
-    if not np.allclose(robot.model.gravity.linear, [0.0, 0.0, -9.81], atol=1e-9):
-        unsaid.append(f"gravity {np.asarray(robot.model.gravity.linear).tolist()} m/s^2")
     actuators = {
         "joint_names_expr": [re.escape(joint) for joint in rows],
         "effort_limit_sim": per_driven(at_joints.limit),

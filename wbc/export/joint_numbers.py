@@ -8,13 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.export.probing import (
-    drive_laws,
-    friction_levels,
-    joint_law,
-    probe_motion,
-    rotor_offsets,
-)
+from wbc.export.probing import constant, drive_laws, joint_law, probe_motion
 from wbc.robot import Effect, Motion, Robot
 
 
@@ -107,23 +101,22 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
 
 def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> Iterator[str]:
     """Add what an effect does to the numbers found; yield what they cannot hold."""
-    laws = joint_law(robot, effect, motion)
-    for joint, law in (laws or {}).items():
+    laws, drives = joint_law(robot, effect, motion), drive_laws(robot, effect, motion)
+    levels = constant(effect.joint_friction(robot, motion), robot.model.nv)
+    offsets = constant(effect.rotor_torque(robot, motion), robot.transmission.size)
+    for joint, (push, stiffness, damping) in (laws or {}).items():
         row = robot.velocity_index(joint)
-        found.damping[row] += law.damping
-        found.stiffness[row] += law.stiffness
-        found.constant[row] += law.constant
-    levels = friction_levels(robot, effect, motion)
+        found.constant[row] += push
+        found.stiffness[row] += stiffness
+        found.damping[row] += damping
+    for joint, (gain, delay) in (drives or {}).items():
+        k = robot.transmission.index(joint)
+        found.gain[k] *= gain
+        found.delay[k] += delay
     if levels is not None:
         found.friction[:] += levels
-    offsets = rotor_offsets(robot, effect, motion)
     if offsets is not None:
         found.offset[:] += offsets * robot.transmission.gear_ratio
-    drives = drive_laws(robot, effect, motion)
-    for joint, drive in (drives or {}).items():
-        k = robot.transmission.index(joint)
-        found.gain[k] *= drive.gain
-        found.delay[k] += drive.delay
     if laws is None or levels is None or offsets is None or drives is None:
         yield effect.said()
     if "gear_efficiencies" in effect.acts_by:

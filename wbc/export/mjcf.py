@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.text import number, numbers, per_joint
-from wbc.export.tree import LinkEntry, links, points
+from wbc.export.parts import LinkEntry, links, number, numbers, points
 from wbc.robot import Robot
 
 _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9  # [kg, kg m^2]; MuJoCo refuses a moving body without
@@ -150,7 +149,7 @@ def _motors(root: ET.Element, robot: Robot, found: JointNumbers, own: _Shared) -
         ):
             if value > 0.0:
                 tendon.set(name, number(value))
-        for other, coefficient in per_joint(robot, own.rows[k]).items():
+        for other, coefficient in zip(gears.joints, own.rows[k], strict=True):
             if coefficient:
                 ET.SubElement(tendon, "joint", joint=other, coef=number(coefficient))
 

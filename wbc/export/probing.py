@@ -5,8 +5,6 @@ No effect is known by its name here, so an effect of a user is exported like one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wbc.arrays import FloatArray
@@ -18,21 +16,8 @@ _EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear l
 _TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
 
 
-@dataclass(frozen=True)
-class JointLaw:
-    """The smooth torque constant - stiffness q - damping v of one joint [N m, rad, s]."""
-
-    constant: float
-    stiffness: float
-    damping: float
-
-
-@dataclass(frozen=True)
-class LinearDrive:
-    """A drive that delivers gain times the torque of `delay` earlier [s]."""
-
-    gain: float
-    delay: float
+Numbers = tuple[float, ...]
+"""Of a law: of a joint the constant, the stiffness and the damping; of a drive gain and delay."""
 
 
 def probe_motion(robot: Robot) -> Motion:
@@ -52,46 +37,40 @@ def probe_motion(robot: Robot) -> Motion:
     )
 
 
-def joint_law(robot: Robot, effect: Effect, motion: Motion) -> dict[str, JointLaw] | None:
-    """Return the law of every joint that an effect pushes smoothly, None if it has another law."""
+def joint_law(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Numbers] | None:
+    """Return the law of every joint that an effect pushes smoothly, None if it has another law.
+
+    The torque [N m] is constant - stiffness q - damping v.
+    """
     torque = effect.joint_torque(robot, motion)
     if torque is None:
         return {}
     laws = {}
-    for joint in robot.joints:
+    for number, joint in enumerate(robot.joints, 1):
         row = robot.velocity_index(joint)
-        if not np.any(torque[:, row : row + robot.model.joints[robot.joints.index(joint) + 1].nv]):
+        if not np.any(torque[:, row : row + robot.model.joints[number].nv]):
             continue
         if joint not in robot.single_joints:
             return None
         place = motion.position[:, robot.position_index(joint)]
         speed = motion.velocity[:, row]
         columns = np.stack([np.ones_like(place), -place, -speed], axis=1)
-        numbers = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
-        if not _equal(columns @ numbers, torque[:, row]):
+        found = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
+        if not _equal(columns @ found, torque[:, row]):
             return None
         small = _EXACT * np.abs(torque[:, row]).max()
-        laws[joint] = JointLaw(*(float(x) if abs(x) > small else 0.0 for x in numbers))
+        laws[joint] = tuple(float(x) if abs(x) > small else 0.0 for x in found)
     return laws
 
 
-def friction_levels(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
-    """Return the levels (nv,) [N m] of an effect's dry friction, None if they are not constant."""
-    level = effect.joint_friction(robot, motion)
-    if level is None:
-        return np.zeros(robot.model.nv)
-    return level[0] if _equal(level, np.broadcast_to(level[0], level.shape)) else None
+def constant(values: FloatArray | None, size: int) -> FloatArray | None:
+    """Return the one row (size,) of what a hook returned, zeros for nothing, None for several."""
+    if values is None:
+        return np.zeros(size)
+    return values[0] if _equal(values, np.broadcast_to(values[0], values.shape)) else None
 
 
-def rotor_offsets(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
-    """Return the constant torques (m,) [N m] that an effect puts on the rotors, None if others."""
-    torque = effect.rotor_torque(robot, motion)
-    if torque is None:
-        return np.zeros(robot.transmission.size)
-    return torque[0] if _equal(torque, np.broadcast_to(torque[0], torque.shape)) else None
-
-
-def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, LinearDrive] | None:
+def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Numbers] | None:
     """Return gain and delay of every drive that an effect changes, None if it does other things.
 
     A torque that grows evenly from far below any limit to far above it is delivered late by a
@@ -106,7 +85,7 @@ def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Linear
 
 def _drive_laws_at(
     robot: Robot, effect: Effect, motion: Motion, row: int
-) -> dict[str, LinearDrive] | None:
+) -> dict[str, Numbers] | None:
     """Return the laws of the drives while one sample of a motion is held."""
     gears = robot.transmission
     time = np.linspace(0.0, 10.0, 2001)
@@ -125,7 +104,7 @@ def _drive_laws_at(
     torque = np.outer((time - 5.0) / 5.0, _TORQUE / np.abs(gears.gear_ratio))
     delivered = effect.drive(robot, sample, torque)
     inner = slice(200, -200)  # a delay has nothing to show before the first sample
-    laws = {}
+    laws: dict[str, Numbers] = {}
     for k, joint in enumerate(gears.joints):
         if np.array_equal(delivered[:, k], torque[:, k]):
             continue
@@ -135,7 +114,7 @@ def _drive_laws_at(
         rate = float(torque[-1, k] - torque[0, k]) / 10.0
         gain = float(slope) / rate
         delay = 0.0 if gain == 0.0 else -5.0 - float(shift) / float(slope)
-        laws[joint] = LinearDrive(gain, delay if abs(delay) > 1e-9 else 0.0)
+        laws[joint] = (gain, delay if abs(delay) > 1e-9 else 0.0)
     return laws
 
 

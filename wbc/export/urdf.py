@@ -8,9 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.lumped import Lumped
-from wbc.export.text import number, numbers
-from wbc.export.tree import LinkEntry, links, points
+from wbc.export.parts import LinkEntry, Lumped, links, number, numbers, points
 from wbc.robot import Robot
 
 _WORLD = "world"
@@ -21,7 +19,12 @@ def urdf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
     """Return the model, and what URDF cannot say beside what is already unsaid."""
     root = ET.Element("robot", name=robot.name)
     at_joints = Lumped.of(robot, found)
-    unsaid = [*at_joints.unsaid, *_unsaid(robot, found, at_joints)]
+    unsaid = list(at_joints.unsaid)
+    for moved in robot.single_joints:
+        armature = at_joints.armature[robot.velocity_index(moved)]
+        if armature:
+            text = f"armature of {moved}: {armature:.6g} kg m^2; set it in the simulator"
+            unsaid.append(f"{text} after loading")
     entries = links(robot)
     floats = bool(entries) and entries[0].kind == "free"
     if not floats:
@@ -71,19 +74,3 @@ def _joint(root: ET.Element, link: LinkEntry, at_joints: Lumped) -> None:
     damping, friction = at_joints.damping[link.row], at_joints.friction[link.row]
     if damping or friction:
         ET.SubElement(joint, "dynamics", damping=number(damping), friction=number(friction))
-
-
-def _unsaid(robot: Robot, found: JointNumbers, at_joints: Lumped) -> list[str]:
-    """Return what simulators have a number for and URDF has not."""
-    unsaid = []
-    for joint in robot.single_joints:
-        row = robot.velocity_index(joint)
-        if at_joints.armature[row]:
-            unsaid.append(
-                f"armature of {joint}: {at_joints.armature[row]:.6g} kg m^2; set it in the "
-                "simulator after loading"
-            )
-    usual = np.array([0.0, 0.0, -9.81])
-    if not np.allclose(robot.model.gravity.linear, usual, atol=1e-9):
-        unsaid.append(f"gravity {numbers(robot.model.gravity.linear)} m/s^2")
-    return unsaid
