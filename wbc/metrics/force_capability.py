@@ -371,7 +371,7 @@ def backdriving_torque(robot: Robot) -> FloatArray:
     N tau_c / eta_b with the rotor's dry friction tau_c: 0 without it, infinite for a self-locking
     gear.
     """
-    gears = Designs.of(robot, robot.pose()).gears
+    gears = Designs.of(robot, robot.neutral()).gears
     return frozen(limits_of({**gears, "torque_limit": np.zeros((1, 1))}, Direction.BACKWARD)[0])
 
 
