@@ -268,7 +268,7 @@ every session anew; a session is all logs of one machine with one date.""",
   wbc play run.csv --robot planar_leg --ghost fitted.toml --png a.png --at 0.3
   wbc play run.csv --robot planar_leg --gif a.mp4 --from 0.3 --to 1 --speed 0.1
 
-Pictures need Chromium and pip install playwright, .mp4 needs ffmpeg.
+Pictures need Chromium and playwright (extra pictures), .mp4 needs ffmpeg.
 Without --html, --png, --gif the page opens in the browser.""",
     ),
     "metrics": Subcommand(

@@ -59,10 +59,8 @@ def require_outputs(options: argparse.Namespace, out: str = "") -> None:
             raise WbcError(f"--{option} would overwrite {taken[path.resolve()]}; choose another.")
         taken[path.resolve()] = f"what --{option} writes"
         _require_folder(path.parent, f"--{option} '{name}'")
-    for option, dest in (("figures", "figures"), ("out", "folder")):
-        if getattr(options, dest, None):
-            folder = getattr(options, dest)
-            _require_folder(Path(folder), f"--{option} '{folder}'")
+    if getattr(options, "figures", None):
+        _require_folder(Path(options.figures), f"--figures '{options.figures}'")
 
 
 def _require_folder(folder: Path, asker: str) -> None:

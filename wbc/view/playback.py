@@ -37,15 +37,7 @@ from wbc.view.palette import (
 )
 from wbc.view.scene import SceneSize, add_paths, add_robot_scene
 from wbc.view.shapes import LinkShape, robot_shapes
-from wbc.view.track import (
-    ContactTrack,
-    GearTrack,
-    Ghost,
-    GhostTrack,
-    Track,
-    make_track,
-    track_ghost,
-)
+from wbc.view.track import ContactTrack, Ghost, Track, ghost_at, make_track
 
 _LEAST_SPAN = 6.0
 _LOADED = 0.02  # weights above which a contact bears something
@@ -65,58 +57,16 @@ _COLOURS = {
 }
 
 
-def playback_payload(
-    robot: Robot,
-    track: Track,
-    size: SceneSize,
-    shapes: Sequence[LinkShape],
-    slabs: Sequence[GroundSlab],
-    commands: Sequence[str],
-    marks: Mapping[str, float],
-    ghost: GhostTrack | None,
-    at: float | None,
-) -> str:
-    """Return the JSON text that the player reads; arrays are base64 of float32."""
-    document: dict[str, Any] = {
-        "modes": {str(int(d)): DIRECTION_LABELS[d] for d in Direction},
-        "time": _packed(track.time),
-        "robot": {"joints": robot.model.njoints, "poses": _packed(track.poses)},
-        "ghost": None,
-        "com": _packed(track.center_of_mass),
-        "floor": _floor(track, slabs),
-        "contacts": [_contact(contact, slabs) for contact in track.contacts],
-        "gears": [_gear(robot, gear, ghost) for gear in track.gears],
-        "marks": (shown := _marks(track, marks)),
-        "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
-        "weight": track.weight,
-        "reach": size.reach,
-        "arrow_head": size.arrow_head,
-        "metres_per_newton": _arrow_scale(track, size),
-        "camera": _camera(robot, track, size, shapes, ghost),
-        "floating": robot.floating_size > 0,
-        "planned": bool(track.paths),
-        "follow": _leaves(robot, track, size),
-        "residual_span": _residual_span(ghost),
-        "autoplay": at is None,
-        "at": float(track.time[0]) if at is None else at,
-        "colours": _COLOURS,
-        "commands": list(commands),
-    }
-    if ghost is not None:
-        document["ghost"] = {
-            "label": ghost.label,
-            "joints": ghost.poses.shape[1],
-            "poses": _packed(ghost.poses),
-        }
-    return json.dumps(document, separators=(",", ":"))
-
-
-def _residual_span(ghost: GhostTrack | None) -> float:
+def _residual_span(residual: Mapping[str, FloatArray]) -> float:
     """Return how many noise floors have the full colour: few residuals exceed it."""
-    if ghost is None or not ghost.residual:
+    if not residual:
         return _LEAST_SPAN
-    sizes = np.concatenate([np.abs(values) for values in ghost.residual.values()])
+    sizes = np.concatenate([np.abs(values) for values in residual.values()])
     return max(_LEAST_SPAN, float(np.quantile(sizes, 0.95)))
+
+
+def _body(robot: Robot, poses: FloatArray) -> dict[str, Any]:
+    return {"joints": robot.model.njoints, "poses": _packed(poses)}
 
 
 def _packed(values: ArrayLike) -> str:
@@ -135,22 +85,19 @@ def _contact(contact: ContactTrack, slabs: Sequence[GroundSlab]) -> dict[str, An
     }
 
 
-def _gear(robot: Robot, gear: GearTrack, ghost: GhostTrack | None) -> dict[str, Any]:
-    residual = None if ghost is None else ghost.residual.get(gear.joint)
-    gears = robot.transmission
-    k = gears.index(gear.joint)
-    limit = float(np.abs(gears.gear_ratio[k]) * gears.torque_limit[k])
-    largest = float(np.nanmax(np.abs(gear.torque))) if np.isfinite(gear.torque).any() else 0.0
+def _gear(robot: Robot, track: Track, k: int, residual: Mapping[str, FloatArray]) -> dict[str, Any]:
+    gears, torque = robot.transmission, track.torque[:, k]
+    joint, limit = gears.joints[k], float(np.abs(gears.gear_ratio[k]) * gears.torque_limit[k])
     return {
-        "name": gear.joint,
-        "number": robot.model.getJointId(gear.joint),
-        "unit": unit_at(robot, gear.joint, "N m"),
-        "torque": _packed(gear.torque),
-        "power": _packed(gear.power),
-        "direction": _packed(np.nan_to_num(gear.direction)),
-        "largest": largest,
+        "name": joint,
+        "number": robot.model.getJointId(joint),
+        "unit": unit_at(robot, joint, "N m"),
+        "torque": _packed(torque),
+        "power": _packed(track.power[:, k]),
+        "direction": _packed(np.nan_to_num(track.direction[:, k])),
+        "largest": float(np.nanmax(np.abs(torque))) if np.isfinite(torque).any() else 0.0,
         "limit": limit if np.isfinite(limit) else None,
-        "residual": None if residual is None else _packed(residual),
+        "residual": _packed(residual[joint]) if joint in residual else None,
     }
 
 
@@ -198,7 +145,7 @@ def _camera(
     track: Track,
     size: SceneSize,
     shapes: Sequence[LinkShape],
-    ghost: GhostTrack | None,
+    ghost: FloatArray | None,
 ) -> dict[str, Any]:
     """Return the points that the camera frames and its direction.
 
@@ -213,7 +160,7 @@ def _camera(
     seen = [_corners(track.poses[frames], shapes)]
     seen += [contact.position[frames][:, None] for contact in track.contacts]
     if ghost is not None and not leaves:
-        seen.append(_corners(ghost.poses[frames], shapes))
+        seen.append(_corners(ghost[frames], shapes))
     if not shapes and not track.contacts:
         seen = [track.poses[frames, :, :3].astype(np.float64)]  # links without bodies
     points = np.concatenate(seen, axis=1)
@@ -321,10 +268,35 @@ def playback_page(
     shapes = robot_shapes(robot)
     size = add_robot_scene(root, robot, shapes, slabs, contacts, _ground_opacity(track, slabs))
     add_paths(root["paths"], track.paths)
-    shadow = None if ghost is None else track_ghost(robot, ghost, track.time)
-    scene = playback_payload(
-        robot, track, size, shapes, slabs, recorder.encoded(), marks or {}, shadow, at
-    )
+    poses, residual, label = None, dict[str, FloatArray](), ""
+    if ghost is not None:
+        label, (poses, residual) = ghost.label, ghost_at(robot, ghost, track.time)
+    shown = _marks(track, marks or {})
+    scene = {  # arrays are base64 of float32
+        "modes": {str(int(d)): DIRECTION_LABELS[d] for d in Direction},
+        "time": _packed(track.time),
+        "robot": _body(robot, track.poses),
+        "ghost": None if poses is None else {"label": label, **_body(robot, poses)},
+        "com": _packed(track.center_of_mass),
+        "floor": _floor(track, slabs),
+        "contacts": [_contact(contact, slabs) for contact in track.contacts],
+        "gears": [_gear(robot, track, k, residual) for k in range(robot.transmission.size)],
+        "marks": shown,
+        "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
+        "weight": track.weight,
+        "reach": size.reach,
+        "arrow_head": size.arrow_head,
+        "metres_per_newton": _arrow_scale(track, size),
+        "camera": _camera(robot, track, size, shapes, poses),
+        "floating": robot.floating_size > 0,
+        "planned": bool(track.paths),
+        "follow": _leaves(robot, track, size),
+        "residual_span": _residual_span(residual),
+        "autoplay": at is None,
+        "at": float(track.time[0]) if at is None else at,
+        "colours": _COLOURS,
+        "commands": recorder.encoded(),
+    }
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
     return environment.get_template("playback.html.j2").render(
         title=title or robot.name,
@@ -332,7 +304,7 @@ def playback_page(
         css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
         script="\n".join((_PLAYER / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         meshcat=meshcat_script(),
-        scene=scene.replace("<", "\\u003c"),
+        scene=json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"),
     )
 
 

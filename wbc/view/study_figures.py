@@ -7,6 +7,8 @@ from datetime import datetime
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
@@ -118,9 +120,9 @@ def pareto_figure(
         ax.plot(across[rows], up[rows], color=theme.ink, linewidth=0.8)
         points = ax.scatter(
             across[rows], up[rows], c=table[coloured][rows], s=22, zorder=3,
-            label="not beaten in both",
+            label="not beaten in both", norm=_norm(table[coloured][rows], coloured in _SHARES),
         )  # fmt: skip
-        figure.colorbar(points, ax=ax, label=_label(coloured, units))
+        _bar(figure, ax, points, _label(coloured, units))
         ax.set(
             title="Pareto front",
             xlabel=_label(objectives[0], units),
@@ -150,11 +152,20 @@ def _map(
         ax.grid(False)
     else:
         drawn = ax.scatter(x, y, c=z, norm=norm, s=6, rasterized=True)  # type: ignore[assignment]
-    bar = figure.colorbar(drawn, ax=ax)
-    if isinstance(norm, LogNorm):
-        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    _bar(figure, ax, drawn)
+
+
+def _bar(figure: Figure, ax: Axes, drawn: ScalarMappable, label: str = "") -> None:
+    bar = figure.colorbar(drawn, ax=ax, label=label)
+    if isinstance(drawn.norm, LogNorm):
+        _plain_decades(bar.ax.yaxis)
+
+
+def _plain_decades(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers: 1, 2, 5, 10, ..."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _norm(values: FloatArray, share: bool) -> Normalize:
@@ -170,10 +181,7 @@ def _scales(ax: Axes, varied: Sequence[str], logarithmic: Sequence[str]) -> None
         if name not in logarithmic:
             continue
         getattr(ax, f"set_{axis}scale")("log")
-        place = getattr(ax, f"{axis}axis")
-        place.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        place.set_major_formatter(FormatStrFormatter("%g"))
-        place.set_minor_formatter(NullFormatter())
+        _plain_decades(getattr(ax, f"{axis}axis"))
 
 
 def _varies(values: FloatArray) -> bool:

@@ -167,23 +167,6 @@ class ContactTrack:
 
 
 @dataclass(frozen=True, eq=False)
-class GearTrack:
-    """One gear at the frames; NaN where the log holds no torque.
-
-    Attributes:
-        joint: name of the joint that it drives.
-        torque: (F,) [N m] at the joint's side, N tau_phi.
-        power: (F,) [W] mesh power.
-        direction: (F,) of +1, 0, -1.
-    """
-
-    joint: str
-    torque: FloatArray
-    power: FloatArray
-    direction: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Track:
     """Everything that a playback shows, at its frames.
 
@@ -193,7 +176,9 @@ class Track:
             x, y, z, w; row 0 is the world.
         center_of_mass: (F, 3) [m].
         contacts: the contacts that bear force in the log.
-        gears: the driven joints.
+        torque: (F, m) [N m] at the motor outputs, N tau_phi; NaN where the log holds none.
+        power: (F, m) [W] mesh power, NaN likewise.
+        direction: (F, m) of +1, 0, -1.
         impacts: instants at which a contact force jumps.
         weight: [N] of the robot.
         paths: contact name -> (F, 3) [m] that it passes; of planned motions only.
@@ -203,7 +188,9 @@ class Track:
     poses: FloatArray
     center_of_mass: FloatArray
     contacts: tuple[ContactTrack, ...]
-    gears: tuple[GearTrack, ...]
+    torque: FloatArray
+    power: FloatArray
+    direction: FloatArray
     impacts: tuple[RecordedImpact, ...]
     weight: float
     paths: Mapping[str, FloatArray]
@@ -222,7 +209,7 @@ def make_track(robot: Robot, log: Log) -> Track:
     rows = frame_rows(log)
     position = configuration(robot, log)[rows]
     poses, center, points = _kinematics(robot, position)
-    forces = contact_forces(robot, log)
+    forces, flow = contact_forces(robot, log), gear_flow(robot, log)
     weight = robot_weight(robot)
     contacts = tuple(
         ContactTrack(
@@ -236,7 +223,9 @@ def make_track(robot: Robot, log: Log) -> Track:
         poses=poses,
         center_of_mass=center,
         contacts=contacts,
-        gears=_gears(robot, log, rows),
+        torque=(flow.rotor_torque * robot.transmission.gear_ratio)[rows],
+        power=flow.mesh_power[rows],
+        direction=flow.direction[rows],
         impacts=find_impacts(log.time, forces, weight),
         weight=weight,
         paths={c.name: points[:, i] for i, c in enumerate(robot.contacts)} if planned else {},
@@ -273,11 +262,6 @@ def frame_rows(log: Log) -> FloatArray:
     return np.unique(np.clip(rows, 0, len(log) - 1))
 
 
-def joint_poses(robot: Robot, position: FloatArray) -> FloatArray:
-    """Return the world placement of every joint frame along q (F, nq), as in `Track.poses`."""
-    return _kinematics(robot, position)[0]
-
-
 def _kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     space = Workspace(robot)
     model, data = space.model, space.data
@@ -293,15 +277,6 @@ def _kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatAr
     return poses, center, points
 
 
-def _gears(robot: Robot, log: Log, rows: FloatArray) -> tuple[GearTrack, ...]:
-    flow = gear_flow(robot, log)
-    torque = flow.rotor_torque * robot.transmission.gear_ratio
-    return tuple(
-        GearTrack(joint, torque[rows, i], flow.mesh_power[rows, i], flow.direction[rows, i])
-        for i, joint in enumerate(robot.transmission.joints)
-    )
-
-
 def _largest(force: FloatArray, rows: FloatArray) -> FloatArray:
     """Return for each frame the force of the largest size since the frame before."""
     size = np.linalg.norm(force, axis=1)
@@ -310,27 +285,17 @@ def _largest(force: FloatArray, rows: FloatArray) -> FloatArray:
     return np.asarray(force[picks])
 
 
-@dataclass(frozen=True, eq=False)
-class GhostTrack:
-    """A second robot at the frames.
+def ghost_at(
+    robot: Robot, ghost: Ghost, time: FloatArray
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Return poses (F, joints, 7), as `Track.poses`, and residuals (F,) of a ghost at frame times.
 
-    Attributes:
-        label: what the page calls it.
-        poses: (F, joints, 7) as in `Track.poses`.
-        residual: joint -> (F,) measured minus modelled torque, in noise floors.
+    The nearest sample is shown.
     """
-
-    label: str
-    poses: FloatArray
-    residual: Mapping[str, FloatArray]
-
-
-def track_ghost(robot: Robot, ghost: Ghost, time: FloatArray) -> GhostTrack:
-    """Return the ghost at frame times (F,) [s]; the nearest sample is shown."""
     later = np.clip(np.searchsorted(ghost.time, time), 1, len(ghost.time) - 1)
     rows = np.where(time - ghost.time[later - 1] < ghost.time[later] - time, later - 1, later)
     residual = {
         joint: np.interp(time, ghost.residual_time, values)
         for joint, values in ghost.residual.items()
     }
-    return GhostTrack(ghost.label, joint_poses(robot, ghost.position[rows]), residual)
+    return _kinematics(robot, ghost.position[rows])[0], residual
