@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,8 @@ class LinkResponse:
         unexplained: (N,) torque that the log shows and the stiff robot does not explain [N m]: what
             the deflection may account for. How the link moved when the log began is in no
             channel, and is chosen by it.
-        band: filter along the first axis to the frequencies in which the torques are compared.
+        band: filter along the first axis to the frequencies in which the torques are compared; it
+            takes a log, or the beginning of one.
         rows: numbers of the samples that the filter returns.
         friction: dry friction of the link; None where there is none, or where it rubs at the motor.
     """
@@ -63,6 +64,20 @@ class LinkResponse:
     band: Callable[[FloatArray], FloatArray]
     rows: IntArray
     friction: LinkFriction | None = None
+
+    def beginning(self, seconds: float) -> LinkResponse:
+        """Return the response along so much of the log."""
+        count = int(seconds / self.step)
+        if count >= len(self.unexplained):
+            return self
+        names = "load", "inertia", "damping", "stiffness", "unexplained"
+        own = self.friction
+        return replace(
+            self,
+            **{name: getattr(self, name)[:count] for name in names},
+            rows=self.rows[self.rows < count - self.rows[0]],
+            friction=None if own is None else LinkFriction(*(v[:count] for v in astuple(own))),
+        )
 
     def torque(self, deflection: FloatArray) -> FloatArray:
         """Return the additional torque (N, nv) of a deflection (N, 3): d, its rate, its second.
@@ -82,13 +97,3 @@ class LinkResponse:
         """Return what additional torques (N, ...) at the joint leave unexplained, in the band."""
         size = (len(self.unexplained),) + (1,) * (np.ndim(torques) - 1)
         return self.band(self.unexplained.reshape(size) - torques)
-
-    def torque_on(self, row: int, deflections: FloatArray) -> FloatArray:
-        """Return what B deflections (N, 3, B) of this gear add to the torque at `row`, (N, B).
-
-        A fourth column is torque on this joint itself.
-        """
-        columns = (self.stiffness, self.damping, self.inertia)
-        terms = [c[:, [row]] * deflections[:, k] for k, c in enumerate(columns)]
-        own = row == self.row and deflections.shape[1] > len(columns)
-        return np.asarray(terms[0] + terms[1] + terms[2] + (deflections[:, 3] if own else 0.0))

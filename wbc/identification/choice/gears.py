@@ -42,6 +42,8 @@ _COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequenc
 _PAIRED = 0.8  # of the squares, that two gears of this grid must leave at most
 _HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
 _OFFERS = 6  # gears that are fitted for one addition
+_SCREENED = 10.0  # [s] of a log on which they are ranked
+_ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
 _COUNT = 2  # gears offered per joint, kind and side of friction
 _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
 
@@ -54,7 +56,7 @@ def gears_beside(
 ) -> list[Offer]:
     """Return the effects of a hypothesis with a gear more, those that leave least first.
 
-    They are ranked on the log that leaves most, and fitted to all.
+    They are ranked on the beginning of the log that leaves most, and fitted to all.
 
     Args:
         problem: the logs.
@@ -63,19 +65,23 @@ def gears_beside(
         kinds: effects that may be used.
     """
     offers: list[tuple[float, Offer]] = []
+    record, rows = _loudest(problem)
     taken = {effect.where for effect in h.effects if deflects(effect)}
     for joint, output in _loudest_joints(problem, h.outputs)[:_JOINTS]:
         if joint in taken:
             continue
         floor = float(problem.floor.values[output]) ** 2
-        for side, responses in _by_side(fit.robot, joint, [_loudest(problem)]):
+        for side, whole_logs in _by_side(fit.robot, joint, [record]):
+            responses = [response.beginning(_SCREENED) for response in whole_logs]
+            known = fit.residual[rows][: len(responses[0].rows)]
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
                 for left, flanks in best_gears(responses, kind.has_play, _COUNT):
                     gear = kind.having(joint, flanks).with_friction_at(side)
-                    offers.append(((left - whole) / floor, (*h.effects, gear)))
+                    rest = np.sum(known**2) + (left - whole) / floor
+                    offers.append((max(float(rest), known.size), (*h.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
-    return [offer for _, offer in offers[:_OFFERS]]
+    return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
 
 
 def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:
@@ -89,7 +95,7 @@ def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list
         problem: the logs.
         kinds: effects that may be used.
     """
-    record = _loudest(problem)
+    record, _ = _loudest(problem)
     first = problem.residual @ problem.whitening
     joints = _loudest_joints(problem, np.mean(first**2, axis=0))[:_JOINTS_OF_TWO]
     nothing = evaluate(problem.robot, (), [record], problem.whitening).cost
@@ -175,11 +181,16 @@ def _by_side(
     return [("motor", plain), ("link", rubbing)] if rubbing else [("either", plain)]
 
 
-def _loudest(problem: EstimationProblem) -> Record:
-    """Return the log with the largest residual, on which much can be tried in little time."""
+def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:
+    """Return the log with the largest residual, on which much can be tried in little time.
+
+    With it its rows of all.
+    """
     ends = np.cumsum([record.rows for record in problem.records])
     squares = np.split((problem.residual @ problem.whitening) ** 2, ends[:-1])
-    return problem.records[int(np.argmax([part.sum() for part in squares]))]
+    most = int(np.argmax([part.sum() for part in squares]))
+    record = problem.records[most]
+    return record, slice(int(ends[most]) - record.rows, int(ends[most]))
 
 
 def _loudest_joints(problem: EstimationProblem, left: np.ndarray) -> list[tuple[str, int]]:
