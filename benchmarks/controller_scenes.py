@@ -73,9 +73,15 @@ def controller(robot, **settings):
         trunk = FrameOrientationTask(
             name="trunk", frame=TRUNK[robot.name], weight=TRUNK_WEIGHT, stiffness=STIFFNESS
         )
-        tasks = [CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS), trunk, posture]
+        tasks = [
+            CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS, acceleration_limit=np.inf),
+            trunk,
+            posture,
+        ]
     else:
-        height = CenterOfMassTask(weight=COM_WEIGHT, stiffness=STIFFNESS, axes="z")
+        height = CenterOfMassTask(
+            weight=COM_WEIGHT, stiffness=STIFFNESS, axes="z", acceleration_limit=np.inf
+        )
         balance = PointFootBalanceTask(contact="foot", frame=TRUNK[robot.name], weight=COM_WEIGHT)
         tasks = [height, balance, PostureTask.of(robot, weight=1e-3)]
     if robot.name == "talos":

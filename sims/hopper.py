@@ -73,7 +73,13 @@ class Hopper:
     def __post_init__(self) -> None:
         """Make the controller."""
         tasks = [
-            CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+            CenterOfMassTask(
+                name="height",
+                axes="z",
+                weight=100.0,
+                stiffness=400.0,
+                acceleration_limit=np.inf,
+            ),
             PointFootBalanceTask(contact="foot", frame="base", weight=100.0, bandwidth=_BANDWIDTH),
             FramePositionTask(name="foot", frame="foot", axes="xz", weight=100.0, stiffness=900.0),
         ]

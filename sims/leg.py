@@ -91,7 +91,13 @@ def squat(height: float, amplitude: float, frequency: float, start: float = 0.0)
 def stance_controller(model: Robot, settings: ControllerSettings | None = None) -> Controller:
     """Return the controller of height, balance and posture on the foot that obeys `model`."""
     tasks = [
-        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+        CenterOfMassTask(
+            name="height",
+            axes="z",
+            weight=100.0,
+            stiffness=400.0,
+            acceleration_limit=np.inf,
+        ),
         PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
         PostureTask.of(model, weight=1e-3),
     ]

@@ -37,7 +37,7 @@ def controller(robot: Robot, model: Robot, deadline: float | None = None) -> Con
         deadline: [s] that a tick may take before it is late.
     """
     tasks = [
-        CenterOfMassTask(weight=100.0, stiffness=100.0),
+        CenterOfMassTask(weight=100.0, stiffness=100.0, acceleration_limit=np.inf),
         FrameOrientationTask(name="trunk", frame=_TRUNK[robot.name], weight=10.0, stiffness=100.0),
         PostureTask.of(robot, weight=0.01, stiffness=50.0),
     ]

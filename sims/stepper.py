@@ -85,7 +85,13 @@ class Stepper:
         frames = {s: corner[names[s][0]].frame for s in SIDES}
         tasks = [
             CapturePointTask(weight=100.0, stiffness=_STIFFNESS, height=float(center[2])),
-            CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=100.0),
+            CenterOfMassTask(
+                name="height",
+                axes="z",
+                weight=100.0,
+                stiffness=100.0,
+                acceleration_limit=np.inf,
+            ),
             FrameOrientationTask(name="trunk", frame=TRUNK, weight=10.0, stiffness=100.0),
             FrameOrientationTask(name="pelvis", frame=PELVIS, weight=10.0, stiffness=100.0),
             *[

@@ -57,10 +57,13 @@ def random_state(robot, generator, *, spread=0.5, speed=1.0):
 
 
 def leg_controller(robot, **changes):
-    """Return a controller of a planar leg on its foot with a CoM and a posture task."""
+    """Return a controller of a planar leg on its foot with a CoM and a posture task.
+
+    That of the centre of mass has no limit, as in `leg_rows`.
+    """
     settings = replace(ControllerSettings(speed_blend=CERTAIN), **changes)
     tasks = [
-        CenterOfMassTask(axes="xz", weight=10.0),
+        CenterOfMassTask(axes="xz", weight=10.0, acceleration_limit=np.inf),
         PostureTask.of(robot, weight=0.1, stiffness=50.0),
     ]
     return Controller(robot, tasks, [PointContact(name="foot")], settings=settings)

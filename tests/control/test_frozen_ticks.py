@@ -57,7 +57,9 @@ def every(robot, effect, value):
 
 
 def base(robot, *more):
-    return [CenterOfMassTask(weight=10.0), PostureTask.of(robot, weight=0.1), *more]
+    # without the limit that this task has had since then
+    com = CenterOfMassTask(weight=10.0, acceleration_limit=np.inf)
+    return [com, PostureTask.of(robot, weight=0.1), *more]
 
 
 def points(robot, **settings):
@@ -80,7 +82,7 @@ def soles(robot):
 def leg(robot):
     return [
         PointFootBalanceTask(contact="foot", frame="base", weight=10.0),
-        CenterOfMassTask(axes="z", weight=10.0),
+        CenterOfMassTask(axes="z", weight=10.0, acceleration_limit=np.inf),
     ]
 
 

@@ -87,8 +87,10 @@ class Controller:
 
         Raises:
             ControlError: no tasks, two of one name, or one that does not fit the robot.
-            RobotError: a contact, joint or frame that the robot does not have.
+            RobotError: a contact, joint or frame that the robot does not have, or a model file
+                that closes a loop.
         """
+        robot.require_tree()
         make_ready("wbc.control")
         self.robot, self.tasks = robot, tuple(tasks)
         self.settings = settings = ControllerSettings() if settings is None else settings
@@ -119,6 +121,8 @@ class Controller:
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
         joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
+        if joint_limit is not None and not joint_limit.joints:
+            joint_limit = JointLimit.of(robot)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
         self._joints = NO_JOINTS if joint_limit is None else joint_limit.structure()
         recipe = Recipe(

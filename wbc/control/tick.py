@@ -57,6 +57,7 @@ TASKS = Structure(
     positions=Places,
     goals=Row,
     gains=Dense,
+    limits=Row,
     weights=Row,
     parts=OutDense,
     wanted=OutRow,
@@ -67,8 +68,8 @@ TASKS = Structure(
 
 targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, -1 where
 their task says its error itself, and goals (c,); gains and parts (5, k + c) of error, rate, drift,
-velocity and acceleration; weights and wanted (k + c,); of the selecting rows also the summed
-weights (nv,) and, as a result, the weighted pull (nv,).
+velocity and acceleration; limits of what is fed back, weights and wanted (k + c,); of the selecting
+rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
 
 CONTACTS = Structure("Contacts", rows=ROWS.kind, damping=Row, target=OutRow)
@@ -128,7 +129,7 @@ SMALL = 1e-6
 
 @compiled(Nothing, TASKS.kind, Vector, Vector)
 def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
-    """Write what all tasks want (k + c,): the sum of gains * parts, drift among them.
+    """Write what all tasks want (k + c,): gains * parts, what is fed back within its limits.
 
     Errors of what follows from the state, and all rates, are written into `parts` first. A momentum
     is a rate itself.
@@ -167,10 +168,11 @@ def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
         if tasks.positions[i] >= 0:
             parts[0, count + i] = tasks.goals[i] - position[tasks.positions[i]]
     for i in range(total):
-        wanted[i] = 0.0
-    for part in range(len(parts)):
-        for i in range(total):
-            wanted[i] += gains[part, i] * parts[part, i]
+        most = tasks.limits[i]
+        back = min(max(gains[0, i] * parts[0, i], -most), most)
+        back += gains[1, i] * parts[1, i] + gains[3, i] * parts[3, i]
+        ahead = gains[2, i] * parts[2, i] + gains[4, i] * parts[4, i]
+        wanted[i] = min(max(back, -most), most) + ahead
     pull[:] = 0.0
     for i in range(len(chosen)):
         pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]

@@ -87,7 +87,13 @@ class PointLeg:
     def stance(self, policy: RestPolicy = RestPolicy.NEUTRAL) -> Controller:
         """Return a controller that keeps height and balance."""
         tasks = [
-            CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
+            CenterOfMassTask(
+                name="height",
+                axes="z",
+                weight=100.0,
+                stiffness=400.0,
+                acceleration_limit=np.inf,
+            ),
             PointFootBalanceTask(contact=self.contact, frame=self.base, weight=100.0),
             PostureTask.of(self.robot, weight=1e-3),
         ]

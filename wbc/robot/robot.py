@@ -67,6 +67,7 @@ class Robot:
             can be added without losing it, because only they can be saved.
         poses: named configurations q (nq,) of the description, the first one its usual one.
         notes: what the loader read but could not use, for the user to see.
+        loops: that the model file closes and nothing accounts for: here its links form a tree.
         torque_sensors: driven joints with a torque sensor behind their gear, in the order of the
             transmission: logs then show what the gear gives, apart from what the links need.
         sensor_only: driven joints of whose gears nothing is known: only what a torque sensor
@@ -85,6 +86,7 @@ class Robot:
     source: RobotSource | None = None
     poses: Mapping[str, FloatArray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    loops: tuple[str, ...] = ()
     torque_sensors: tuple[str, ...] = ()
     sensor_only: tuple[str, ...] = ()
     surface: BodySurface = field(default_factory=BodySurface)
@@ -122,6 +124,16 @@ class Robot:
         rest = [i for i in range(model.nv) if i not in set(rows)]
         object.__setattr__(self, "unactuated", frozen(rest, np.int_))
         require_sound(self.name, model, self.contacts)
+
+    def require_tree(self) -> None:
+        """Raise RobotError where the model file closes a loop that nothing accounts for."""
+        if self.loops:
+            raise RobotError(
+                f"the model file of '{self.name}' closes a loop ({'; '.join(self.loops)}), and "
+                "links form a tree here: without the loop they move otherwise. Where it couples "
+                "motors and joints, as a parallelogram or belt does, give the topology of "
+                "[transmission]; cut_loops = true in robot.toml leaves it out on purpose."
+            )
 
     def _joint_id(self, joint: str) -> int:
         if not self.model.existJointName(joint):

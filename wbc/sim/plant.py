@@ -101,6 +101,7 @@ class Plant:
         points, hulls = self._surfaces()
         object.__setattr__(self, "contacts", (*self.robot.contacts, *points))
         touching = replace(self.robot, contacts=self.contacts) if points else self.robot
+        self.robot.require_tree()
         make_ready("wbc.sim")
         if not 0.0 <= self.restitution <= 1.0:
             raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")

@@ -201,12 +201,18 @@ def test_hard_posture_and_a_hard_task_that_is_off():
     assert np.abs(off.acceleration[6:9]).max() < 1.0
 
 
-def test_hard_tasks_that_contradict_a_contact_are_refused():
+def test_a_hard_task_that_contradicts_a_contact_gives_way():
+    """The foot stays where it stands; the tick says which task is not kept."""
     foot = FramePositionTask(name="foot", frame=SOLO.contacts[0].frame, weight=np.inf)
     tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1), foot]
     controller = Controller(SOLO, tasks, [PointContact(name=c.name) for c in SOLO.contacts])
     command = controller.step(Motion(STAND, np.zeros(18)), {"foot": Reference([0.3, 0.2, 0.1])})
-    assert not command.status.usable
+    assert command.status.usable
+    assert list(command.passed) == ["task 'foot'"]
+    assert "task 'foot'" in command.message
+    kinematics = Kinematics(SOLO)
+    kinematics.update(STAND, np.zeros(18))
+    np.testing.assert_allclose(foot.jacobian(kinematics) @ command.acceleration, 0.0, atol=1e-5)
     assert np.abs(command.rotor_torque).max() <= SOLO.transmission.torque_limit.max()
 
 

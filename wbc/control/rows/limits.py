@@ -114,6 +114,20 @@ def serial_gears(gears: Transmission) -> dict[str, int]:
     return {gears.joints[i]: i for i in alone}
 
 
+def _no_rows() -> IntArray:
+    return frozen([], np.int_)
+
+
+def _no_numbers() -> FloatArray:
+    return frozen([])
+
+
+def _no_braking() -> dict[str, Any]:
+    """Return the fields of JOINTS for joints that brake with their greatest acceleration."""
+    empty = {name: np.zeros(0) for name in ("torque", "reflected", "least", "load")}
+    return {"gears": _no_rows(), **empty}
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class JointLimit:
@@ -126,7 +140,10 @@ class JointLimit:
 
     the second judging speed and distance at the end of the step, so that a joint which keeps it
     can always stop in time (a viable state stays viable, Del Prete 2018). A joint already beyond
-    its stop or too fast for it brakes with b at most.
+    its stop or too fast for it brakes with b at most. Where it cannot be kept it is passed, see
+    `Command.passed`.
+
+    `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has.
 
     Attributes:
         joints: names, in the order of the arrays.
@@ -138,14 +155,14 @@ class JointLimit:
         brakes: fields of JOINTS that say what the motors can do about it.
     """
 
-    joints: tuple[str, ...]
-    rows: IntArray
-    position_rows: IntArray
-    lower: FloatArray
-    upper: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    brakes: Mapping[str, Any] = field(repr=False)
+    joints: tuple[str, ...] = ()
+    rows: IntArray = field(default_factory=_no_rows)
+    position_rows: IntArray = field(default_factory=_no_rows)
+    lower: FloatArray = field(default_factory=_no_numbers)
+    upper: FloatArray = field(default_factory=_no_numbers)
+    speed: FloatArray = field(default_factory=_no_numbers)
+    acceleration: FloatArray = field(default_factory=_no_numbers)
+    brakes: Mapping[str, Any] = field(default_factory=_no_braking, repr=False)
 
     @classmethod
     def of(
@@ -241,9 +258,3 @@ def _braking(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> di
         "least": np.array([braking.least]),
         "load": np.full(gears.size, np.nan),
     }
-
-
-def _no_braking() -> dict[str, Any]:
-    """Return the fields of JOINTS for joints that brake with their greatest acceleration."""
-    empty = {name: np.zeros(0) for name in ("torque", "reflected", "least", "load")}
-    return {"gears": np.zeros(0, dtype=np.int_), **empty}

@@ -43,6 +43,7 @@ class PostureTask(Task):
         weight: float | FloatArray = 1.0,
         stiffness: float = 100.0,
         damping: float | None = None,
+        acceleration_limit: float = np.inf,
         level: int = 0,
     ) -> PostureTask:
         """Return the posture task of `joints` (all driven ones when left out) on `robot`.
@@ -66,6 +67,7 @@ class PostureTask(Task):
             weight=weight,
             stiffness=stiffness,
             damping=damping,
+            acceleration_limit=acceleration_limit,
             level=level,
             joints=names,
             _positions=frozen([robot.position_index(j) for j in names], np.int_),

@@ -42,12 +42,20 @@ class Task(ABC):
     and costs weight/2 times the squared violation. Subclasses are final, frozen and know nothing
     of the QP.
 
+    What is fed back is limited: of every row the spring asks for `acceleration_limit` at most, and
+    so does spring and damper together. A far target then pulls as one does that is
+    acceleration_limit/stiffness away: the task moves with up to acceleration_limit/damping towards
+    it, straight on in every row, and does not overshoot. The energy of such a spring and damper
+    never grows. `Reference.acceleration` is not limited.
+
     Attributes:
         name: how references, statuses and messages call it.
         weight: w >= 0, one number or one per row. An infinite weight makes a row a constraint: the
             program has no solution where it cannot be kept beside contacts and limits.
         stiffness: [1/s^2].
         damping: [1/s]; left out it is critical, 2 sqrt(stiffness).
+        acceleration_limit: > 0 of every row [m/s^2, rad/s^2], infinite for no limit. Joint limits
+            bound the tasks of joints and frames already; that of the centre of mass has one.
         level: 0 for an ordinary task; a task of a level above it is strictly less important: it
             moves nothing that the tasks of lower levels decide.
     """
@@ -56,6 +64,7 @@ class Task(ABC):
     weight: float | FloatArray = 1.0
     stiffness: float = 100.0
     damping: float | None = None
+    acceleration_limit: float = np.inf
     level: int = 0
 
     def __post_init__(self) -> None:
@@ -65,6 +74,11 @@ class Task(ABC):
         for label, gain in (("stiffness", self.stiffness), ("damping", self.damping)):
             if gain is not None and not 0.0 <= gain < np.inf:
                 raise ControlError(f"task '{self.name}': {label} must be >= 0, got {gain}.")
+        if not self.acceleration_limit > 0.0:
+            raise ControlError(
+                f"task '{self.name}': acceleration_limit must be > 0, got "
+                f"{self.acceleration_limit}."
+            )
         if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
             raise ControlError(
                 f"task '{self.name}': level must be a whole number >= 0, got {self.level}."

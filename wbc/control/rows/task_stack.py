@@ -91,6 +91,7 @@ class TaskStack:
             np.zeros((5, whole)),
             np.zeros(whole),
         )
+        limits = np.full(whole, np.inf)
         self._targets = np.zeros((len(self.tasks), 12))  # one for every row of the table, or more
         goals, positions = np.zeros(whole - total), np.full(whole - total, -1)
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
@@ -102,6 +103,7 @@ class TaskStack:
             rows, selected = slice(start, start + sizes[task.name]), chosen[task.name]
             start = rows.stop
             own = type(task).command is not Task.command
+            limits[rows] = task.acceleration_limit
             gains = (0.0, 0.0, 0.0, 1.0) if own else task.gains(gravity)
             self._gains[0, rows], self._gains[1, rows] = gains[:2]
             self._gains[2, rows], self._gains[3, rows], self._gains[4, rows] = -1.0, *gains[2:]
@@ -125,6 +127,7 @@ class TaskStack:
             positions=positions,
             goals=goals,
             gains=self._gains,
+            limits=limits,
             weights=self._weights,
             parts=self._parts,
             wanted=np.zeros(whole),

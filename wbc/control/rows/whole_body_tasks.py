@@ -24,11 +24,15 @@ _ALL = slice(0, 6)
 class CenterOfMassTask(Task):
     """Position of the centre of mass along some world axes [m].
 
+    Its acceleration is limited to that of gravity unless told otherwise: the ground only pushes, so
+    that nothing falls faster, and with a friction of 0.7 it gives less sideways.
+
     Attributes:
         axes: which of "xyz" belong to the task, for example "xz" or "z".
     """
 
     name: str = "center_of_mass"
+    acceleration_limit: float = 9.81
     axes: str = "xyz"
     _rows: slice = field(init=False, repr=False)
 
@@ -86,6 +90,7 @@ class CapturePointTask(Task):
 
     name: str = "capture_point"
     stiffness: float = 5.0
+    acceleration_limit: float = 9.81
     height: float
 
     def __post_init__(self) -> None:
@@ -145,6 +150,7 @@ class MomentumTask(Task):
     """
 
     stiffness: float = 10.0
+    acceleration_limit: float = np.inf
 
     def check(self, robot: Robot) -> int:
         """Return the number of rows."""

@@ -15,7 +15,7 @@ from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import RobotError, unknown_name
 from wbc.files import take_schema
 from wbc.robot.loading.library import find_description, find_model, robot_names
-from wbc.robot.loading.model_file import read_model
+from wbc.robot.loading.model_file import closed_loops, read_model
 from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot, RobotSource
@@ -50,6 +50,7 @@ _TOP_LEVEL = (
     "model",
     "base",
     "lock",
+    "cut_loops",
     "gravity",
     "transmission",
     "gears",
@@ -72,6 +73,7 @@ _LEFT_OUT = {
     "velocity_lag": np.nan,
 }
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
+_ALL = "*"  # [gears."*"]: every joint that a gear can drive
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
 _CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
 
@@ -125,8 +127,9 @@ def build_robot(description: RobotDescription) -> Robot:
     lock = table.get("lock", [])
     if not isinstance(lock, list):
         raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
+    file = find_model(str(table["model"]), path.parent)
     model, notes = read_model(
-        find_model(str(table["model"]), path.parent),
+        file,
         base=str(table.get("base", "")),
         lock=[str(name) for name in lock],
     )
@@ -137,15 +140,20 @@ def build_robot(description: RobotDescription) -> Robot:
     coupling = settings.get("rotor_coupling", False)
     if not isinstance(coupling, bool):
         raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
+    cut = table.get("cut_loops", False)
+    if not isinstance(cut, bool):
+        raise RobotError(f"{path}: cut_loops: true or false expected, got {cut!r}.")
+    gears = _each(table.get("gears", {}), model)
     robot = Robot(
         name=str(table.get("name", path.resolve().parent.name)),
         model=model,
-        transmission=_transmission(table.get("gears", {}), settings.get("topology"), path),
+        transmission=_transmission(gears, settings.get("topology"), path),
         contacts=_contacts(table.get("contacts", []), path),
         rotors_turn_with_links=coupling,
         source=RobotSource(_source_name(path)),
         notes=notes,
-        sensor_only=_sensor_only(table.get("gears", {})),
+        loops=() if cut or "topology" in settings else closed_loops(file),
+        sensor_only=_sensor_only(gears),
         surface=_surface(table.get("bodies", {}), f"{path}: bodies"),
     )
     return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
@@ -202,6 +210,21 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
         arrays["topology"] = numbers_in(topology, "1", f"{path}: topology")
     housings = tuple(str(gear.get("housing", "")) for gear in gears.values())
     return Transmission(joints=tuple(gears), housings=housings, **arrays)
+
+
+def _each(gears: Any, model: pin.Model) -> Any:
+    """Return one table per driven joint: [gears."*"] is that of all joints with one degree.
+
+    The table of a joint of its own adds to it, or replaces its numbers.
+    """
+    if not isinstance(gears, Mapping) or _ALL not in gears:
+        return gears
+    own = {joint: table for joint, table in gears.items() if joint != _ALL}
+    if not isinstance(gears[_ALL], Mapping):
+        return gears
+    moving = range(1, model.njoints)
+    single = [model.names[i] for i in moving if model.joints[i].nq == model.joints[i].nv == 1]
+    return {joint: {**gears[_ALL], **own.pop(joint, {})} for joint in single} | own
 
 
 def _sensor_only(gears: Any) -> tuple[str, ...]:

@@ -149,6 +149,22 @@ def left_out(path: Path) -> tuple[str, ...]:
     return tuple(f"{path.name}: {text}" for text in found)
 
 
+def closed_loops(path: Path) -> tuple[str, ...]:
+    """Return the loops that an MJCF file closes, by what closes them and the bodies or sites."""
+    if path.suffix != ".xml":
+        return ()
+    root = ET.parse(path).getroot()
+    items = [item for equality in root.iter("equality") for item in equality]
+    return tuple(f"{item.tag} of {_between(item)}" for item in items if item.tag in _LOOPS)
+
+
+def _between(item: ET.Element) -> str:
+    """Return what an equality of an MJCF file stands between."""
+    keys = ("body1", "body2", "joint1", "joint2", "site1", "site2")
+    ends = [end for end in map(item.get, keys) if end]
+    return " and ".join(ends) or item.get("name", "")
+
+
 def _of_urdf(root: ET.Element) -> list[str]:
     return [
         f"joint '{joint.get('name')}' mimics '{mimic.get('joint')}' in the file; here it moves by "
@@ -163,12 +179,10 @@ def _of_mjcf(root: ET.Element) -> list[str]:
     notes = []
     for equality in root.iter("equality"):
         for item in equality:
-            ends = [item.get(key) for key in ("body1", "body2", "joint1", "joint2", "site1")]
-            between = " and ".join(end for end in ends if end) or item.get("name", "")
             kind = "closes a loop" if item.tag in _LOOPS else "couples joints"
             notes.append(
-                f"equality '{item.tag}' of {between} {kind} and was left out: links form a tree "
-                "here. A parallelogram or belt is the topology of [transmission]."
+                f"equality '{item.tag}' of {_between(item)} {kind} and was left out: links form a "
+                "tree here. A parallelogram or belt is the topology of [transmission]."
             )
     for name, meaning in (
         ("stiffness", "add a joint_spring"),
