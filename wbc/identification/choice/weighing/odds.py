@@ -11,7 +11,6 @@ from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.trials import Trials
 
-_TEMPERATURE = 1.0  # by which evidence is divided before it is turned into odds
 TIED = 3.0
 """Evidence [nats] within which two hypotheses are not told apart."""
 
@@ -94,6 +93,6 @@ def odds_of(
             best[keys] = float(score), h
     ranked = sorted(best.values(), key=lambda pair: -pair[0])
     evidence = np.array([score for score, _ in ranked]) - ranked[0][0]
-    weight = np.exp(evidence / _TEMPERATURE)
+    weight = np.exp(evidence)
     weight /= weight.sum()
     return Odds(tuple(h for _, h in ranked), tuple(evidence.tolist()), tuple(weight.tolist()))
