@@ -99,8 +99,10 @@ class ScaledDrive(JointEffect, ABC):
         return torque / self._factors(robot, motion)
 
     def _factors(self, robot: Robot, motion: Motion) -> FloatArray:
-        factors = np.ones((*motion.velocity.shape[:-1], robot.transmission.size))
-        factors[..., self.gear(robot)] = self.factor_at(robot, motion)
+        gear, factor = self.gear(robot), np.asarray(self.factor_at(robot, motion))
+        samples = factor.shape if np.ndim(gear) == 0 else factor.shape[:-1]
+        factors = np.ones((*samples, robot.transmission.size))
+        factors[..., gear] = factor
         return factors
 
 
