@@ -277,3 +277,19 @@ def test_the_pose_of_a_free_base_and_the_forces_of_its_contacts_are_asked_for(
     pq.write_table(pa.table(log | upright | held), tmp_path / "run.parquet")
     assert main(["init", *files, "--out", str(tmp_path / "all")]) == 0
     assert "not found" not in capsys.readouterr().out
+
+
+def test_a_model_without_logs_becomes_a_robot_with_one_table_of_gears(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "pendulum.urdf"
+    model.write_text(PENDULUM)
+    assert main(["init", str(model), "--out", str(tmp_path)]) == 0
+    assert "gears.*.gear_ratio" in capsys.readouterr().out
+    written = tmp_path / "robot.toml"
+    assert list(tomllib.loads(written.read_text())["gears"]) == ["*"]
+    assert not (tmp_path / "columns.toml").exists()
+    assert load_robot(written).transmission.joints == ("pivot",)
+    # What is described already needs logs.
+    assert main(["init", str(written), "--out", str(tmp_path / "new")]) == 2
+    assert "give logs" in capsys.readouterr().err

@@ -30,12 +30,17 @@ def run(options: argparse.Namespace, console: Console) -> Outcome:
     folder = Path(options.folder)
     model = Path(options.robot)
     described = model.suffix not in (".urdf", ".xml")
-    files = [folder / "columns.toml"] + ([] if described else [folder / "robot.toml"])
+    files = [folder / "columns.toml"] if options.logs else []
+    files += [] if described else [folder / "robot.toml"]
+    if not files:
+        raise WbcError(f"'{model}' is described already: give logs, or a URDF or MJCF file.")
     for target in files:
         if target.exists():
             raise WbcError(f"'{target}' is there already; choose another folder with --out.")
     if options.rate is not None and not options.rate > 0.0:
         raise WbcError("--rate must be > 0.")
+    if not options.logs:
+        return _without_logs(model, options.base, files[0], console)
     known = read_table(options.columns)
     given = [Path(str(path).partition("#")[0]) for path in options.logs]
     if described:
@@ -64,17 +69,13 @@ def run(options: argparse.Namespace, console: Console) -> Outcome:
         title, target = model.resolve().stem, folder / "robot.toml"
         ratios = guess_ratios(given[0], driven, known)
         name = str(write_robot(target, model, options.base, driven, title, targets, held, ratios))
-        console.print(f"wrote {name}")
-        for note in left_out(model):
-            console.print(f"note: {note}", soft_wrap=True)
+        _say_written(name, model, console)
         if held:
             console.print(
                 f"no column with the position of {', '.join(held)}: lock in {name} holds them at "
                 "zero; if they moved, record their positions",
                 soft_wrap=True,
             )
-        if guessed := guessed_numbers(name):
-            console.print(f"look up in {name}: {', '.join(guessed)}", soft_wrap=True)
         robot = load_robot(name)
     guess = guess_map(robot, options.logs, start)
     reasons = [f"guess: {reason}" for reason in guess.reasons]
@@ -95,3 +96,28 @@ def run(options: argparse.Namespace, console: Console) -> Outcome:
     logs = shlex.join(options.logs)
     console.print(f"next: wbc check {logs} --robot {name} --columns {path}", soft_wrap=True)
     return 0, {}
+
+
+def _without_logs(model: Path, base: str, target: Path, console: Console) -> Outcome:
+    """Describe a model whose gears are all alike, as far as nobody says more."""
+    joints = model_joints(model, base)
+    title = model.resolve().stem
+    name = str(write_robot(target, model, base, joints, title, shared=True))
+    _say_written(name, model, console)
+    robot = load_robot(name)
+    console.print(
+        f"{len(robot.transmission.joints)} gears share one table; a joint with another gear gets "
+        f"its own, for example [gears.{joints[0]}]",
+        soft_wrap=True,
+    )
+    console.print(f'next: wbc.load_robot("{name}") for wbc.control and wbc.sim', soft_wrap=True)
+    return 0, {}
+
+
+def _say_written(name: str, model: Path, console: Console) -> None:
+    """Name the robot.toml, what of the model file it leaves out, and its guesses."""
+    console.print(f"wrote {name}")
+    for note in left_out(model):
+        console.print(f"note: {note}", soft_wrap=True)
+    if guessed := guessed_numbers(name):
+        console.print(f"look up in {name}: {', '.join(guessed)}", soft_wrap=True)

@@ -43,6 +43,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "logs": _option("LOG", f"{_LOG}; LOG@ROBOT if its drives or loads were others", nargs="+"),
     "logs/optional": _option("LOG", f"{_LOG}; LOG@ROBOT for other drives or loads", nargs="*"),
     "logs/plain": _option("LOG", _LOG, nargs="+"),
+    "logs/any": _option("LOG", _LOG, nargs="*"),
     "run_file": _option("RUN", "a recording or log"),
     "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
     "robot/model": _option("MODEL", "URDF, MJCF, robot.toml or shipped robot"),
@@ -185,17 +186,21 @@ _SITE = "--contact --pose --axes --load"
 
 COMMANDS: dict[str, Subcommand] = {
     "init": Subcommand(
-        "a first robot.toml and column map for a model and logs",
-        "robot/model logs/plain --base --rate/log --columns --out/folder",
+        "a first robot.toml for a model, and a column map for logs",
+        "robot/model logs/any --base --rate/log --columns --out/folder",
         """examples:
   wbc init my_leg.urdf run1.csv run2.csv
   wbc init planar_leg_fixed run*.csv --out leg
+  wbc init my_robot.urdf --base free_flyer
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: joints by name, motion and torque, units by
 derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
 motion of a joint and of its motor. What the logs lack is named, with the way to add
-it. Correct the guesses, then run wbc check.""",
+it. Correct the guesses, then run wbc check.
+
+Without logs robot.toml has one table for all gears, [gears."*"], and a controller
+or simulator can load it.""",
     ),
     "look": Subcommand(
         "every column of files over time: look before you map",

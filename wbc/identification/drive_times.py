@@ -6,8 +6,8 @@ what is left unexplained, reported minus needed at the output of gear j,
     r_j = d w_j' - t kd_j a_j + b_j v_j + I_j a_j + friction, load and offset of the joint
 
 with w the part of the torque that follows the target, d its delay, and t the time constant of the
-velocity's filter. The two times are shared by all drives; viscous friction b and inertia I stand
-for them at each joint, at a price. All are chosen together, by
+velocity's filter. The two times are shared by all drives; a delay of its own, viscous friction b
+and inertia I stand for them at each joint, at a price. All are chosen together, by
 
     sum over joints of  1/2 ||r_j - ...||^2 / variance_j  +  price * (numbers that are not zero)
 """
@@ -35,12 +35,16 @@ _USUAL = 0.01, 0.005  # [s] usual size of a delay, of a filter
 # Share of what the times explain (rms) that they may miss. On two arms of another simulator, with
 # held targets and filtered velocities, rotor inertias of 1.5 and 5 % of it were left.
 _MISSED = 0.05
-_OWN: tuple[list[int], ...] = (
-    [],
-    [0],
-    [1],
-    [0, 1],
-)  # what one joint may have instead: viscous friction, inertia
+_LATE, _VISCOUS, _INERTIA = 0, 2, 3  # of a joint's columns
+_OWN = tuple(
+    [*late, *few]
+    for late in ([], [_LATE])
+    for few in ([], [_VISCOUS], [_INERTIA], [_VISCOUS, _INERTIA])
+)
+"""What one joint may have in place of the shared times: a delay of its own, friction, inertia."""
+# Drives of one machine are alike: a delay that one has alone costs twice. So a single drive that is
+# late has the machine's delay.
+_COSTS = tuple(_PRICE * (len(own) + (_LATE in own)) for own in _OWN)
 _ROUNDS = 20
 _LINEARISED = 2
 _LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
@@ -158,7 +162,7 @@ def _normal_equations(records: Sequence[Record], followed: BoolArray) -> list[li
         alike = float(correlated_rows(parts, min(map(len, parts)) // _LONGEST, 0.0)[0])
         variance = np.mean(rest**2) + DISTORTED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, ROWS_PER_SAMPLE))
-        own = [_without(free[:, [3 + n for n in numbers]], free[:, :3]) for numbers in _OWN]
+        own = [_without(free[:, [1 + n for n in numbers]], free[:, :3]) for numbers in _OWN]
         sums.append([part.T @ part / scale**2 for part in own])
     return sums
 
@@ -200,7 +204,7 @@ def _descended(
         x = np.array([1.0, *-times])
         each = np.array(
             [
-                [0.5 * x @ part @ x + _PRICE * len(n) for part, n in zip(joint, _OWN, strict=True)]
+                [0.5 * x @ part @ x + cost for part, cost in zip(joint, _COSTS, strict=True)]
                 for joint in sums
             ]
         )

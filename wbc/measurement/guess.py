@@ -434,6 +434,8 @@ def write_robot(
     targets: Sequence[str] = (),
     held: Sequence[str] = (),
     ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
+    *,
+    shared: bool = False,
 ) -> Path:
     """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
 
@@ -446,6 +448,8 @@ def write_robot(
         targets: joints of those whose drive follows a target that the logs hold, without a torque.
         held: joints that are welded at zero.
         ratios: gear ratios that the logs tell.
+        shared: whether one table holds the guesses for all gears; what the model file states of a
+            joint stands in a table of its own.
     """
     stated = {**_reductions(model), **_armatures(model)}
     lines = [
@@ -457,7 +461,8 @@ def write_robot(
     if held:
         names = ", ".join(f'"{joint}"' for joint in held)
         lines.append(f"lock = [{names}]  # guess: no column with their position, so held at zero")
-    for joint in driven:
+    own = [joint for joint in driven if joint in stated] if shared else driven
+    for joint in ("*", *own) if shared else own:
         ratio, inertia = stated.get(joint, (None, None))
         lines += [
             "",
