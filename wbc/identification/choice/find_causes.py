@@ -108,7 +108,7 @@ def _with_yielding_gears(
         best = min([known, *ends], key=lambda h: h.error)
         if explained(best) and (origin is not first or (one and not weak)):
             break
-        swung = _swung(direct, gears, origin, rough)
+        swung = _swung(direct, gears, origin, rough, alone=explained(best))
         if swung is not origin:
             ends.append(direct.climb(swung))
     if min(h.error for h in (known, *ends)) > rough:
@@ -119,7 +119,12 @@ def _with_yielding_gears(
 
 
 def _swung(
-    direct: Search, gears: Sequence[type[Effect]], origin: Hypothesis, enough: float
+    direct: Search,
+    gears: Sequence[type[Effect]],
+    origin: Hypothesis,
+    enough: float,
+    *,
+    alone: bool,
 ) -> Hypothesis:
     """Return a hypothesis with links that swing, as many as add to the evidence.
 
@@ -128,10 +133,11 @@ def _swung(
         gears: effects that let a link swing.
         origin: beside which they are sought.
         enough: error at which no more are sought.
+        alone: whether one link has to explain what several known causes do.
     """
     trials, current = direct.proposer.trials, origin
     while current is origin or current.error > enough:
-        offers = gears_beside(trials.problem, current, trials.fit(current), gears)
+        offers = gears_beside(trials.problem, current, trials.fit(current), gears, alone=alone)
         longer = direct.best(trials.all_of(offers), current)
         if longer is None:
             break

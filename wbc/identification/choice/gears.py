@@ -39,11 +39,12 @@ _NEAR_PLAYS: tuple[_Factors, ...] = (
 )
 _COARSE = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad], where two gears are tried ...
 _COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequencies [Hz]
-_PAIRED = 0.8  # of the squares, that two gears of this grid must leave at most
+_PAIRED = 0.8  # of the squares above the noise, that gears of a grid must leave at most
 _HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
 _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
+_ALONE = 0.5  # ... that a gear must leave at most which stands for several known causes
 _COUNT = 2  # gears offered per joint, kind and side of friction
 _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
 
@@ -53,6 +54,8 @@ def gears_beside(
     h: Hypothesis,
     fit: Fit,
     kinds: Sequence[type[Effect]],
+    *,
+    alone: bool = False,
 ) -> list[Offer]:
     """Return the effects of a hypothesis with a gear more, those that leave least first.
 
@@ -63,25 +66,31 @@ def gears_beside(
         h: the hypothesis.
         fit: of it.
         kinds: effects that may be used.
+        alone: whether the gear has to explain most of what is left: only the joint that leaves
+            most is tried.
     """
     offers: list[tuple[float, Offer]] = []
     record, rows = _loudest(problem)
+    before = noise = 0.0
     taken = {effect.where for effect in h.effects if deflects(effect)}
-    for joint, output in _loudest_joints(problem, h.outputs)[:_JOINTS]:
+    for joint, output in _loudest_joints(problem, h.outputs)[: 1 if alone else _JOINTS]:
         if joint in taken:
             continue
         floor = float(problem.floor.values[output]) ** 2
         for side, whole_logs in _by_side(fit.robot, joint, [record]):
             responses = [response.beginning(_SCREENED) for response in whole_logs]
             known = fit.residual[rows][: len(responses[0].rows)]
+            before, noise = float(np.sum(known**2)), float(known.size)
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
                 for left, flanks in best_gears(responses, kind.has_play, _COUNT):
                     gear = kind.having(joint, flanks).with_friction_at(side)
-                    rest = np.sum(known**2) + (left - whole) / floor
-                    offers.append((max(float(rest), known.size), (*h.effects, gear)))
+                    rest = before + (left - whole) / floor
+                    offers.append((max(float(rest), noise), (*h.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
-    return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
+    most = _ROUGHLY * offers[0][0] if offers else 0.0
+    most = min(most, noise + (_ALONE if alone else _PAIRED) * (before - noise))
+    return [offer for rest, offer in offers[:_OFFERS] if rest <= most]
 
 
 def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:
