@@ -104,9 +104,8 @@ def _without_logs(model: Path, base: str, target: Path, console: Console) -> Out
     title = model.resolve().stem
     name = str(write_robot(target, model, base, joints, title, shared=True))
     _say_written(name, model, console)
-    robot = load_robot(name)
     console.print(
-        f"{len(robot.transmission.joints)} gears share one table; a joint with another gear gets "
+        f"{len(joints)} gears share one table; a joint with another gear gets "
         f"its own, for example [gears.{joints[0]}]",
         soft_wrap=True,
     )

@@ -12,7 +12,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError, RobotError
@@ -30,7 +29,7 @@ from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
 from wbc.measurement.tables import Table, open_table
 from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
-from wbc.robot.loading.model_file import read_model
+from wbc.robot.loading.model_file import driven_joints, read_model
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another
@@ -403,13 +402,6 @@ def guessed_numbers(path: str | Path) -> list[str]:
         for key, number in numbers.items()
         if isinstance(number, dict) and str(number.get("source", "")).startswith(_GUESS)
     ]
-
-
-def driven_joints(model: pin.Model) -> tuple[str, ...]:
-    """Return the joints of a model that a gear can drive: those with one degree of freedom."""
-    joints = [model.joints[model.getJointId(name)] for name in list(model.names)[1:]]
-    names = list(model.names)[1:]
-    return tuple(n for n, j in zip(names, joints, strict=True) if j.nv == 1 and j.nq == 1)
 
 
 def model_joints(path: Path, base: str) -> tuple[str, ...]:

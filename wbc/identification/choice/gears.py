@@ -71,7 +71,7 @@ def gears_beside(
     """
     offers: list[tuple[float, Offer]] = []
     record, rows = _loudest(problem)
-    before = noise = 0.0
+    worth = _ALONE if alone else _PAIRED
     taken = {effect.where for effect in h.effects if deflects(effect)}
     for joint, output in _loudest_joints(problem, h.outputs)[: 1 if alone else _JOINTS]:
         if joint in taken:
@@ -85,12 +85,11 @@ def gears_beside(
             for kind in _gears(kinds):
                 for left, flanks in best_gears(responses, kind.has_play, _COUNT):
                     gear = kind.having(joint, flanks).with_friction_at(side)
-                    rest = before + (left - whole) / floor
-                    offers.append((max(float(rest), noise), (*h.effects, gear)))
+                    rest = max(before + float(left - whole) / floor, noise)
+                    if rest - noise <= worth * (before - noise):
+                        offers.append((rest, (*h.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
-    most = _ROUGHLY * offers[0][0] if offers else 0.0
-    most = min(most, noise + (_ALONE if alone else _PAIRED) * (before - noise))
-    return [offer for rest, offer in offers[:_OFFERS] if rest <= most]
+    return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
 
 
 def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:

@@ -15,7 +15,7 @@ from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import RobotError, unknown_name
 from wbc.files import take_schema
 from wbc.robot.loading.library import find_description, find_model, robot_names
-from wbc.robot.loading.model_file import closed_loops, read_model
+from wbc.robot.loading.model_file import closed_loops, driven_joints, read_model
 from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot, RobotSource
@@ -222,9 +222,7 @@ def _each(gears: Any, model: pin.Model) -> Any:
     own = {joint: table for joint, table in gears.items() if joint != _ALL}
     if not isinstance(gears[_ALL], Mapping):
         return gears
-    moving = range(1, model.njoints)
-    single = [model.names[i] for i in moving if model.joints[i].nq == model.joints[i].nv == 1]
-    return {joint: {**gears[_ALL], **own.pop(joint, {})} for joint in single} | own
+    return {joint: {**gears[_ALL], **own.pop(joint, {})} for joint in driven_joints(model)} | own
 
 
 def _sensor_only(gears: Any) -> tuple[str, ...]:

@@ -46,6 +46,12 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
     return model, notes
 
 
+def driven_joints(model: pin.Model) -> tuple[str, ...]:
+    """Return the joints of a model that a gear can drive: those with one degree of freedom."""
+    pairs = list(zip(model.names, model.joints, strict=True))[1:]
+    return tuple(name for name, joint in pairs if joint.nv == 1 and joint.nq == 1)
+
+
 def _parse(path: Path, base: str) -> pin.Model:
     try:
         if path.suffix == ".urdf":
