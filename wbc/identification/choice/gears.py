@@ -39,12 +39,12 @@ _NEAR_PLAYS: tuple[_Factors, ...] = (
 )
 _COARSE = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad], where two gears are tried ...
 _COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequencies [Hz]
-_PAIRED = 0.8  # of the squares above the noise, that gears of a grid must leave at most
+_PAIRED = 0.8  # of the squares, that two gears of this grid must leave at most
 _HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
 _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
-_ALONE = 0.5  # ... that a gear must leave at most which stands for several known causes
+_ALONE = 0.5  # of those above the noise, for a gear that stands for several known causes
 _COUNT = 2  # gears offered per joint, kind and side of friction
 _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
 
@@ -71,7 +71,6 @@ def gears_beside(
     """
     offers: list[tuple[float, Offer]] = []
     record, rows = _loudest(problem)
-    worth = _ALONE if alone else _PAIRED
     taken = {effect.where for effect in h.effects if deflects(effect)}
     for joint, output in _loudest_joints(problem, h.outputs)[: 1 if alone else _JOINTS]:
         if joint in taken:
@@ -86,7 +85,7 @@ def gears_beside(
                 for left, flanks in best_gears(responses, kind.has_play, _COUNT):
                     gear = kind.having(joint, flanks).with_friction_at(side)
                     rest = max(before + float(left - whole) / floor, noise)
-                    if rest - noise <= worth * (before - noise):
+                    if not alone or rest - noise <= _ALONE * (before - noise):
                         offers.append((rest, (*h.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
     return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
