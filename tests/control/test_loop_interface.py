@@ -15,7 +15,6 @@ from wbc.control import (
     ControllerSettings,
     PointContact,
     PostureTask,
-    Reference,
     Status,
 )
 from wbc.effects import load_robot
@@ -24,7 +23,6 @@ from wbc.robot import JointMap, Motion
 
 SOLO = load_robot("solo12")
 STAND = next(iter(SOLO.poses.values()))
-ARM = load_robot("planar_leg_fixed")
 
 
 def solo(**settings):
@@ -46,18 +44,6 @@ def test_joint_targets_are_one_step_of_the_command():
         np.testing.assert_allclose(
             command.position, STAND[7:] + dt * v[6:] + 0.5 * dt**2 * own, atol=1e-15
         )
-
-
-def test_drives_with_a_loop_of_their_own_follow_the_targets():
-    """A perfect position drive at the end of each tick carries the arm to its reference."""
-    target = ARM.configuration(hip=2.4, knee=0.4)
-    controller = Controller(ARM, [PostureTask.of(ARM)])
-    q, v = ARM.configuration(hip=2.0, knee=0.2), np.zeros(2)
-    for _ in range(1500):
-        command = controller.step(Motion(q, v), {"posture": Reference(target)})
-        assert command.status.usable
-        q, v = command.position.copy(), command.velocity.copy()
-    np.testing.assert_allclose(q, target, atol=1e-4)
 
 
 def test_a_tick_without_a_solution_asks_drives_to_stay():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import linprog
 
 from wbc.control import (
     CenterOfMassTask,
@@ -17,9 +16,7 @@ from wbc.control import (
     Reference,
     SurfaceContact,
 )
-from wbc.control.checking import check_contact
 from wbc.control.rows.contacts import pyramid
-from wbc.control.rows.surface import wrench_cone
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -27,30 +24,6 @@ from wbc.robot import Motion
 TALOS = load_robot("talos")
 SOLO = load_robot("solo12")
 CORNERS = tuple(f"left_sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right"))
-
-
-def test_surface_cone_is_the_sum_of_four_corner_pyramids():
-    """Caron's sixteen rows against a linear program over the corner forces."""
-    mu, length, width = 0.5, 0.1, 0.06
-    rows, labels = wrench_cone(mu, length, width)
-    assert rows.shape == (16, 6)
-    assert len(labels) == 16
-    rays = []
-    for x, y, a, b in np.array(np.meshgrid(*[[1, -1]] * 4)).reshape(4, -1).T:
-        force = np.array([a * mu, b * mu, 1.0])
-        rays.append(np.concatenate([force, np.cross([x * length, y * width, 0.0], force)]))
-    rays = np.array(rays).T
-    assert (rows @ rays).max() < 1e-12
-    generator = np.random.default_rng(0)
-    inside = 0
-    for _ in range(300):
-        scale = [mu, mu, 0.0, width, length, mu * (length + width)]
-        wrench = generator.uniform(-1.1, 1.1, 6) * scale
-        wrench[2] = 1.0
-        possible = linprog(np.zeros(16), A_eq=rays, b_eq=wrench, bounds=(0, None)).status == 0
-        assert ((rows @ wrench).max() <= 1e-9) == possible
-        inside += possible
-    assert 30 < inside < 270
 
 
 @pytest.mark.parametrize("faces", [3, 4, 8])
@@ -66,14 +39,6 @@ def test_pyramids_stand_inside_and_around_the_cone(faces):
         assert np.linalg.norm(corner) == pytest.approx(0.6)
 
 
-def test_surface_drift():
-    generator = np.random.default_rng(3)
-    q = TALOS.poses["half_sitting"]
-    v, a = generator.normal(size=36), generator.normal(size=36)
-    contact = SurfaceContact(name="left", corners=CORNERS)
-    assert check_contact(TALOS, contact, q, v, a) < 1e-5
-
-
 def test_surface_mistakes():
     def bind(*corners):
         SurfaceContact(name="left", corners=corners).bind(TALOS)
@@ -84,57 +49,6 @@ def test_surface_mistakes():
         bind(*CORNERS[:3], "right_sole_rear_right")
     with pytest.raises(ControlError, match="between"):
         bind(CORNERS[0], CORNERS[0], CORNERS[1], CORNERS[1])
-
-
-def test_contacts_come_and_go_with_ramps():
-    """A foot gives its load off along a ramp, swings, takes load again: no jump, no failure."""
-    tasks = [CenterOfMassTask(), PostureTask.of(SOLO, weight=0.1)]
-    contacts = [PointContact(name=c.name) for c in SOLO.contacts]
-    controller = Controller(SOLO, tasks, contacts)
-    q = next(iter(SOLO.poses.values()))
-    names = [c.name for c in SOLO.contacts]
-    still = Motion(q, np.zeros(18))
-    target = {"posture": Reference(q[7:])}
-    full = controller.step(still, target).forces["FL_foot"][2]
-    carried, torques = [], []
-    ramp = np.linspace(full, 0.0, 21)
-    for ceiling in (*ramp, 0.0, 0.0, *ramp[::-1]):
-        limits = {name: np.inf for name in names} | {"FL_foot": float(ceiling)}
-        command = controller.step(still, target, limits)
-        assert command.status.usable, command.message
-        force = command.forces.get("FL_foot", np.zeros(3))[2]
-        assert force <= ceiling + 1e-5
-        carried.append(force)
-        torques.append(command.rotor_torque)
-    assert min(carried) == 0.0
-    assert carried[-1] == pytest.approx(full, rel=0.05)
-    jumps = np.abs(np.diff(torques, axis=0)).max()
-    assert jumps < 0.1 * SOLO.transmission.torque_limit.max()
-
-
-def test_planar_contact_has_no_sideways_row():
-    leg = load_robot("planar_leg_strong")
-    bound = PointContact(name="foot").bind(leg)
-    assert bound.rows == 2
-    assert bound.wrench(np.array([1.0, 2.0])).tolist() == [1.0, 0.0, 2.0]
-    assert SOLO.contacts[0].name == "FL_foot"
-    assert PointContact(name="FL_foot").bind(SOLO).rows == 3
-
-
-def test_flat_feet_carry_the_weight():
-    contacts = [
-        SurfaceContact(name=side, corners=tuple(c.replace("left_s", f"{side}_s") for c in CORNERS))
-        for side in ("left", "right")
-    ]
-    tasks = [CenterOfMassTask(), PostureTask.of(TALOS, weight=0.1)]
-    q = TALOS.poses["half_sitting"]
-    command = Controller(TALOS, tasks, contacts).step(Motion(q, np.zeros(36)))
-    weight = 9.81 * sum(inertia.mass for inertia in TALOS.model.inertias)
-    total = sum(wrench[2] for wrench in command.forces.values())
-    assert total == pytest.approx(weight, rel=1e-3)
-    rows, _ = wrench_cone(0.7 / np.sqrt(2.0), 0.105, 0.065)
-    for wrench in command.forces.values():
-        assert (rows @ wrench).max() <= 1e-4
 
 
 def test_ramp_gives_the_load_off_and_back_while_the_robot_moves():

@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import wbc.control
 from sims.legged import feet
 from tests.control.scenes import moving
 from wbc.control import (
@@ -16,11 +15,9 @@ from wbc.control import (
     CenterOfMassTask,
     CentroidalMomentumTask,
     CollisionLimit,
-    Contact,
     ContactForceTask,
     Controller,
     ControllerSettings,
-    Effort,
     FrameDistanceTask,
     FrameOrientationTask,
     FramePoseTask,
@@ -40,8 +37,6 @@ from wbc.control import (
     RotorTorqueLimit,
     Shape,
     SpeedBlend,
-    SurfaceContact,
-    Task,
     WarmStart,
 )
 from wbc.control.qp.solvers import ForeignSolver
@@ -114,7 +109,6 @@ LIMITS = {
     MotorBraking: lambda r: [JointLimit.of(r, acceleration=20.0, braking=MotorBraking())],
     RotorTorqueLimit: lambda r: [RotorTorqueLimit(fraction=0.5, knee=0.1)],
 }
-CONTACTS = {PointContact: ("solo12", "anymal"), SurfaceContact: ("talos",)}
 KINDS = [*TASKS, *EFFORTS, *LIMITS]
 
 
@@ -200,23 +194,3 @@ def test_a_leg_balances_the_same_by_every_way():
     states = [Motion(q, 0.1 * generator.normal(size=5)) for _ in range(6)]
     wish = {"balance": Reference(0.0)}
     assert agree(leg, tasks, [PointContact(name="foot")], None, states, wish) == 6
-
-
-def test_every_exported_kind_goes_through_both_solvers():
-    exported = {getattr(wbc.control, name) for name in wbc.control.__all__}
-    kinds = {kind for kind in exported if isinstance(kind, type)}
-
-    def of(parent):
-        return {kind for kind in kinds if issubclass(kind, parent)} - {parent}
-
-    assert of(Task) == {*TASKS, PointFootBalanceTask}
-    assert of(Effort) | {ContactForceTask} == set(EFFORTS)
-    assert of(Contact) == set(CONTACTS)
-    limits = {
-        k
-        for k in kinds
-        if k.__module__ in ("wbc.control.rows.limits", "wbc.control.rows.collision")
-    }
-    assert limits - {Shape} == set(LIMITS)
-    for kind, names in CONTACTS.items():
-        assert all(type(foot) is kind for name in names for foot in feet(load_robot(name)))

@@ -11,7 +11,6 @@ import pytest
 
 from benchmarks.controller_hostile import budget, hostile_inputs, kept, quiet
 from benchmarks.controller_scenes import controller
-from tests.control.scenes import arm
 from wbc.control import (
     Controller,
     ControllerSettings,
@@ -120,19 +119,6 @@ def test_every_shipped_robot_keeps_the_promise(name):
         assert np.isfinite(command.rotor_torque).all()
         assert kept(robot, command, budget(ours))
         assert bounded(ours, command, levels=2)
-
-
-def test_random_arms_keep_the_promise():
-    for seed in range(40):
-        generator = np.random.default_rng(seed)
-        robot = arm(int(generator.integers(1, 7)), generator)
-        ours = Controller(robot, [PostureTask.of(robot)], limits=None)
-        for _ in range(10):
-            v = 10.0 ** generator.uniform(-2, 5) * generator.normal(size=robot.model.nv)
-            q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=v.shape))
-            command = ours.step(Motion(q, v))
-            assert kept(robot, command, budget(ours))
-            assert bounded(ours, command)
 
 
 def test_a_conflict_is_explained_when_somebody_asks():

@@ -15,7 +15,6 @@ from wbc.control import (
     PostureTask,
     Reference,
 )
-from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.loading.library import robot_names
@@ -88,28 +87,6 @@ def test_safe_torque_takes_energy_on_every_shipped_robot(name):
             assert after <= before * (1.0 + 1e-3) + 1e-9
             before = after
         assert np.abs(v[robot.actuated]).max() < 0.2
-
-
-@pytest.mark.parametrize("name", ["solo12", "talos", "parallelogram_leg", "tiago"])
-def test_statics_against_numpy(name):
-    """Accelerations per torque, free and on contacts at rest, and what holds gravity."""
-    robot, generator = load_robot(name), np.random.default_rng(3)
-    q = pin.integrate(robot.model, standing(robot), 0.1 * generator.normal(size=robot.model.nv))
-    fallback = controller_of(robot, LONG)._fallback
-    hold, free, rested = fallback._standing.statics(q, fallback._all)
-    terms = evaluate(robot, q, np.zeros(robot.model.nv))
-    gears, m, u = robot.transmission, robot.actuated, robot.unactuated
-    B, J = gears.motor_from_joint, terms.contact_jacobian
-    J = J[np.abs(J).max(axis=1, initial=0.0) > 1e-9]  # a planar robot does not move along y
-    mass = np.array(terms.mass_matrix)
-    mass[np.ix_(m, m)] += B.T @ np.diag(gears.reflected_inertia) @ B
-    inverse = np.linalg.inv(mass)
-    np.testing.assert_allclose(free, B @ inverse[np.ix_(m, m)] @ B.T, rtol=1e-6)
-    inner = inverse - inverse @ J.T @ np.linalg.pinv(J @ inverse @ J.T, 1e-9) @ J @ inverse
-    scale = np.abs(free).max()
-    np.testing.assert_allclose(rested, B @ inner[np.ix_(m, m)] @ B.T, atol=1e-5 * scale)
-    if not len(u):
-        np.testing.assert_allclose(gears.topology @ hold, terms.bias[m], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "planar_leg_strong", "tiago"])

@@ -50,15 +50,6 @@ WISH = {"center_of_mass": Reference(np.array([0.01, 0.0, 0.2]))}
 LIFTED = {"swing": Reference(np.array([0.2, 0.15, 0.1]))}
 
 
-def test_a_task_that_is_off_is_as_if_it_were_not_there():
-    ours, other = controller_of([swing()]), controller_of()
-    for contacts in (None, dict.fromkeys(FEET[1:], np.inf)):
-        one = ours.step(STATE, WISH | LIFTED, contacts, activation={"swing": 0.0})
-        two = other.step(STATE, WISH, contacts)
-        np.testing.assert_array_equal(one.rotor_torque, two.rotor_torque)
-        assert len(ours._level.program.blocks().right) == len(other._level.program.blocks().right)
-
-
 def test_tasks_go_on_and_off_from_tick_to_tick():
     """Rows of two tasks come and go in every order; the motion is that of a fresh controller."""
     other = FramePositionTask(name="other", frame=SOLO.contact(FEET[1]).frame, weight=5.0)

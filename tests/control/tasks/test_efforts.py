@@ -48,11 +48,6 @@ def rotor_cost(command):
     return float(command.rotor_torque @ command.rotor_torque)
 
 
-def heat(command):
-    gears = SOLO.transmission
-    return float(np.sum((command.rotor_torque / gears.torque_constant) ** 2 * gears.resistance))
-
-
 def output_cost(command):
     return float(command.output_torque @ command.output_torque)
 
@@ -187,28 +182,6 @@ def test_lower_level_moves_nothing_of_the_upper_one():
     nullspace = np.linalg.svd(jacobian)[2][3:]
     gap = nullspace @ (strict.acceleration - wanted)
     np.testing.assert_allclose(gap, 0.0, atol=1e-3)
-
-
-def test_lower_level_keeps_limits_and_contacts():
-    talos = load_robot("talos")
-    q = talos.poses["half_sitting"]
-    corners = {
-        side: tuple(f"{side}_sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right"))
-        for side in ("left", "right")
-    }
-    tasks = [CenterOfMassTask(), PostureTask.of(talos, level=1, stiffness=400.0)]
-    contacts = [SurfaceContact(name=side, corners=names) for side, names in corners.items()]
-    controller = Controller(talos, tasks, contacts, settings=SETTINGS)
-    generator = np.random.default_rng(0)
-    v = np.zeros(36)
-    v[6:] = 0.05 * generator.normal(size=30)
-    command = controller.step(Motion(q, v), {"posture": Reference(q[7:] + 0.3)})
-    assert command.status.usable, command.message
-    assert command.consistent
-    limit = talos.transmission.torque_limit
-    assert np.all(np.abs(command.rotor_torque) <= limit * (1.0 + 1e-6))
-    for wrench in command.forces.values():
-        assert wrench[2] > 0.0
 
 
 def _kinematics(robot, q, v):

@@ -11,7 +11,6 @@ from wbc.control import (
     CenterOfMassTask,
     Controller,
     ControllerSettings,
-    FrameDistanceTask,
     FrameOrientationTask,
     FramePositionTask,
     GazeTask,
@@ -21,9 +20,7 @@ from wbc.control import (
     Status,
     SurfaceContact,
 )
-from wbc.control.checking import check_task
 from wbc.control.kinematics import Kinematics
-from wbc.control.rows import point_foot as feedback
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
@@ -39,13 +36,6 @@ def moving(robot, pose, seed=0):
     generator = np.random.default_rng(seed)
     q = pin.integrate(robot.model, pose, 0.2 * generator.normal(size=robot.model.nv))
     return q, *generator.normal(size=(2, robot.model.nv))
-
-
-def test_distance_task_against_finite_differences():
-    task = FrameDistanceTask(frame=HAND, other="arm_right_7_link")
-    errors = check_task(TALOS, task, *moving(TALOS, HALF))
-    assert errors.jacobian < 1e-6
-    assert errors.drift < 1e-4
 
 
 def test_gaze_turns_as_the_frame_turns():
@@ -87,35 +77,10 @@ def talos_controller(*tasks, **settings):
     return Controller(TALOS, [*own, *tasks], soles, settings=ControllerSettings(**settings))
 
 
-def integrated(controller, references, ticks=800, step=2e-3, robot=TALOS, q=HALF, **more):
-    q, v = q.copy(), np.zeros(robot.model.nv)
-    for _ in range(ticks):
-        command = controller.step(Motion(q, v), references, dt=step, **more)
-        assert command.status is Status.SOLVED, command.message
-        v = v + step * command.acceleration
-        q = pin.integrate(robot.model, q, step * v)
-    return q, v
-
-
 def placed(robot, q, frame):
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     return data.oMf[robot.model.getFrameId(frame)]
-
-
-def test_a_humanoid_looks_at_a_place_and_keeps_its_hands_apart():
-    gaze = GazeTask(frame="head_2_link", axis=(1.0, 0.0, 0.0), weight=5.0)
-    apart = FrameDistanceTask(frame=HAND, other="arm_right_7_link", weight=5.0)
-    place = np.array([1.0, 0.3, 1.2])
-    q, _ = integrated(
-        talos_controller(gaze, apart),
-        {"gaze": Reference(place), "distance": Reference([0.7])},
-    )
-    head = placed(TALOS, q, "head_2_link")
-    seen = head.rotation.T @ (place - head.translation)
-    assert np.linalg.norm(seen[1:]) < 0.02 * seen[0]
-    hands = [placed(TALOS, q, f).translation for f in (HAND, "arm_right_7_link")]
-    assert np.linalg.norm(hands[0] - hands[1]) == pytest.approx(0.7, abs=5e-3)
 
 
 def test_a_pushed_humanoid_takes_its_capture_point_back():
@@ -216,33 +181,6 @@ def test_a_hard_task_that_contradicts_a_contact_gives_way():
     assert np.abs(command.rotor_torque).max() <= SOLO.transmission.torque_limit.max()
 
 
-def test_three_levels_each_keep_those_above():
-    """The third level changes nothing for the second, the second nothing for the first."""
-    _, v, _ = moving(TALOS, HALF, 5)
-    state = Motion(HALF, 0.05 * v)
-    kinematics = Kinematics(TALOS)
-    kinematics.update(HALF, 0.05 * v)
-    left = FramePositionTask(name="left", frame=HAND, level=1)
-    right = FramePositionTask(name="right", frame="arm_left_5_link", level=2)
-    asked = {
-        "left": Reference(left.value(kinematics) + 0.1),
-        "right": Reference(right.value(kinematics) - 0.2),
-    }
-    found = []
-    for count in range(3):
-        controller = talos_controller(*(left, right)[:count])
-        given = {name: asked[name] for name in ("left", "right")[:count]}
-        command = controller.step(state, given)
-        assert command.status is Status.SOLVED, command.message
-        found.append(command.acceleration)
-    com = CenterOfMassTask()
-    first = [com.jacobian(kinematics) @ a for a in found]
-    np.testing.assert_allclose(first[1], first[0], atol=1e-3)
-    np.testing.assert_allclose(first[2], first[0], atol=1e-3)
-    second = [left.jacobian(kinematics) @ a for a in found]
-    np.testing.assert_allclose(second[2], second[1], atol=1e-3)
-
-
 def test_levels_are_whole_numbers():
     for level in (-1, 0.5, True):
         with pytest.raises(ControlError, match="level"):
@@ -253,31 +191,3 @@ def test_levels_are_whole_numbers():
         GazeTask(frame="base_link", axis=(0.0, 0.0, 0.0))
     with pytest.raises(ControlError, match="height"):
         CapturePointTask(height=0.0)
-
-
-def test_the_balance_feedback_agrees_with_pinocchio_s_frames():
-    """Rows, places and pitch that the compiled feedback makes itself, against pinocchio's."""
-    robot, generator = load_robot("planar_leg_strong"), np.random.default_rng(4)
-    kinematics = Kinematics(robot)
-    foot, base = kinematics.fixed_frame("foot"), kinematics.fixed_frame("base")
-    number = kinematics.frame_id("foot"), kinematics.frame_id("base")
-    for _ in range(10):
-        step = generator.normal(size=robot.model.nv)
-        kinematics.update(pin.integrate(robot.model, robot.neutral(), step), step)
-        place = feedback.placed(kinematics.joint_places, foot.joint, foot.offset)
-        np.testing.assert_allclose(place, kinematics.placement(number[0]).translation, atol=1e-12)
-        rotation = kinematics.placement(number[1]).rotation
-        pitch = feedback.pitch_of(kinematics.joint_places, base.joint, base.offset)
-        assert abs(pitch - np.arctan2(rotation[0, 2], rotation[2, 2])) < 1e-12
-        rows = np.empty((6, robot.model.nv))
-        feedback.place_rows(
-            *(foot.columns, base.columns, kinematics.joint_jacobian, kinematics.momentum_matrix()),
-            *(place[0], place[2], kinematics.mass, rows),
-        )
-        com, spin = kinematics.center_of_mass_jacobian(), kinematics.momentum_matrix()[4]
-        expected = [
-            *kinematics.frame_jacobian(number[0])[[0, 2]],
-            *(com[0], com[2], spin),
-            kinematics.frame_jacobian(number[1])[4],
-        ]
-        np.testing.assert_allclose(rows, expected, atol=1e-12)
