@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import signal
 import sys
 from dataclasses import dataclass
@@ -15,12 +14,9 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
 from wbc.identification import diagnose
-from wbc.identification.choice.find_causes import SearchResult
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
-
-answering = importlib.import_module("wbc.identification.answer.diagnosis.diagnose")
 
 LEG = load_robot("planar_leg_fixed").lossless()
 KEY = ("coulomb_friction", "hip")
@@ -85,22 +81,6 @@ def test_a_search_without_time_says_so(logs: tuple[Log, ...]) -> None:
     assert any("best answer so far" in text for text in diagnosis.warnings)
 
 
-def test_time_that_ends_after_the_search_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def late(found: SearchResult, *rest: object) -> SearchResult:
-        found.trials.until = 0.0
-        return found
-
-    hidden = [
-        CoulombFriction("knee", 0.5),
-        ViscousFriction("hip", 0.3),
-        CoulombFriction("hip", 0.7),
-    ]
-    logs = record_with(LEG, hidden, duration=4.0)
-    monkeypatch.setattr(answering, "look_closer", late)
-    diagnosis = diagnose(LEG, logs, [CoulombFriction, ViscousFriction], budget=1e3)
-    assert {e.key for e in diagnosis.effects} == {e.key for e in hidden}
-
-
 def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> None:
     def interrupt(line: str) -> None:
         if line.startswith("+ coulomb_friction"):
@@ -112,16 +92,6 @@ def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> Non
     diagnosis = diagnose(LEG, logs, progress=interrupt)
     assert [e.key for e in diagnosis.effects] == [KEY]
     assert any("interrupted" in text for text in diagnosis.warnings)
-
-
-def test_after_the_end_nothing_more_is_fitted(
-    logs: tuple[Log, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The plain fits were made after the time that was given, however long they took."""
-    monkeypatch.setattr(answering, "_LAST", -1.0)
-    diagnosis = diagnose(LEG, logs, budget=0.0)
-    assert diagnosis.effects == ()
-    assert any("its time was over" in text for text in diagnosis.warnings)
 
 
 INTERRUPTED = """

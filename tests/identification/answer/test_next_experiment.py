@@ -44,34 +44,11 @@ def test_exact_equals_are_called_so_in_either_order(effect: Effect, rival: str, 
     assert motion in _said(effect, f"{rival} at {effect.where}")
 
 
-def test_rivals_that_an_experiment_separates_are_not() -> None:
-    said = _said(CoulombFriction("hip", 0.3), "viscous_friction at hip", "coulomb_friction at knee")
-    assert said == (
-        "Record more motions. At hip: move the joint slowly back and "
-        "forth through the same positions; move the joint at several constant speeds in both "
-        "directions, slow to fast."
-    )
-
-
-def test_a_motion_is_asked_for_once_and_its_joints_are_listed() -> None:
-    findings = [_finding(LoadFriction(j, 0.1), f"transmission_efficiency at {j}") for j in "ab"]
-    said = next_experiment("ambiguous", findings, (), FLOOR, EFFECTS)
-    assert "At a and b: lift and lower several known weights slowly. " in said
-    assert said.count("weights") == said.count("no run tells them apart") == 1
-
-
 def test_many_rivals_ask_for_few_motions() -> None:
     said = _said(CoulombFriction("hip", 0.3), *(f"{name} at hip" for name in sorted(EFFECTS)))
     motions = said.partition("At hip: ")[2].partition(". ")[0]
     assert motions.startswith("move the joint slowly back and forth through the same positions;")
     assert motions.count("; ") == 2
-
-
-@pytest.mark.parametrize("kind", EFFECTS.values(), ids=list(EFFECTS))
-def test_an_experiment_is_a_motion_and_then_what_it_shows(kind: type[Effect]) -> None:
-    motion, _, shown = kind.experiment.partition(": ")
-    assert 10 < len(motion) < 130
-    assert shown
 
 
 def test_every_inseparable_effect_exists() -> None:

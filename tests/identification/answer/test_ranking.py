@@ -44,11 +44,3 @@ def test_a_model_that_fits_equally_is_not_called_worse(
 ) -> None:
     row = Ranked(added, removed, 2.0, difference, 0.1, -5.0, standing)
     assert row.judgement == judgement
-
-
-@pytest.mark.parametrize(
-    ("evidence", "odds"),
-    [(-3.0, "1 : 20"), (-9.2, "1 : 10,000"), (-80.0, "beyond 1 : 1,000,000"), (2.0, "7.4 : 1")],
-)
-def test_odds_are_written_as_people_say_them(evidence: float, odds: str) -> None:
-    assert Ranked((FRICTION,), (), 2.0, 0.0, 0.1, evidence, "worse").odds == odds

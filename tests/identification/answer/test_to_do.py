@@ -6,7 +6,6 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.swinging_leg import swing
@@ -110,15 +109,3 @@ def test_one_word_and_one_number_for_the_noise(found: Diagnosis, logs: list[Log]
     assert {o.output: o.floor for o in found.outputs} == pytest.approx(floor)
     assert "noise floor" in str(found)
     assert "sensors" not in str(found)
-
-
-def test_an_effect_that_gains_nothing_is_not_said_to_be_unneeded(found: Diagnosis) -> None:
-    row = found.ranking[0]
-    added = replace(
-        row, added=(("backlash", "knee"),), removed=(), standing="worse", error=0.90,
-        difference=0.81 - 0.9025, deviation=0.06,
-    )  # fmt: skip
-    assert added.judgement == "no gain beyond chance"
-    assert replace(added, difference=0.2).judgement == "fits worse"
-    assert added.beyond == pytest.approx((-0.05, 0.06 / 1.85))
-    assert np.isfinite(replace(added, error=0.0, difference=0.0).beyond).all()

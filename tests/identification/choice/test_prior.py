@@ -18,7 +18,6 @@ from wbc.effects import (
 )
 from wbc.effects.links.pseudo_inertia import lower
 from wbc.identification import diagnose
-from wbc.identification.choice.weighing.drop_screen import losses
 from wbc.identification.choice.weighing.prior import asked, implausible
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -43,15 +42,6 @@ def cost(problem: EstimationProblem, effect: Effect) -> float:
     return sum(implausible(problem, fit))
 
 
-def test_names_cost_more_than_places_and_places_more_than_numbers(
-    problem: EstimationProblem,
-) -> None:
-    one = asked([CoulombFriction("hip", 0.5)])
-    places = asked([CoulombFriction("hip", 0.5), CoulombFriction("knee", 0.1)])
-    names = asked([CoulombFriction("hip", 0.5), TorqueConstant("knee", 1.1)])
-    assert (one, places, names) == (10.0, 14.0, 20.0)
-
-
 def test_numbers_of_a_drawing_that_the_logs_do_not_tell_cost_nothing(
     problem: EstimationProblem,
 ) -> None:
@@ -63,18 +53,6 @@ def test_numbers_of_a_drawing_that_the_logs_do_not_tell_cost_nothing(
     assert friction == 0.0
     assert 6.0 < drawing < 10.0
     assert h.asked == pytest.approx(asked(h.effects) - drawing)
-
-
-def test_derivatives_know_what_a_drawing_costs_that_is_dropped(problem: EstimationProblem) -> None:
-    trials, null = Trials(problem), dict.fromkeys(LinkInertia.null_values(LEG, "shin"), 0.0)
-    friction, drawing = CoulombFriction("hip", 0.5), LinkInertia.at("shin", null)
-    h, alone = trials.of((friction, drawing)), trials.of((friction,))
-    assert h is not None
-    assert alone is not None
-    drops = [[e] for e in h.effects[::-1]]
-    (_, without_drawing), (_, without_friction) = losses(problem, trials.fit(h), h, drops)
-    assert without_drawing == pytest.approx(alone.prior - h.prior)
-    assert without_friction == pytest.approx(10.0)
 
 
 def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:

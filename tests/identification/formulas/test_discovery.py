@@ -164,26 +164,6 @@ def test_named_effects_stay_beside_formulas_and_idle_ones_go(robot: Robot) -> No
     assert found.robot.effects == (heavy.effects[0], payload, proposal.effect)
 
 
-def test_what_the_text_and_the_json_say(robot: Robot) -> None:
-    torque = HIDDEN["a bearing that the other joint's load presses"][0]
-    lines: list[str] = []
-    found = discover(robot, logs(torque), progress=lines.append)
-    (proposal,) = found.proposals
-    assert proposal.formula.startswith("tau_knee = -0.08 * |load_hip| * sign(v_knee)")
-    assert proposal.joints == ("knee", "hip")
-    assert any("for logs only" in warning for warning in proposal.warnings)
-    assert any("knee" in line for line in lines)
-    content = json.loads(json.dumps(found.to_json(), allow_nan=False))
-    assert content["outcome"] == "formula"
-    (entry,) = content["proposals"]
-    assert entry["joints"] == ["knee", "hip"]
-    assert entry["share_removed"] > 0.98
-    term = entry["terms"]["|load_hip| * sign(v_knee)"]
-    assert term["low"] < term["value"] < term["high"]
-    assert term["unit"] == "1"
-    assert "not causes" in content["summary"]
-
-
 def test_products_that_do_as_well_are_listed(robot: Robot) -> None:
     # The knee stays on one side of zero: the sizes and the values of its angle are the same.
     given = logs(lambda r: (-0.8 * np.abs(r.q[:, 1]) * np.sign(r.v[:, 0]), 0.0), size=0.25)

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from wbc.effects import TorqueTerm
-from wbc.identification.formulas.formula import find_formula
 from wbc.identification.formulas.sparse_regression import (
     SparseRegression,
-    block_errors,
-    cell_losses,
 )
 from wbc.identification.formulas.term_table import TermTable
 
@@ -53,36 +50,3 @@ def test_the_path_holds_the_best_subsets_of_all(seed: int) -> None:
         every = combinations(range(COUNT), len(support.chosen))
         lowest = min(regression.fitted(chosen).loss for chosen in every)
         assert support.loss == pytest.approx(lowest, rel=1e-9)
-
-
-def test_losses_are_those_of_least_squares() -> None:
-    given = table(5, {2: 0.7}, alike=0.5)
-    support = SparseRegression(given, np.ones(CELLS, dtype=bool)).fitted((2, 9))
-    direct = np.linalg.solve(
-        given.gram.sum(axis=0)[np.ix_([2, 9], [2, 9])], given.moment.sum(axis=0)[[2, 9]]
-    )
-    np.testing.assert_allclose(support.coefficients, direct, rtol=1e-5)
-    cells = cell_losses(given, support, np.ones(CELLS, dtype=bool))
-    assert cells.sum() == pytest.approx(support.loss, rel=1e-6)
-    assert block_errors(given, cells).shape == (CELLS,)
-
-
-def test_friction_that_would_drive_is_passed_over() -> None:
-    given = table(6, {3: -2.0, 8: 0.5}, alike=0.0, dry=True)
-    path = SparseRegression(given, np.ones(CELLS, dtype=bool)).path(1)
-    assert path[1].chosen == (8,)
-    free = table(6, {3: -2.0, 8: 0.5}, alike=0.0)
-    assert SparseRegression(free, np.ones(CELLS, dtype=bool)).path(1)[1].chosen == (3,)
-
-
-def test_the_number_of_terms_is_that_of_the_truth() -> None:
-    for seed in range(6):
-        formula = find_formula(table(seed, {1: 1.2, 4: -0.8}, alike=1.0))
-        assert formula is not None
-        assert {term.text for term in formula.terms} == {"sin(2 q_a)", "sin(5 q_a)"}
-        assert formula.stability == (1.0, 1.0)
-        assert 0.97 < formula.share <= 1.0
-
-
-def test_noise_alone_has_no_formula() -> None:
-    assert all(find_formula(table(seed, {}, alike=1.0)) is None for seed in range(8))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from wbc.effects import (
     EFFECTS,
+    ActuationDelay,
     CurrentLimit,
     TorqueConstant,
     TransmissionEfficiency,
@@ -20,7 +22,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.measurement import Log
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect, Motion, Robot
 
 ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
 
@@ -106,3 +108,25 @@ def test_columns_beside_drives_and_a_lossy_gear_are_those_of_the_residual(
             lost = before - condensed_residual(changed, records)
             column = regressor.columns.full()[:, :, k]
             assert column == pytest.approx(lost, abs=1e-6 * max(float(np.abs(lost).max()), 1e-9))
+
+
+@dataclass(frozen=True)
+class _Leaking(ActuationDelay):
+    """A drive that takes torque from its neighbour, as a user's own class may."""
+
+    name = "leaking"
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        return robot.transmission.joints
+
+    def drive(self, robot: Robot, motion: Motion, torque: np.ndarray) -> np.ndarray:
+        return torque + 1e3 * self.delay * torque[..., ::-1]
+
+
+def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
+    leg = load_robot("planar_leg_fixed").lossless()
+    problem = EstimationProblem.from_logs(leg, [waving(leg)])
+    found = make_regressors(leg, problem.records, [_Leaking], evidence(leg, problem.records))
+    assert found
+    assert all(len(regressor.columns.outputs) == 2 for regressor in found)

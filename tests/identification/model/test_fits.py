@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar, final
-
 import numpy as np
 import pytest
 
 from wbc import Robot, load_robot
-from wbc.arrays import FloatArray
-from wbc.effects import Backlash, JointCompliance, JointEffect, ViscousFriction
+from wbc.effects import Backlash, JointCompliance, ViscousFriction
 from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
-from wbc.robot import Effect, Motion, Parameter
-from wbc.sim.excitation import record_with
 
 
 @pytest.fixture(scope="module")
@@ -59,29 +53,3 @@ def test_a_diagnosis_survives_gears_that_hold_nothing(leg: Robot) -> None:
         leg, _falling(leg, 12.0), candidates=[JointCompliance, Backlash, ViscousFriction]
     )
     assert np.isfinite(found.error.after)
-
-
-@final
-@dataclass(frozen=True)
-class Broken(JointEffect):
-    """A torque that is no number where the joint is fast."""
-
-    size: float
-    name: ClassVar[str] = "broken"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, 0.0, 9.0, 1.0),)
-    explanation: ClassVar[str] = "A mistake."
-    experiment: ClassVar[str] = "Correct it."
-
-    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
-        """Return no number."""
-        with np.errstate(invalid="ignore"):
-            root = np.sqrt(0.1 - self.size * np.abs(self.joint_velocity(robot, motion)))
-        return self.on_joint(robot, motion, -root)
-
-
-def test_an_effect_that_gives_no_number_is_dropped(leg: Robot) -> None:
-    logs = record_with(leg, [ViscousFriction("knee", 0.3)], duration=3.0)
-    assert EstimationProblem.from_logs(leg, logs).fit([Broken("knee", 1.0)]).failed
-    classes: list[type[Effect]] = [Broken, ViscousFriction]
-    found = diagnose(leg, logs, candidates=classes)
-    assert [f.effect.name for f in found.findings] == ["viscous_friction"]

@@ -12,6 +12,7 @@ from wbc.effects import (
     CoulombFriction,
     CurrentLimit,
     JointSpring,
+    LinkInertias,
     LoadFriction,
     PayloadMass,
     PositionOffset,
@@ -23,9 +24,10 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.derivatives import derivatives, evaluate, with_changes
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.kept_columns import KeptColumns
+from wbc.identification.model.residual import condensed_residual
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with
 
@@ -78,24 +80,18 @@ def test_columns_do_not_depend_on_when_they_were_made(
         assert shared == pytest.approx(alone, abs=1e-6)
 
 
-def test_an_effect_with_a_shape_is_derived_anew_where_its_shape_changes(
-    problem: EstimationProblem,
-) -> None:
-    kept = KeptColumns(problem.robot, problem.records)
-    for order in (6.0, 6.5, 7.0):
-        alone, shared = _both(problem, [TorqueRipple("knee", 0.3, order, 0.4)], kept)
-        assert shared == pytest.approx(alone, abs=1e-6)
-
-
-def test_a_straight_effect_is_derived_twice_at_most(
-    problem: EstimationProblem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = []
-    plain = KeptColumns._made
-    monkeypatch.setattr(
-        KeptColumns, "_made", lambda self, asked: made.extend(asked) or plain(self, asked)
-    )
-    kept = KeptColumns(problem.robot, problem.records)
-    for level in (0.1, 0.2, 0.3, 0.4):
-        _both(problem, [ViscousFriction("hip", level), CoulombFriction("hip", level)], kept)
-    assert len(made) == 4
+def test_derivatives_by_link_inertias_beside_a_lossy_gear_are_those_of_the_residual() -> None:
+    gear = TransmissionEfficiency("knee", 0.8, 0.9)
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [gear], duration=4.0))
+    null = LinkInertias.null_values(LEG, "robot")
+    drawn = LinkInertias.at("robot", {name: 0.05 for name in null})
+    effects = (gear, CoulombFriction("hip", 0.3), drawn)
+    at = evaluate(LEG, effects, problem.records, problem.whitening)
+    slots = [(2, parameter) for parameter in drawn.parameters]
+    columns = derivatives(LEG, at, slots, problem.records, problem.whitening)
+    for row, (k, parameter) in enumerate(slots):
+        moved = with_changes(effects, {(k, parameter.name): 1e-4 * parameter.scale})
+        after = condensed_residual(LEG.with_effects(*moved), problem.records) @ problem.whitening
+        expected = (after - at.residual) / 1e-4
+        size = max(float(np.max(np.abs(columns))), 1e-12)
+        assert np.max(np.abs(columns[:, :, row] - expected)) < 2e-3 * size

@@ -9,12 +9,11 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from tests.recover.plant import Lane, simulate
-from wbc.effects import CoulombFriction, PayloadMass, TorqueConstant, ViscousFriction, load_robot
+from wbc.effects import PayloadMass, load_robot
 from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.design_matrix import DesignMatrix
-from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.filters import steady_level, white_level
 from wbc.identification.records.noise.noise_floor import close_repeats, drawn_noise, noise_floor
@@ -33,13 +32,6 @@ def logs() -> list[Log]:
 
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
-
-
-def test_the_low_pass_has_no_phase_shift() -> None:
-    t = np.arange(2000) / 500.0
-    slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
-    smooth = low_pass(slow + np.sin(2 * np.pi * 80.0 * t)[:, None], 8.0, 500.0)
-    assert np.abs(smooth - slow)[200:-200].max() < 2e-3
 
 
 @pytest.mark.parametrize("shape", [(300,), (300, 2), (300, 2, 3), (7, 2)])
@@ -125,17 +117,6 @@ def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
         assert gains[one, other] == pytest.approx(left([3, 4]) - left([one, other, 3, 4]), rel=1e-6)
 
 
-def test_a_matrix_whose_residual_moved_is_that_of_the_moved_residual() -> None:
-    random = np.random.default_rng(4)
-    columns, residual = random.standard_normal((60, 2, 4)), random.standard_normal((60, 2))
-    folds, steps = np.repeat([0, 1, 2], 20), np.array([0.7, -2.0])
-    moved = DesignMatrix.from_rows(columns, residual, folds).moved([1, 3], steps)
-    fresh = DesignMatrix.from_rows(columns, residual - columns[..., [1, 3]] @ steps, folds)
-    for chosen in ([], [0], [0, 2], [0, 1, 2, 3]):
-        assert moved.held_out(chosen) == pytest.approx(fresh.held_out(chosen), rel=1e-12)
-    np.testing.assert_allclose(moved.fit([0, 2]), fresh.fit([0, 2]), rtol=1e-9)
-
-
 def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
     records = prepare(ROBOT, logs)
     repeats = close_repeats(records, find_repeats(logs))
@@ -157,31 +138,6 @@ def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> 
     by_model = condensed_residual(heavy, [record.believing(heavy)])
     assert by_regressor == pytest.approx(by_model, abs=1e-9)
     assert np.abs(by_regressor - condensed_residual(ROBOT, [record])).max() > 0.5
-
-
-def test_a_factor_that_shrinks_everything_explains_nothing(logs: list[Log]) -> None:
-    problem = EstimationProblem.from_logs(ROBOT, logs)
-    base = np.mean((problem.residual @ problem.whitening) ** 2)
-    for factor in (0.5, 2.0):
-        changed = ROBOT.with_effect(TorqueConstant("hip", factor))
-        residual = condensed_residual(changed, problem.records) @ problem.whitening
-        assert np.mean(residual**2) > 100.0 * base
-
-
-def test_fitted_parameters_lie_in_their_intervals_when_the_model_is_the_plant() -> None:
-    lanes = [Lane({"viscous": 0.2, "coulomb": (0.4, 0.0)}, 4 + k, noise=k) for k in range(3)]
-    logs = []
-    for table in simulate(lanes, duration=5.0, step=5e-4):
-        columns = dict(table)
-        logs.append(Log(columns.pop("time"), columns))
-    diagnosis = diagnose(ROBOT, logs, [ViscousFriction, CoulombFriction])
-    found = {(f.effect.name, f.effect.where): f.parameters for f in diagnosis.findings}
-    assert len(found) == 3
-    for joint in ("hip", "knee"):
-        estimate = found["viscous_friction", joint]["coefficient"]
-        assert estimate.low < estimate.value < estimate.high
-        assert estimate.value == pytest.approx(0.2, rel=0.02)
-    assert found["coulomb_friction", "hip"]["level"].value == pytest.approx(0.4, rel=0.01)
 
 
 def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:

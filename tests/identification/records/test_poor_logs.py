@@ -10,7 +10,6 @@ import pytest
 
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
-from wbc.errors import WbcError
 from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnosis.diagnose import about_silent
 from wbc.identification.answer.diagnosis.sentence import verdict_sentence
@@ -80,24 +79,6 @@ def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
     assert compare(rubbing, [log]).error == pytest.approx(compare(ROBOT, [log]).error, rel=0.02)
 
 
-def test_a_copy_is_no_second_observation(friction: tuple[Log, Log]) -> None:
-    once, twice = diagnose(ROBOT, friction), diagnose(ROBOT, [*friction, friction[0]])
-    assert twice.error == once.error
-    assert len(twice.warnings) == 1
-    assert "same data" in twice.warnings[0]
-
-
-def test_a_drive_that_reports_nothing_is_set_aside(friction: tuple[Log, Log]) -> None:
-    random = np.random.default_rng(5)
-    deaf = [
-        log.with_columns({"knee.rotor_torque": 2e-3 * random.standard_normal(len(log))})
-        for log in friction
-    ]
-    diagnosis = diagnose(ROBOT, deaf)
-    assert [(e.name, e.where) for e in diagnosis.effects] == [("coulomb_friction", "hip")]
-    assert any(w.startswith("knee: the torque that its drive reports") for w in diagnosis.warnings)
-
-
 def test_drives_that_report_only_noise_are_named_first(friction: tuple[Log, Log]) -> None:
     random = np.random.default_rng(5)
     noise = {f"{j}.rotor_torque": 2e-3 * random.standard_normal(len(friction[0])) for j in JOINTS}
@@ -130,27 +111,6 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
     assert both.startswith("hip, knee: the torques that their drives report")
     # What friction adds to an honest report hides no share of the load.
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
-
-
-def test_degrees_are_recognised_by_the_limits_of_the_joint(friction: tuple[Log, Log]) -> None:
-    names = ("hip.position", "hip.velocity")
-    wrong = friction[0].with_columns({n: np.rad2deg(friction[0].column(n)) for n in names})
-    with pytest.raises(WbcError, match=r"hip.position.* degrees"):
-        compare(ROBOT, [wrong])
-
-
-def test_a_number_at_its_bound_names_nothing(friction: tuple[Log, Log]) -> None:
-    """A drive whose report is a seventh of the truth is beyond what a torque constant may be."""
-    weak = [
-        log.with_columns({"hip.rotor_torque": log.column("hip.rotor_torque") / 7.0})
-        for log in friction
-    ]
-    diagnosis = diagnose(ROBOT, weak)
-    for effect in diagnosis.effects:
-        for parameter in effect.parameters:
-            ends = (parameter.low, parameter.high)
-            value = effect.values[parameter.name]
-            assert parameter.shape or value == parameter.null or value not in ends
 
 
 def test_logs_of_two_machines_are_seen_to_disagree(friction: tuple[Log, Log]) -> None:

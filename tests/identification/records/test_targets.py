@@ -19,7 +19,7 @@ from wbc.identification import compare, diagnose
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, check_robot, rotor_torques, save_log
-from wbc.robot import Evidence, Motion, Robot, robots_directory
+from wbc.robot import Motion, Robot, robots_directory
 
 GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}
 
@@ -104,23 +104,6 @@ def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
     # Virtual work: the springs kp at the motors' outputs store 1/2 kp (D^-1 e)^2.
     psi = np.linalg.solve(gears.topology, error)
     np.testing.assert_allclose(made * gears.gear_ratio, kp * psi)
-
-
-def test_a_drive_law_with_its_limit_is_not_given_a_lower_one() -> None:
-    robot = with_gains()
-    time = np.linspace(0.0, 1.0, 101)
-    torque = np.stack([np.sin(7.0 * time), np.cos(7.0 * time)], axis=1)
-    zero = np.zeros((101, 2))
-    own = torque * [1.0, 0.0]  # the hip follows a target, the knee reports its torque
-    motion = Motion(zero, zero, zero, time, feedback_torque=own)
-    known = Evidence((motion,), (zero,), (torque,))
-    limited = robot.with_transmission(robot.transmission.replace(torque_limit=np.array([5.0, 5.0])))
-    assert not CurrentLimit.search.screens(CurrentLimit, limited, "hip", known)
-    assert CurrentLimit.search.screens(CurrentLimit, limited, "knee", known)
-    free = robot.with_transmission(
-        robot.transmission.replace(torque_limit=np.array([np.inf, np.inf]))
-    )
-    assert CurrentLimit.search.screens(CurrentLimit, free, "hip", known)
 
 
 def test_a_measured_current_is_within_any_limit() -> None:
