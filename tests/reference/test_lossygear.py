@@ -1,11 +1,10 @@
-"""The time step and the event-exact motion against Dymola's LossyGear demos."""
+"""The time step against Dymola's LossyGear demos."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from tests.reference.event_exact import integrate_exactly
 from tests.reference.lossygear import demo, reference
 from wbc.sim import Plant
 
@@ -46,45 +45,3 @@ def test_time_stepping_converges(number: int) -> None:
         at = np.round(truth[grid, 0] / step).astype(int)
         errors.append(np.abs(speed[at] - truth[grid, 2]).max())
     assert errors[1] < 0.3 * errors[0]  # a quarter at first order
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_event_exact_motion_reaches_dymola(number: int) -> None:
-    truth = reference(number)
-    case = demo(number)
-    times, rows = np.unique(truth[:, 0], return_index=True)
-    motion = integrate_exactly(
-        case.robot,
-        case.rotor_torque,
-        np.zeros(1),
-        np.array([case.speed]),
-        times,
-        case.external,
-        breaks=[0.5],
-    )
-    assert np.abs(motion.velocity[:, 0] - truth[rows, 2]).max() < 1e-7
-    assert np.abs(motion.position[:, 0] - truth[rows, 1]).max() < 1e-7
-
-
-@pytest.mark.parametrize(
-    ("number", "times", "signs"),
-    [
-        (1, [0.0, 0.0804771, 0.1995199, 0.3713428, 0.4645395], [-1, 0, 1, 0, -1]),
-        (2, [0.0, 0.0635911, 0.2303740, 0.3083068, 0.4727383], [-1, 0, 1, 0, -1]),
-        (3, [0.0, 0.02], [1, 0]),
-    ],
-)
-def test_events_happen_when_dymola_says(number: int, times: list[float], signs: list[int]) -> None:
-    case = demo(number)
-    end = 1.0 if number == 3 else 0.5
-    motion = integrate_exactly(
-        case.robot,
-        case.rotor_torque,
-        np.zeros(1),
-        np.array([case.speed]),
-        np.array([0.0, end]),
-        case.external,
-        breaks=[0.5],
-    )
-    assert motion.event_sign[:, 0].tolist() == signs
-    assert np.abs(motion.event_time - times).max() < 2e-7

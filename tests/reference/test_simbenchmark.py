@@ -138,19 +138,6 @@ def test_an_elastic_ball_keeps_its_energy(step):
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-5
 
 
-def test_bounces_shrink_by_the_square_of_the_restitution():
-    restitution, height = 0.6, 1.0
-    plant = Plant(ball(R), restitution=restitution)
-    state, times = plant.state(at([0.0, 0.0, height + R])), []
-    while len(times) < 5:
-        result = plant.step(state, NONE, STEP)
-        times.extend(impact.time for impact in result.impacts)
-        state = result.state
-    fall = np.sqrt(2.0 * height / G)
-    wanted = fall + 2.0 * fall * np.cumsum(restitution ** np.arange(0, 5)) - 2.0 * fall
-    np.testing.assert_allclose(times, wanted, atol=2e-5)
-
-
 def test_a_bounce_across_the_ground_keeps_the_speed_along_it_without_friction():
     plant = Plant(ball(R, friction=0.0), restitution=1.0)
     start = plant.state(at([0.0, 0.0, 1.0]), [2.0, -1.0, 0.0, 3.0, 4.0, 5.0])

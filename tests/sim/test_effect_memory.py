@@ -12,7 +12,6 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.reference.event_exact import integrate_exactly
 from wbc import Robot, load_robot
 from wbc.effects import ActuationDelay, JointEffect, ThermalDrift
 from wbc.errors import EffectError, SimulationError
@@ -175,7 +174,3 @@ def test_memory_of_other_effects_is_refused(leg: Robot) -> None:
     forgetful = Plant(leg.with_effect(Forgetful("hip", 1.0, 1.0)), deep)
     with pytest.raises(EffectError, match="no next_memory"):
         forgetful.step(forgetful.state(START), np.zeros(2), 1e-3)
-    with pytest.raises(SimulationError, match="state of their own"):
-        integrate_exactly(
-            drifting.robot, lambda t: np.zeros(2), START, np.zeros(2), np.array([0.0, 0.1])
-        )

@@ -35,29 +35,6 @@ def _fall(plant: Plant, state, dt: float, duration: float):
     return state, result
 
 
-def test_free_fall_is_exact() -> None:
-    robot = load_robot("planar_leg")
-    plant = Plant(robot)
-    start = plant.state(robot.configuration(hip=0.5, knee=-1.0, base_z=10.0))
-    state, _ = _fall(plant, start, 1e-3, 0.5)
-    assert state.position[1] == pytest.approx(10.0 - 0.5 * 9.81 * 0.5**2, abs=1e-9)
-    assert state.velocity[1] == pytest.approx(-9.81 * 0.5, abs=1e-9)
-    assert np.abs(state.velocity[2:]).max() < 1e-9
-
-
-def test_touchdown_is_found_within_a_step() -> None:
-    robot = load_robot("planar_leg")
-    plant = Plant(robot)
-    q = robot.configuration(hip=0.5, knee=-1.0)
-    drop = 0.1
-    q[1] = 0.8 * np.cos(0.5) + drop
-    state, impacts = plant.state(q), ()
-    while not impacts:
-        result = plant.step(state, np.zeros(2), 2e-3)
-        state, impacts = result.state, result.impacts
-    assert impacts[0].time == pytest.approx(np.sqrt(2 * drop / 9.81), abs=2e-6)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3, 5.0])
 def test_impact_balances_momentum_and_loses_energy(friction: float) -> None:
     robot = _slippery(load_robot("planar_leg"), friction)
@@ -108,17 +85,6 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
             assert np.allclose(impact.solution.element_impulse, expected, atol=1e-9)
             seen |= set(zip(through_rest.tolist(), (taken < 1.0).tolist(), strict=True))
     assert seen == {(False, False), (False, True), (True, False), (True, True)}
-
-
-def test_restitution_returns_the_normal_speed() -> None:
-    robot = load_robot("planar_leg").lossless()
-    q = robot.configuration(hip=0.5, knee=-1.0)
-    plant = Plant(_slippery(robot, 0.0), restitution=0.6)
-    q[1] -= plant.gaps(plant.state(q))[0]
-    result = plant.step(plant.state(q, np.array([0.0, -1.0, 0.0, 0.0, 0.0])), np.zeros(2), 1e-9)
-    (impact,) = result.impacts
-    normal = impact.solution.speed[2]
-    assert normal == pytest.approx(0.6, abs=1e-12)
 
 
 @pytest.mark.parametrize("eta_f", [0.55, 0.6, 0.7, 0.8, 0.9, 1.0])
@@ -185,25 +151,6 @@ def _fall_with(plant: Plant, state, torque, dt: float, duration: float):
     return state, result
 
 
-def test_coulomb_friction_on_a_slope() -> None:
-    """A solo12 that is locked slides down a slope steeper than mu and stands on one less steep."""
-    robot = load_robot("solo12")
-    robot = _with_gears(robot, forward_efficiency=0.4, backward_efficiency=-0.2)
-    robot = _slippery(robot, 0.5)
-    pose = np.array(next(iter(robot.poses.values())))
-    for angle, slides in ((np.arctan(0.45), False), (np.arctan(0.55), True)):
-        plant = Plant(robot, terrain=Plane.slope(0.0))
-        model = robot.model.copy()
-        model.gravity.linear = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-        plant = Plant(replace(robot, model=model))
-        state, _ = _fall(plant, plant.state(pose), 1e-3, 0.1)
-        if slides:
-            acceleration = 9.81 * (np.sin(angle) - 0.5 * np.cos(angle))
-            assert state.velocity[0] == pytest.approx(0.1 * acceleration, rel=0.02)
-        else:
-            assert np.abs(state.velocity).max() < 1e-6
-
-
 def test_a_landing_on_a_step_happens_at_its_height() -> None:
     robot = load_robot("planar_leg")
     plant = Plant(robot, terrain=Stairs(np.array([-0.2, 0.2]), np.array([0.0, 0.15, 0.3])))
@@ -225,17 +172,6 @@ def test_a_joint_stops_at_its_limit() -> None:
         state = plant.step(state, np.array([0.0, 0.2]), 1e-3).state
         assert state.position[1] <= 0.5 + 2e-6
     assert state.position[1] == pytest.approx(0.5, abs=2e-6)
-
-
-def test_same_run_same_bits() -> None:
-    robot = load_robot("planar_leg")
-
-    def final() -> np.ndarray:
-        plant = Plant(robot)
-        state = plant.state(robot.configuration(hip=0.5, knee=-1.0, base_z=0.8))
-        return simulate(plant, lambda s: np.array([0.1, -0.2]), state, 0.3).state.position
-
-    assert np.array_equal(final(), final())
 
 
 def test_a_used_plant_steps_like_a_new_one() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wbc import load_robot
-from wbc.effects import JointCompliance, JointEffect, JointSpring, TorqueConstant
+from wbc.effects import JointCompliance, JointEffect, TorqueConstant
 from wbc.errors import SimulationError
 from wbc.sim import (
     Plane,
@@ -139,13 +139,6 @@ def test_an_effect_nobody_told_the_plant_about_acts_in_it() -> None:
         ends.append(state.position)
     assert np.allclose(ends[0], ends[1], atol=1e-12)
     assert np.allclose(ends[2], ends[1], atol=1e-12)
-
-
-def test_a_spring_effect_changes_the_work_of_effects() -> None:
-    robot = load_robot("planar_leg")
-    run = _run(robot.with_effect(JointSpring.at("knee", {"stiffness": 5.0})))
-    assert run.audit.flow.effects != 0.0
-    assert abs(run.audit.residual) < 0.02 * run.audit.flow.lost
 
 
 def test_terrain_distances() -> None:

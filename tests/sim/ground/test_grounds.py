@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from sims.leg import balanced_pose
 from tests.sim.ground.bodies import ball, block
 from wbc import Robot, load_robot
 from wbc.errors import RobotError, SimulationError
@@ -174,37 +172,6 @@ def test_a_bouncing_ball_comes_to_rest() -> None:
     assert state.position[2] == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.parametrize(("friction", "share"), [(0.5, 2.0 / 7.0), (0.2, 3.5 * 0.2)])
-def test_a_ball_rolls_or_slips_down_a_slope(friction: float, share: float) -> None:
-    """Rolling: a = 5/7 g sin; slipping: alpha = 5/2 mu g cos / r and a = g (sin - mu cos)."""
-    angle, radius = np.radians(45.0), 0.1
-    robot = ball(radius, friction)
-    plant, q = Plant(robot, Plane.slope(-angle)), robot.neutral()
-    q[2] = radius / np.cos(angle)
-    state = plant.state(q)
-    for _ in range(200):
-        state = plant.step(state, [], 1e-3).state
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, state.position, state.velocity)
-    moving = pin.getVelocity(robot.model, data, 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-    along = moving.linear @ [np.cos(angle), 0.0, -np.sin(angle)]
-    rolls = friction >= share * np.tan(angle)
-    expected = 5.0 / 7.0 * np.sin(angle) if rolls else np.sin(angle) - friction * np.cos(angle)
-    spin = along / radius if rolls else 2.5 * friction * 9.81 * np.cos(angle) / radius * 0.2
-    assert along == pytest.approx(9.81 * expected * 0.2, rel=1e-3)
-    assert moving.angular[1] == pytest.approx(spin, rel=1e-3)
-
-
-def test_a_rolling_ball_keeps_rolling() -> None:
-    """On level ground nothing slows it, over 1000 steps."""
-    robot = ball(0.1, 0.8)
-    plant, q = Plant(robot), robot.neutral()
-    q[2] = 0.1
-    gain, state = _worst_gain(plant, plant.state(q, [1.0, 0, 0, 0, 10.0, 0]), 1e-3, 1.0)
-    assert gain < 1e-9
-    assert state.position[0] == pytest.approx(1.0, abs=1e-6)
-
-
 def _rest(robot: Robot, terrain: Terrain, start: tuple[float, float, float]) -> SimState:
     plant, q = Plant(robot, terrain), robot.neutral()
     q[:3] = start
@@ -303,14 +270,6 @@ def test_bad_grounds_are_refused() -> None:
         Plant(load_robot("planar_leg"), return_speed=0.0)
     with pytest.raises(RobotError, match="radius must be >= 0"):
         ContactPoint("foot", "body", np.zeros(3), 0.5, -0.1)
-
-
-def test_a_leg_with_a_round_foot_stands_a_radius_higher() -> None:
-    leg = load_robot("planar_leg_strong")
-    (foot,) = leg.contacts
-    round_leg = replace(leg, contacts=(replace(foot, radius=0.03),))
-    state = Plant(round_leg).state(balanced_pose(leg, lift=0.03))
-    assert Plant(round_leg).gaps(state) == pytest.approx([0.0], abs=1e-12)
 
 
 def test_a_slow_landing_is_a_row_of_its_step() -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from tests.sim.random_robots import BASES, random_robot
 from tests.sim.step.test_compiled_part import contact_jacobian
-from wbc import load_robot
 from wbc.sim import Plane, Plant, SimState
 
 
@@ -47,14 +46,3 @@ def test_random_robots_hit_the_ground() -> None:
         plant = Plant(robot, Plane(height=-20.0 + float(lowest.gaps(lowest.state(q)).min())))
         hits += _hits(plant, plant.state(q, 3.0 * rng.normal(size=robot.model.nv)))
     assert hits > 40
-
-
-def test_four_feet_hit_the_ground() -> None:
-    robot = load_robot("solo12")
-    plant, rng = Plant(robot, bodies="feet"), np.random.default_rng(3)
-    q = np.array(plant.state(robot.pose(), lifted=True).position)
-    q[2] -= float(plant.gaps(plant.state(q)).min())
-    hits = 0
-    for _ in range(20):
-        hits += _hits(plant, plant.state(q, 2.0 * rng.normal(size=robot.model.nv)))
-    assert hits > 10

@@ -74,19 +74,6 @@ def test_a_thrown_solo12_flies_along_its_parabola() -> None:
     assert np.linalg.norm(after[2] - turn) < 1e-4 * np.linalg.norm(turn)
 
 
-def test_a_planar_leg_flies_along_its_parabola() -> None:
-    robot = load_robot("planar_leg")
-    plant = Plant(robot, FAR)
-    state = plant.state(robot.configuration(hip=0.4, knee=-1.2), [1.0, 2.0, 6.0, -3.0, 4.0])
-    center, speed, turn = _motion(robot, state)
-    for _ in range(300):
-        state = plant.step(state, np.zeros(2), 2e-3).state
-    after = _motion(robot, state)
-    fallen = center + 0.6 * speed - np.array([0.0, 0.0, 0.5 * 9.81 * 0.6**2])
-    assert np.abs(after[0] - fallen).max() < 1e-9
-    assert after[2][1] == pytest.approx(turn[1], rel=1e-9)
-
-
 def test_the_motion_does_not_depend_on_the_base_frame() -> None:
     """The same body described at its centre of mass and half a metre off it."""
     ends = []

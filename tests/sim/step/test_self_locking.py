@@ -33,21 +33,6 @@ def _arm(**changes) -> Robot:
     )
 
 
-def test_a_leg_on_self_locking_gears_squats() -> None:
-    """The paper's motivating case, eta_b = 2 - 1/eta_f = -0.04."""
-    leg = with_gears(load_robot("planar_leg_strong"), efficiency=0.49)
-    assert (leg.transmission.backward_efficiency < 0.0).all()
-    control, plant = LegControl(leg, squat(0.9, 0.05, 1.0)), Plant(leg)
-    state, methods = plant.state(balanced_pose(leg)), set()
-    for _ in range(200):
-        result = plant.step(state, control(state), 1e-3)
-        state = result.state
-        methods |= {solution.method for solution in result.solutions}
-        assert result.energy.mesh >= 0.0
-    assert "ranges" in methods
-    assert np.abs(np.array(control.errors)[20:, 0]).max() < 5e-3
-
-
 @pytest.mark.parametrize("torque", [0.02, 0.1, -0.1, 0.3])
 def test_the_topology_is_a_matter_of_description(torque: float) -> None:
     """D = [2] with 2 N is D = [1] with N, with friction at the joint and without."""
