@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc.cli import main
-from wbc.measurement import Log, save_log
+from wbc.measurement import save_log
 
 COMMANDS = (
     "compare",
@@ -60,13 +60,6 @@ def test_json_to_standard_output_is_nothing_but_json(rubbing, capsys):
     assert printed["outputs"][0]["ratio"] > 10.0 > 2.0 > printed["outputs"][1]["ratio"]
 
 
-def test_check_reports_the_rate_and_finds_nothing_wrong(rubbing, capsys):
-    assert main(["check", *rubbing, *LEG]) == 0
-    shown = capsys.readouterr().out
-    assert "500.0" in shown
-    assert "nothing to complain about" in shown
-
-
 def test_metrics_print_the_papers_figures(tmp_path, capsys):
     result = tmp_path / "metrics.json"
     assert main(["metrics", "planar_leg", "--json", str(result)]) == 0
@@ -84,33 +77,6 @@ def test_joints_that_a_log_does_not_hold_are_told(rubbing, tmp_path, capsys):
     assert main(["play", rubbing[0], "--robot", "planar_leg", "--html", str(page)]) == 0
     assert "no position of base_x, base_z, base_pitch" in capsys.readouterr().out
     assert page.stat().st_size > 100_000
-
-
-@pytest.mark.parametrize("what", ["robots", "effects"])
-def test_lists_name_what_there_is(what, capsys):
-    assert main(["list", what]) == 0
-    printed = capsys.readouterr().out
-    assert ("planar_leg" if what == "robots" else "backlash") in printed
-
-
-def test_help_fits_one_screen_and_shows_examples(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["--help"])
-    printed = capsys.readouterr().out
-    assert stop.value.code == 0
-    assert len(printed.splitlines()) <= 30
-    assert "wbc diagnose" in printed
-
-
-def test_a_column_that_is_missing_is_named_with_those_there_are(tmp_path, capsys, excited_log):
-    log = excited_log()
-    columns = {n: v for n, v in log.columns.items() if n != "knee.rotor_torque"}
-    path = tmp_path / "short.csv"
-    save_log(Log(log.time, columns), path)
-    assert main(["compare", str(path), *LEG]) == 2
-    message = capsys.readouterr().err
-    assert "knee" in message
-    assert "hip.rotor_torque" in message
 
 
 @pytest.mark.parametrize(
@@ -131,15 +97,6 @@ def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
     assert shown.out
     assert max(map(len, shown.out.splitlines())) <= 80
     assert shown.err == ""
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_shows_an_example(command, capsys):
-    with contextlib.suppress(SystemExit):
-        main([command, "--help"])
-    printed = capsys.readouterr().out
-    examples = printed[printed.index("example") :]
-    assert f"wbc {command} " in examples
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose", "check"])

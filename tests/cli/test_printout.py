@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -13,7 +12,6 @@ from rich.console import Console
 from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.diagnose import print_diagnosis
-from wbc.cli.printout import Part, print_out
 from wbc.effects import CoulombFriction
 from wbc.identification import (
     Alternative,
@@ -85,22 +83,6 @@ def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> Non
     assert "fitted.toml" in quiet[-1] + quiet[-2]
 
 
-def test_parts_keep_their_order_where_all_fits(long_answer: Diagnosis) -> None:
-    short = replace(
-        long_answer,
-        findings=long_answer.findings[:1],
-        outputs=long_answer.outputs[:2],
-        warnings=(),
-        steps=long_answer.steps[:1],
-        ranking=long_answer.ranking[:3],
-    )
-    text = "\n".join(printed(short))
-    places = [text.index(word) for word in ("effect at", "left at", "added", "what else was tried")]
-    assert places == sorted(places)
-    assert "0.48 … 0.52" in text  # as deep as the interval says
-    assert "not shown" not in text
-
-
 def test_quiet_commands_print_the_answer_alone(
     rubbing: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -140,25 +122,6 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     assert with_deviation(0.5, 0.0) == "+0.500 ± 0"
     # The demo printed +0.0000000000002 ± 0.0000000000016.
     assert with_deviation(2e-13, 1.6e-12) == "+2.0e−13 ± 1.6e−12"
-
-
-def test_the_answer_is_printed_before_a_slow_part_begins() -> None:
-    file, console = StringIO(), Console(file=StringIO(), width=80)
-    console.file = file
-    seen: list[str] = []
-
-    def slow() -> str:
-        seen.append(file.getvalue())
-        return "slow part"
-
-    parts = [Part("first", "first part"), Part("slow", slow), Part("last", "last part")]
-    print_out(console, ["the answer"], parts)
-    assert seen == ["the answer\nfirst part\n"]
-    assert file.getvalue().splitlines()[1:] == ["first part", "slow part", "last part"]
-    print_out(console, ["the answer"], parts, quiet=True)
-    crowded = Part("first", "\n".join(["line"] * 100))
-    print_out(console, ["the answer"], [crowded, *parts[1:]])
-    assert len(seen) == 1  # it does not run where it is not printed
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose"])

@@ -14,7 +14,7 @@ import wbc.identification.trend.stored as stored
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
-from wbc.errors import IdentificationError, LogError, ResultsError
+from wbc.errors import IdentificationError, LogError
 from wbc.identification.answer.diagnosis.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.trend import Run, Trend, find_runs, follow, read_index
@@ -156,30 +156,6 @@ def test_any_error_of_one_session_is_a_row_of_it_alone(
     followed = follow(str(logs / "fitted.toml"), find_runs(sorted(logs.glob("leg1/*.npz"))))
     failures = [session.failure for session in followed.sessions]
     assert failures == ["", "ZeroDivisionError: no samples", "", ""]
-
-
-def test_a_killed_run_goes_on_and_ends_with_the_same_table(logs: Path, tmp_path: Path) -> None:
-    runs, robot = find_runs(sorted(logs.glob("leg1/*.npz"))), str(logs / "fitted.toml")
-    whole, path = tmp_path / "whole.parquet", tmp_path / "killed.parquet"
-    first = follow(robot, runs, out=whole)
-
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        follow(robot, runs, out=path, watch=stop)
-    assert not path.exists()
-    seen: list[int] = []
-    again = follow(robot, runs, out=path, watch=lambda done, total: seen.append(done))
-    assert seen == [2, 3, 4]
-    assert path.read_bytes() == whole.read_bytes()
-    assert again.to_json() == first.to_json()
-    assert follow(robot, runs, out=path).to_json() == first.to_json()  # read, not measured
-    with pytest.raises(ResultsError, match="holds 1 results of what is not given now"):
-        follow(robot, runs[:3], out=path)
-    with pytest.raises(ResultsError, match="other work"):
-        follow(robot, runs, out=path, lossless=True)
 
 
 def counted(session: Session) -> SessionResult:

@@ -9,9 +9,6 @@ from wbc.errors import LogError
 from wbc.measurement import (
     load_log,
     load_logs,
-    parse_column_map,
-    read_column_map,
-    read_table,
 )
 
 
@@ -182,13 +179,6 @@ def test_errors_name_the_map_and_the_key(text: str, words: list[str], tmp_path: 
         assert word in str(caught.value)
 
 
-def test_a_missing_map_is_an_error_and_a_map_can_be_made_in_code(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot read the column map"):
-        read_column_map(tmp_path / "none.toml")
-    made = parse_column_map({"columns": {"hip": {"position": "q", "velocity": {"from": "w"}}}})
-    assert made.targets == ("hip.position", "hip.velocity")
-
-
 NATIVE = "time,hip.position,hip.velocity,hip.rotor_torque\n"
 
 
@@ -258,10 +248,3 @@ def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
         np.testing.assert_array_equal(log.column("a.target_position"), [1.0, 2.0])
         np.testing.assert_array_equal(log.column("a.goal_position"), [1.0, 2.0])
         assert log.with_quantity("target_position") == ("a",)
-
-
-def test_what_a_map_says_twice_is_refused_where_toml_refuses_it(tmp_path: Path) -> None:
-    for text in ('[time]\nunit = "ms"\n[time]\nunit = "us"\n', "[time]\nunit = \n[time]\n"):
-        (tmp_path / "map.toml").write_text(text)
-        with pytest.raises(LogError, match=r"cannot read the column map .*map\.toml'.*line"):
-            read_table(tmp_path / "map.toml")

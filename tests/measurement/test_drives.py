@@ -7,7 +7,6 @@ import pytest
 
 from wbc.effects import load_robot
 from wbc.errors import LogError, TransmissionError
-from wbc.identification import compare
 from wbc.measurement import Log, check_robot, feedback_torques, rotor_torques
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
@@ -68,15 +67,6 @@ def test_a_released_drive_gives_no_torque() -> None:
     torque = rotor_torques(log, driven().transmission)[:, 0]
     assert np.all(torque[log.time > 3.0] == 0.0)
     assert np.std(torque[log.time < 3.0]) > 0.1
-
-
-def test_the_true_servo_leaves_little_and_a_wrong_gain_much() -> None:
-    log = servo_log()
-    gears = driven().transmission
-    right = compare(driven(), [log]).outputs[0]
-    wrong = driven().with_transmission(gears.replace(duty_gain=np.array([0.7 * GAIN])))
-    assert right.rms < 0.01 * right.size
-    assert compare(wrong, [log]).outputs[0].rms > 10.0 * right.rms
 
 
 def test_what_a_duty_law_lacks_is_said() -> None:

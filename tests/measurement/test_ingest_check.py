@@ -1,12 +1,9 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from wbc.effects import load_robot
-from wbc.errors import LogError
 from wbc.measurement import (
     Log,
     LogSource,
@@ -14,9 +11,6 @@ from wbc.measurement import (
     check_log,
     check_logs,
     fit_velocity,
-    load_log,
-    require_plausible_units,
-    save_log,
 )
 
 
@@ -30,63 +24,6 @@ def test_a_clean_log_has_no_findings(swing: Log) -> None:
     assert quality.usable
     assert quality.rate == pytest.approx(500.0)
     assert quality.jitter == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda c: {"hip.position": np.degrees(c["hip.position"])}, ["degrees", 'unit = "deg"']),
-        (lambda c: {"hip.velocity": np.degrees(c["hip.velocity"])}, ["deg/s"]),
-        (lambda c: {"hip.velocity": c["hip.velocity"] * 30 / np.pi}, ["rpm"]),
-        (lambda c: {"hip.velocity": -c["hip.velocity"]}, ["opposite signs"]),
-    ],
-)
-def test_units_that_contradict_each_other_are_refused_on_load(
-    change, words: list[str], swing: Log, tmp_path: Path
-) -> None:
-    path = save_log(swing.with_columns(change(swing.columns)), tmp_path / "log.csv")
-    with pytest.raises(LogError) as caught:
-        load_log(path)
-    for word in [str(path), "hip", "--columns", *words]:
-        assert word in str(caught.value)
-
-
-def test_milliseconds_for_seconds_are_refused_with_and_without_velocity(swing: Log) -> None:
-    late = Log(1e3 * swing.time, swing.columns)
-    with pytest.raises(LogError, match="time is in ms"):
-        require_plausible_units(late)
-    with pytest.raises(LogError, match=r"2 s apart(?s:.*)unit = \"ms\""):
-        require_plausible_units(late.select(["hip.position"]))
-    for unit, factor in (("us", 1e6), ("ns", 1e9)):
-        alone = Log(factor * swing.time, swing.columns).select(["hip.position"])
-        with pytest.raises(LogError, match=f'unit = "{unit}"'):
-            require_plausible_units(alone)
-
-
-def test_degrees_throughout_show_against_the_limits_of_the_robot() -> None:
-    robot = load_robot("planar_leg_fixed")
-    time = np.arange(2000) * 0.002
-    model = robot.model
-    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -2.0, 2.0
-    angle = 60.0 * np.sin(3.0 * time)
-    log = Log(time, {"hip.position": angle, "hip.velocity": 180.0 * np.cos(3.0 * time)})
-    (finding,) = check_log(log, robot).of_kind("range")
-    assert finding.severity == "error"
-    assert "read as degrees it would fit" in finding.text
-    assert "range" in _kinds(log)
-
-
-def test_the_wrong_side_of_the_gear_shows(swing: Log) -> None:
-    robot = load_robot("planar_leg_fixed")
-    fast = swing.with_columns({"hip.velocity": 20.0 * swing.column("hip.velocity")})
-    (finding,) = check_log(fast, robot).of_kind("gear_side")
-    assert finding.column == "hip.velocity"
-    assert finding.severity == "error"
-    same = swing.with_columns({"hip.rotor_position": swing.column("hip.position")})
-    (finding,) = check_log(same, robot).of_kind("gear_side")
-    assert finding.column == "hip.rotor_position"
-    right = swing.with_columns({"hip.rotor_position": 20.0 * swing.column("hip.position")})
-    assert check_log(right, robot).findings == ()
 
 
 @pytest.mark.parametrize("delay", [-0.003, 0.0007, 0.005])

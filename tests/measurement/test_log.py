@@ -7,17 +7,6 @@ from wbc.errors import LogError
 from wbc.measurement import Log, LogSource
 
 
-def test_channels_are_reached_by_name_and_stacked_in_the_order_asked_for(swing: Log) -> None:
-    assert swing.joints == ("hip", "knee")
-    assert swing.has("time", "hip.position")
-    assert not swing.has("hip.position", "hip.current")
-    stacked = swing.stack("position", ["knee", "hip"])
-    np.testing.assert_array_equal(stacked[:, 0], swing.column("knee.position"))
-    np.testing.assert_array_equal(stacked[:, 1], swing.column("hip.position"))
-    assert swing.duration == pytest.approx(3.998)
-    assert swing.sample_time == pytest.approx(0.002)
-
-
 def test_contacts_and_base_are_no_joints() -> None:
     time = np.arange(3.0)
     log = Log(
@@ -67,18 +56,6 @@ def test_rows_are_cut_by_index_and_by_time(swing: Log) -> None:
     )
     with pytest.raises(LogError, match=r"between 9 s and 10 s; the log runs from 0 s to 3\.998 s"):
         swing.between(9.0, 10.0)
-
-
-def test_a_missing_column_names_what_there_is_and_what_was_not_read() -> None:
-    log = Log(
-        np.arange(3.0), {"hip.position": np.zeros(3)}, LogSource(path="a.csv", ignored=("tau",))
-    )
-    with pytest.raises(LogError) as caught:
-        log.column("hip.positon")
-    message = str(caught.value)
-    assert "a.csv" in message
-    assert "Did you mean 'hip.position'" in message
-    assert "tau" in message
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,6 @@ from wbc.dynamics import link_torque
 from wbc.effects import load_robot
 from wbc.measurement import (
     Log,
-    SuspiciousLogError,
-    check_logs,
     find_suspicions,
     load_logs,
     mended,
@@ -67,33 +65,6 @@ def test_recorded_machines_are_not_suspected(name: str) -> None:
     """A servo that rests at zero holds no rows of a second publisher."""
     robot, logs = recorded(name)
     assert suspicions(robot, logs) == []
-
-
-@pytest.mark.parametrize(
-    ("columns", "kind"),
-    [
-        ({f"{j}.motor_torque": {"sign": -1} for j in ("shoulder", "elbow")}, "torque_sign"),
-        ({"elbow.motor_torque": {"sign": -1}}, "torque_sign"),
-        ({f"elbow.{q}": {"sign": -1} for q in ("position", "velocity")}, "position_sign"),
-        (
-            {
-                "shoulder.motor_torque": {"from": "elbow.motor_torque"},
-                "elbow.motor_torque": {"from": "shoulder.motor_torque"},
-            },
-            "exchanged",
-        ),
-        ({f"{j}.motor_torque": {"scale": 1000} for j in ("shoulder", "elbow")}, "torque_unit"),
-    ],
-)
-def test_wrong_columns_of_a_recorded_arm_are_certain(columns: dict, kind: str) -> None:
-    robot, logs = recorded("double_pendulum")
-    wrong = [mended(log, {"columns": columns}) for log in logs]
-    for log, right, own in zip(wrong, logs, find_suspicions(wrong, robot), strict=True):
-        (finding,) = own
-        assert (finding.kind, finding.severity) == (kind, "error")
-        repaired = mended(log, finding.mend)
-        for name, values in right.columns.items():
-            np.testing.assert_allclose(repaired.column(name), values, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [9.0, 50.0])
@@ -207,14 +178,6 @@ def test_a_late_torque_is_named_and_moved_back(
         assert left < 0.75 * before  # a filter also took the noise out, which nothing gives back
 
 
-def test_a_short_low_pass_is_noticed(arm: tuple[Robot, tuple[Log, ...]]) -> None:
-    robot, logs = arm
-    wrong = [changed(log, lambda *a: slow(*a, constant=0.02)) for log in logs]
-    (finding,) = find_suspicions(wrong, robot)[0]
-    assert finding.kind == "torque_late"
-    assert finding.mend["columns"]["elbow.motor_torque"]["lag"] == 0.02
-
-
 @pytest.mark.parametrize("name", ["27_ur5_null", "26_xarm7_outside_belt"])
 def test_a_torque_late_by_two_hundredths_of_a_second_is_noticed(name: str) -> None:
     folder = outside(f"foreign/{name}")
@@ -265,14 +228,6 @@ def test_a_position_that_nothing_needs_changes_nothing() -> None:
     logs = read_logs(paths, outside("tmotor_ak80/with_position/columns.toml"), gear_ratios=ratios)
     assert find_suspicions(logs, robot) == [[], [], []]
     assert suspicions(robot, logs) == []
-
-
-def test_a_constant_log_is_stopped_and_holes_are_what_the_check_says() -> None:
-    log = load_logs([outside("practice_leg/case00a.csv")])[0]
-    still = log.with_columns({name: np.full(len(log), v[0]) for name, v in log.columns.items()})
-    with pytest.raises(SuspiciousLogError, match="every channel is constant"):
-        suspicions(LEG, [log, still])
-    assert not check_logs([log, still], LEG)[0].usable
 
 
 @pytest.mark.parametrize(("joints", "factor"), [(JOINTS, 20.0 / 9.0), (("elbow",), 1.5)])
