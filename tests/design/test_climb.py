@@ -21,7 +21,7 @@ from wbc.design.experiment import (
     shrinking,
 )
 from wbc.design.experiment.aims import slopes_are_exact
-from wbc.design.experiment.climb import _Hill, climbed_path
+from wbc.design.experiment.climb import _Hill
 from wbc.design.experiment.motions import ROOM, Site
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
@@ -157,23 +157,3 @@ def assert_within(site: Site, found: Designed) -> None:
         with_cause, motion = robot.with_effects(*cause), Motion(q, v, a)
         torque = rotor_torque(with_cause, motion, link_torque(with_cause, motion))[0]
         assert np.all(np.abs(torque) <= kept * limits.torque)
-
-
-def test_a_climb_ends_when_its_torques_are_spent() -> None:
-    site = site_of(LEG, ("rotor_inertia@knee", "payload_mass@shin"))
-    count = site.rivals.torque_count
-    path = next(random_paths(site.rivals, site.limits, site.duration, 3, 1))
-    hill = _Hill.of(site, path, deciding.climbed, site.rivals.pairs)
-    spent: list[int] = []
-    original = _Hill.slope
-
-    def counting(self: _Hill, *given: object) -> np.ndarray:
-        slope = original(self, *given)  # type: ignore[arg-type]
-        spent.append(self.spent)
-        return slope
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_Hill, "slope", counting)
-        climbed_path(site, path, deciding.climbed, site.rivals.pairs, 100 * count)
-    per_step = 9 + 3 * len(hill.site.limits.center)  # halvings and slopes of one step
-    assert 10 * count < spent[-1] <= (100 + 2 * per_step) * count

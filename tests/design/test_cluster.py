@@ -11,15 +11,12 @@ from typing import Any
 
 import pytest
 
-from wbc import save_robot
 from wbc.design import Study, parse_sweep, run_study
-from wbc.design.experiment import ExperimentTask, plan_experiments
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import ParallelError
-from wbc.identification.trend import Run, diagnose_fleet, find_runs, follow
+from wbc.identification.trend import Run, diagnose_fleet, find_runs
 from wbc.measurement import save_log
 from wbc.parallel import run_jobs
-from wbc.results import read_results
 from wbc.sim.excitation import record_run
 
 distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'wbc[cluster]'")
@@ -85,21 +82,6 @@ def test_a_study_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
     assert path.read_bytes() == one.read_bytes()
 
 
-def test_plans_on_a_cluster_that_loses_a_worker_have_the_same_bytes(
-    client: Any, tmp_path: Path
-) -> None:
-    cause = ("viscous_friction@slide",)  # one alone is planned in a fifth of a second
-    plan = partial(ExperimentTask, "emps", cause, duration=0.5, span=0.1, noise=1.0, rounds=1)
-    tasks = [plan(seed=number) for number in range(SETS)]
-    one = plan_experiments(tasks, tmp_path / "one.parquet")
-    address, watch = client.scheduler.address, KillingWatch(client, after=2)
-    two = plan_experiments(tasks, tmp_path / "two.parquet", cluster=address, watch=watch)
-    assert not any(read_results(one)["failure"])
-    assert watch.lost > 0
-    assert watch.counts == list(range(SETS + 1))  # every plan once
-    assert two.read_bytes() == one.read_bytes()
-
-
 def test_a_fleet_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
     client: Any, runs: tuple[Run, ...], tmp_path: Path
 ) -> None:
@@ -113,21 +95,6 @@ def test_a_fleet_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
     assert watch.lost > 0
     assert watch.counts == list(range(SETS + 1))
     assert two.path.read_bytes() == one.path.read_bytes()
-
-
-def test_a_trend_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
-    client: Any, runs: tuple[Run, ...], tmp_path: Path
-) -> None:
-    fitted = save_robot(LEG.with_effects(CoulombFriction("hip", 0.5)), tmp_path / "fitted.toml")
-    one, two = tmp_path / "one.parquet", tmp_path / "two.parquet"
-    first = follow(str(fitted), runs, out=one)
-    watch = KillingWatch(client, after=2)
-    second = follow(str(fitted), runs, out=two, cluster=client.scheduler.address, watch=watch)
-    assert not any(session.failure for session in first.sessions)
-    assert watch.lost > 0
-    assert watch.counts == list(range(SETS + 1))
-    assert two.read_bytes() == one.read_bytes()
-    assert second.to_json() == first.to_json()
 
 
 def test_no_workers_and_no_scheduler_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

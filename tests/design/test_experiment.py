@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.optimize import minimize_scalar
 
-from wbc.cli import main
 from wbc.design.experiment import (
     FourierPath,
     MotionLimits,
@@ -109,14 +106,6 @@ def test_the_designed_motion_beats_chance_and_keeps_the_limits() -> None:
     np.testing.assert_array_equal(again.path.sine, ours.path.sine)
 
 
-def test_twice_the_time_or_half_the_noise_is_more_evidence() -> None:
-    one = path()
-    loud, quiet = expected(rivals(0.02), LIMITS, one), expected(rivals(0.01), LIMITS, one)
-    assert quiet.worst == pytest.approx(4.0 * loud.worst, rel=1e-6)
-    fast = expected(rivals(0.02), LIMITS, one, rate=200.0)
-    assert fast.worst == pytest.approx(2.0 * loud.worst, rel=0.05)
-
-
 @pytest.mark.parametrize(
     ("texts", "error", "message"),
     [
@@ -135,33 +124,6 @@ def test_what_cannot_be_compared_is_named(
 ) -> None:
     with pytest.raises(error, match=message):
         rivals(0.01, *texts)
-
-
-def test_the_command_writes_set_points_and_odds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    causes = ["viscous_friction@knee", "coulomb_friction@knee"]
-    command = ["experiment", "planar_leg_fixed", "--lossless", "--between", *causes]
-    command += ["--duration", "3", "--speed", "6", "--rounds", "4", "--json", "odds.json"]
-    assert main(command) == 0
-    shown = capsys.readouterr().out
-    assert "D-optimal" in shown
-    assert max(map(len, shown.splitlines())) <= 80
-    table = np.genfromtxt("trajectory.csv", delimiter=",", names=True)
-    assert len(table) == 301
-    assert table["time"][-1] == pytest.approx(3.0)
-    odds = json.loads(Path("odds.json").read_text())
-    assert set(odds["log10_odds"]) == {"random, median", "D-optimal", "designed"}
-    assert 0.0 < odds["used"] <= 0.81
-    for extra, message in (
-        (["--noise", "0"], "must be > 0"),
-        (["--rounds", "0"], "at least 1"),
-        (["--out", "x.parquet"], "end in .csv"),
-        (["--duration", "0"], "must be > 0"),
-    ):
-        assert main([*command, *extra]) == 2
-        assert message in capsys.readouterr().err
 
 
 def test_a_free_base_is_held_and_the_leg_is_then_the_fixed_leg() -> None:

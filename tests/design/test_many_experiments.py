@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -56,32 +51,6 @@ def test_each_row_is_what_one_plan_gives_and_a_failure_stays_alone(whole: Path) 
     alone = design_experiment(rivals, limits, 1.0, rounds=1, starts=[classic.path])
     np.testing.assert_array_equal(read_path(rows["path"][0]).sine, alone.path.sine)
     assert rows["log10_odds_designed"][0] == pytest.approx(alone.worst / np.log(10.0))
-
-
-SCRIPT = """
-from tests.design.test_many_experiments import tasks
-from wbc.design.experiment import plan_experiments
-plan_experiments(tasks(), {out!r})
-"""
-
-
-def test_a_killed_plan_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, whole: Path) -> None:
-    killed = tmp_path / "killed.parquet"
-    text = SCRIPT.format(out=str(killed))
-    process = subprocess.Popen([sys.executable, "-c", text], start_new_session=True)
-    parts = killed.with_name(killed.name + ".parts")
-    limit = time.monotonic() + 120.0
-    while len(list(parts.glob("*.parquet"))) < 1 and time.monotonic() < limit:
-        assert process.poll() is None
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    done = {part.name: part.stat().st_mtime_ns for part in parts.glob("*.parquet")}
-    assert 1 <= len(done) < 3
-    counts: list[int] = []
-    plan_experiments(tasks(), killed, watch=lambda count, total: counts.append(count))
-    assert counts[0] == len(done)  # nothing is done twice
-    assert killed.read_bytes() == whole.read_bytes()
 
 
 def test_the_command_plans_every_pair(

@@ -19,7 +19,6 @@ from wbc.design.experiment import (
     tied_rivals,
 )
 from wbc.effects import CoulombFriction, effect_class, load_robot
-from wbc.errors import DesignError
 from wbc.identification import Diagnosis, diagnose
 from wbc.robot import Motion
 from wbc.sim.excitation import record_with
@@ -71,20 +70,6 @@ def test_the_closed_form_is_the_mean_over_the_open_values() -> None:
     assert softened(found.distances((0, 1))) == pytest.approx(found.near_distance((0, 1)), rel=0.25)
 
 
-def test_values_that_are_known_change_nothing() -> None:
-    known = np.array([[1e-16]])
-    fixed = along_a_motion(rivals(*FRICTIONS))
-    free = along_a_motion(rivals(*FRICTIONS, covariances=(known, None)))
-    assert free.near_distance((0, 1)) == pytest.approx(fixed.near_distance((0, 1)), rel=1e-6)
-    assert free.distances((0, 1)) == pytest.approx(fixed.distance((0, 1)), rel=1e-3)
-
-
-def test_a_rival_whose_values_are_known_has_less_to_adapt() -> None:
-    free = along_a_motion(rivals(*FRICTIONS)).near_distance((0, 1))
-    held = rivals(*FRICTIONS, covariances=(None, np.array([[0.01**2]])))
-    assert along_a_motion(held).near_distance((0, 1)) > 1.2 * free
-
-
 def test_a_gear_that_may_be_load_friction_is_promised_less() -> None:
     """The first logs leave the efficiencies open: they may be what the rival does."""
     gear = "transmission_efficiency@knee:forward_efficiency=0.8,backward_efficiency=0.7"
@@ -111,11 +96,6 @@ def test_the_chance_is_how_often_noise_lets_a_run_decide() -> None:
     told = expected(found.rivals, LIMITS, path, rate=50.0)
     assert told.odds[0, 1] == pytest.approx(4.0, rel=0.1)
     assert told.chance[0, 1] == pytest.approx(np.mean(nats > 3.0), abs=0.03)
-
-
-def test_a_covariance_that_does_not_fit_its_cause_is_named() -> None:
-    with pytest.raises(DesignError, match=r"1 parameters must be \(1, 1\), not \(2, 2\)"):
-        rivals(*FRICTIONS, covariances=(np.eye(2), None))
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.design.point_leg import PointLeg, placed
 from wbc.design.simulated import SIMULATIONS, simulate_design
-from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.errors import DesignError
 from wbc.metrics import impact_mitigation
@@ -36,17 +34,6 @@ def test_a_drop_on_ice_is_what_the_impact_mitigation_predicts() -> None:
     assert give["drop_impulse"] / rigid["drop_impulse"] == pytest.approx(1.0 - factor, rel=1e-3)
     assert give["drop_mesh_loss"] > 0.0
     assert rigid["drop_mesh_loss"] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_four_feet_drop_too() -> None:
-    robot = load_robot("solo12")
-    found = simulate_design("drop", robot, robot.pose(), "FL_foot")
-    assert 0.0 < found["drop_impulse_share"] < 1.0
-    with pytest.raises(DesignError, match="no planar leg"):
-        simulate_design("standing", robot, robot.pose(), "FL_foot")
-    fixed = load_robot("planar_leg_fixed")
-    with pytest.raises(DesignError, match="cannot fall"):
-        simulate_design("drop", fixed, fixed.pose(), "foot")
 
 
 def test_solo12_trots_and_worse_gears_cost_more() -> None:
@@ -93,16 +80,6 @@ def test_a_leg_too_weak_to_stand_or_hop_is_no_number() -> None:
     assert simulate_design("hop", robot, robot.pose(), "foot")["hop_height"] == 0.0
 
 
-def test_better_gears_hop_higher_and_heavy_rotors_lower() -> None:
-    heights = [
-        simulate_design("hop", leg(efficiency=eta), leg().pose(), "foot")["hop_height"]
-        for eta in (0.6, 0.8, 1.0)
-    ]
-    assert heights[0] < heights[1] < heights[2]
-    # The work of the motors bounds the flight: force times stroke, less what lifts the weight.
-    assert heights[2] < 0.3
-
-
 def test_a_hop_costs_more_than_the_height_it_gives_and_losses_cost() -> None:
     rows = [simulate_design("hop", leg(efficiency=eta), leg().pose(), "foot") for eta in (0.7, 1.0)]
     for row in rows:
@@ -118,20 +95,3 @@ def test_wrong_efficiencies_cost_height_in_a_landing() -> None:
     assert found["landing_error"] < 2e-4
     assert found["landing_error_high"] > 10.0 * found["landing_error"]
     assert found["landing_error_low"] > 10.0 * found["landing_error"]
-
-
-def test_the_balanced_pose_balances_on_the_ground() -> None:
-    robot = leg()
-    point = PointLeg.of(robot, "foot")
-    q = point.balanced(robot.pose(), lift=0.03)
-    terms = evaluate(robot, q, np.zeros(robot.model.nv))
-    assert terms.contact_position[0, 2] == pytest.approx(0.03)
-    assert terms.center_of_mass[0] == pytest.approx(terms.contact_position[0, 0], abs=1e-9)
-    assert placed(robot, q, 0.1)[1] == pytest.approx(q[1] + 0.07)
-
-
-def test_every_simulation_names_its_columns() -> None:
-    robot = leg()
-    for name, metric in SIMULATIONS.items():
-        if name not in ("landing", "trot"):  # tested above, and slow
-            assert set(simulate_design(name, robot, robot.pose(), "foot")) == set(metric.columns)

@@ -58,23 +58,6 @@ def test_the_front_of_pieces_is_the_front_of_the_whole(
         np.testing.assert_array_equal(best[name], values[front])
 
 
-def test_memory_grows_with_the_front_and_not_with_the_table(
-    table: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Never are more rows in hand than a piece and the front so far."""
-    monkeypatch.setattr(stored, "_PIECE", 50)
-    most = 0
-
-    def counted(rows: dict[str, np.ndarray], objectives: list[Objective]) -> np.ndarray:
-        nonlocal most
-        most = max(most, len(rows["lift"]))
-        return pareto_front(rows, objectives)
-
-    monkeypatch.setattr(stored, "pareto_front", counted)
-    best = best_designs(table, OBJECTIVES)
-    assert most < 50 + 3 * len(best["lift"]) < ROWS / 5
-
-
 def test_a_picture_gets_whole_designs_evenly_spread(table: Path) -> None:
     assert len(sampled_designs(table, ROWS, OBJECTIVES)["design"]) == ROWS
     few = sampled_designs(table, 100, OBJECTIVES)

@@ -9,24 +9,21 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from matplotlib.figure import Figure
 
 from wbc.cli import main
 from wbc.design import (
     Study,
-    SweepParameter,
     describe_columns,
     parse_sweep,
     read_designs,
     run_study,
 )
 from wbc.effects import load_robot
-from wbc.errors import DesignError, ResultsError, RobotError, TransmissionError, WbcError
+from wbc.errors import DesignError, ResultsError, WbcError
 from wbc.metrics import pose_sweep
 
 LEG = load_robot("planar_leg")
@@ -196,22 +193,6 @@ def test_the_command_writes_table_front_and_figures(
     assert json.loads(capsys.readouterr().out)["designs"] == 48
 
 
-def test_the_map_shows_what_was_simulated_and_aimed_at(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drawn: list[str] = []
-
-    def spy(table: object, varied: object, units: object, **how: Any) -> Figure:
-        drawn.extend(how["columns"])
-        return Figure()
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wbc.view.plots.design_map", spy)
-    command = ["design", "planar_leg", "--sweep", "reduction=10,20", "--simulate", "drop"]
-    assert main([*command, "--objective", "forward_inertia:min", "--figures", "out"]) == 0
-    assert {"lift", "drop_impulse", "forward_inertia"} <= set(drawn)
-
-
 @pytest.mark.parametrize(
     ("sweep", "first"),
     [("forward_efficiency=0.6:0.9:3", "holding_torque:min"), ("torque_limit=1:3:3", "lift:max")],
@@ -257,19 +238,6 @@ def test_bad_commands_end_with_two(
     assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("*.parquet"))
-
-
-def test_a_robot_without_contact_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "emps", "--sweep", "reduction=6:160"]) == 2
-    assert "no contact" in capsys.readouterr().err
-
-
-def test_parameters_check_themselves() -> None:
-    with pytest.raises(DesignError, match="at least one parameter"):
-        study(parameters=())
-    assert SweepParameter("reduction", "", 2.0, 2.0, 1).grid.tolist() == [2.0]
-    with pytest.raises((RobotError, TransmissionError)):
-        Study("nowhere", (parse_sweep("reduction=1:2"),), "foot", POSE)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from wbc.effects import (
     CustomTorque,
     QuadraticDrag,
     TorqueTerm,
-    effect_class,
     load_robot,
     save_robot,
 )
@@ -85,17 +84,6 @@ def test_accelerations_and_loads_are_those_of_the_links(robot: Robot, motion: Mo
         CustomTorque.at("knee", formula).joint_torque(
             robot, Motion(motion.position, motion.velocity)
         )
-
-
-def test_one_sample_and_a_whole_log_agree(robot: Robot, motion: Motion) -> None:
-    effect = CustomTorque.at("knee", FORMULA)
-    smooth, level = effect.joint_torque(robot, motion), effect.joint_friction(robot, motion)
-    assert smooth is not None
-    assert level is not None
-    for k in (0, 41):
-        one = Motion(motion.position[k], motion.velocity[k])
-        np.testing.assert_allclose(effect.joint_torque(robot, one), smooth[k])
-        np.testing.assert_allclose(effect.joint_friction(robot, one), level[k])
 
 
 def test_dry_terms_never_drive_the_joint(robot: Robot, motion: Motion) -> None:
@@ -281,13 +269,3 @@ def test_the_load_of_a_leg_on_the_ground_is_no_function_of_its_motion() -> None:
     leg.with_effect(CustomTorque.at("knee", {"|gravity_knee| * sign(v_knee)": -0.1}))
     with pytest.raises(EffectError, match="depends on contact forces"):
         leg.with_effect(CustomTorque.at("knee", {"|load_knee| * sign(v_knee)": -0.1}))
-
-
-def test_files_know_it_and_changed_coefficients_keep_the_formula() -> None:
-    assert effect_class("custom_torque") is CustomTorque
-    effect = CustomTorque.at("knee", {"q_hip": 1.0, "v_hip": 2.0})
-    changed = effect.with_values({"v_hip": 3.0})
-    assert changed.values == {"q_hip": 1.0, "v_hip": 3.0}
-    assert effect.values == {"q_hip": 1.0, "v_hip": 2.0}
-    with pytest.raises(EffectError, match="Unknown parameter of custom_torque 'q_knee'"):
-        effect.with_values({"q_knee": 1.0})

@@ -22,13 +22,11 @@ from wbc.effects import (
     TorqueRipple,
     TransmissionEfficiency,
     ViscousFriction,
-    effect_class,
     load_robot,
 )
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion, Robot
 
-N = 20.0
 KNEE = 1
 # One of each, at the knee (payload at the shin), far from its null value.
 EXAMPLES: dict[str, Effect] = {
@@ -148,32 +146,6 @@ def test_a_payload_is_a_point_mass_at_its_place(robot: Robot) -> None:
     assert about_knee == pytest.approx(2.0 * 0.4**2 / 3 + 0.9 * 0.4**2)
 
 
-@pytest.mark.parametrize("name", sorted(EXAMPLES))
-def test_one_sample_and_a_whole_log_agree(name: str, motion: Motion) -> None:
-    robot = load_robot("planar_leg_fixed").with_effect(EXAMPLES[name])
-    together = needed(robot, motion)
-    links = link_torque(robot, motion)
-    for i in (0, 17):
-        assert motion.acceleration is not None
-        one = Motion(motion.position[i], motion.velocity[i], motion.acceleration[i])
-        alone, _ = rotor_torque(robot, one, links[i])
-        np.testing.assert_allclose(alone * N, together[i], atol=1e-12)
-
-
-@pytest.mark.parametrize("name", sorted(EXAMPLES))
-def test_places_are_all_accepted_and_nothing_else(name: str) -> None:
-    robot, effect = load_robot("planar_leg"), EXAMPLES[name]
-    places = type(effect).places(robot)
-    if name == "payload_mass":
-        # The massless slides of the planar base cannot carry a payload, the contact point can.
-        assert places == ("base", "thigh", "shin", "foot")
-    else:
-        assert places == ("hip", "knee")
-    for where in places:
-        added = robot.with_effect(type(effect).at(where, effect.values))
-        assert added.effects[-1].where == where
-
-
 def test_effects_pile_up_in_order(motion: Motion, robot: Robot) -> None:
     many = robot.with_effects(*(EXAMPLES[n] for n in ("viscous_friction", "joint_spring")))
     more = needed(many, motion) - needed(robot, motion)
@@ -183,15 +155,6 @@ def test_effects_pile_up_in_order(motion: Motion, robot: Robot) -> None:
     np.testing.assert_allclose(
         needed(twice, motion), needed(robot.with_effect(EXAMPLES["viscous_friction"]), motion)
     )
-
-
-def test_dry_friction_is_never_negative(robot: Robot, motion: Motion) -> None:
-    for name in ("coulomb_friction", "stribeck_friction"):
-        level = EXAMPLES[name].joint_friction(robot, motion)
-        assert level is not None
-        assert level.min() >= 0.0
-        backward = Motion(motion.position, -motion.velocity)
-        np.testing.assert_array_equal(EXAMPLES[name].joint_friction(robot, backward), level)
 
 
 @pytest.mark.parametrize(
@@ -205,13 +168,3 @@ def test_dry_friction_is_never_negative(robot: Robot, motion: Motion) -> None:
 def test_effects_that_this_robot_cannot_have(make: Any, error: type, message: str) -> None:
     with pytest.raises(error, match=message):
         load_robot("planar_leg").with_effect(make())
-
-
-def test_the_wedge_s_pair() -> None:
-    effect = TransmissionEfficiency.wedge("knee", 0.7)
-    assert effect.backward_efficiency == pytest.approx(2 - 1 / 0.7)
-
-
-def test_unknown_effects_list_the_known_ones() -> None:
-    with pytest.raises(EffectError, match="Did you mean 'viscous_friction'"):
-        effect_class("viscos_friction")

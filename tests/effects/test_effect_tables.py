@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -21,7 +21,7 @@ from wbc.effects.tables import (
     fill_joint_torques,
     left_for_hooks,
 )
-from wbc.robot import Effect, Memory, Motion, Parameter, Robot
+from wbc.robot import Effect, Motion, Parameter, Robot
 
 MANY = {**LAWS, "load_stribeck_friction": (0.1, 0.3)}
 
@@ -102,18 +102,6 @@ def test_a_limit_before_a_factor_is_not_a_limit_behind_it() -> None:
         assert given[1] * leg.transmission.gear_ratio[1] == pytest.approx(largest)
 
 
-def test_drives_beside_one_that_depends_on_all_stay_with_their_hooks() -> None:
-    """A supply that sags acts between other effects: the order of all drives is kept."""
-    leg = load_robot("planar_leg_fixed")
-    sag = effect_class("supply_sag").at("robot", {"coefficient": 0.001})
-    robot = with_kinds(leg, "torque_constant", "torque_offset").with_effect(sag)
-    left = left_for_hooks(robot)
-    assert [effect.name for effect in left] == ["torque_constant", "supply_sag"]
-    table = effect_table(robot)
-    assert np.all(table.drives[:, 0] == 1.0)
-    assert np.all(table.drives[:, 2] != 0.0)
-
-
 @dataclass(frozen=True)
 class Drag(JointEffect):
     """A user's effect: -coefficient v^3, at most `most`."""
@@ -187,76 +175,3 @@ def test_a_users_hook_that_takes_no_arrays_is_asked_place_by_place(
     """It works as it is."""
     robot = load_robot("planar_leg_fixed").with_effects(kind("hip", 0.1), kind("knee", 0.2))
     assert left_for_hooks(robot) == robot.effects
-
-
-def test_what_only_changes_the_robot_is_not_left() -> None:
-    """A payload is in the links already."""
-    payload = effect_class("payload_mass").at("shin", {"mass": 1.0})
-    robot = load_robot("planar_leg_fixed").with_effect(payload)
-    assert left_for_hooks(robot) == ()
-    assert not effect_table(robot).act_on_joints
-
-
-REMEMBER: dict[str, tuple[float, ...]] = {
-    "presliding": (0.05, 0.02),
-    "load_presliding": (0.8, 0.7, 0.02),
-    "thermal_drift": (0.01, 20.0),
-    "actuation_delay": (0.0031,),
-}
-
-
-@pytest.mark.parametrize("kind", REMEMBER)
-def test_one_effect_remembers_for_all_its_places(kind: str) -> None:
-    """Memory, torques and energy of 20 steps, beside effects at single places; then a log."""
-    bare = load_robot("solo12")
-    cls, joints = effect_class(kind), bare.transmission.joints
-    names = [parameter.name for parameter in cls.parameters]
-    sizes = 1.0 + 0.02 * np.arange(len(joints))
-    every = [
-        [*(size * n for n in REMEMBER[kind][:-1]), REMEMBER[kind][-1] / size] for size in sizes
-    ]
-    alone = [
-        cls.at(joint, dict(zip(names, numbers, strict=True)))
-        for joint, numbers in zip(joints, every, strict=True)
-    ]
-    robot = bare.with_effects(*alone)
-    (one,) = left_for_hooks(robot)
-    memory, memories = one.first_memory(robot), [effect.first_memory(robot) for effect in alone]
-    random = np.random.default_rng(2)
-    for _ in range(20):
-        v, torque = random.normal(size=robot.model.nv), random.normal(size=len(joints))
-        motion = Motion(robot.pose(), v, mesh_torque=3.0 * random.normal(size=len(joints)))
-        assert memory is not None
-        seen = motion.replace(memory=Memory(memory, 1e-3))
-        views = [motion.replace(memory=Memory(own, 1e-3)) for own in memories if own is not None]
-        np.testing.assert_allclose(
-            did(robot, [one], [seen], torque), did(robot, alone, views, torque), rtol=1e-12
-        )
-        memory = one.next_memory(robot, seen, torque)
-        memories = [e.next_memory(robot, m, torque) for e, m in zip(alone, views, strict=True)]
-    time = np.arange(30) * 0.01
-    q = np.tile(robot.pose(), (30, 1))
-    q[:, robot.actuated_position] += 0.1 * np.sin(9.0 * time)[:, None] * sizes
-    log = Motion(q, random.normal(size=(30, robot.model.nv)), time=time)
-    torque = random.normal(size=(30, len(joints)))
-    np.testing.assert_allclose(
-        did(robot, [one], [log], torque), did(robot, alone, [log] * 12, torque), rtol=1e-12
-    )
-
-
-def did(
-    robot: Robot, effects: Sequence[Effect], motions: Sequence[Motion], torque: FloatArray
-) -> FloatArray:
-    """Return all that effects do with a drive's torque and a mesh, and where their energy went."""
-    joint, rotor, energy = np.zeros(motions[0].velocity.shape), np.zeros(torque.shape), np.zeros(3)
-    given, mesh = torque, 2.0 * torque
-    for effect, motion in zip(effects, motions, strict=True):
-        given = effect.drive(robot, motion, given)
-        mesh = effect.meshed(robot, motion, torque, mesh)
-        pushed, added = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
-        joint += 0.0 if pushed is None else pushed
-        rotor += 0.0 if added is None else added
-        kept = effect.memory_energy(robot, motion)
-        energy += 0.0 if kept is None else [kept.stored, kept.reloaded, kept.lost]
-    parts = joint, rotor, given, mesh, energy
-    return np.concatenate([np.ravel(part) for part in parts])

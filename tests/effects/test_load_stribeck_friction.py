@@ -26,10 +26,6 @@ def share_at(speed: FloatArray) -> FloatArray:
     return np.asarray(SHARE * np.exp(-((speed / SPEED) ** 2)))
 
 
-def test_it_is_in_the_catalogue() -> None:
-    assert EFFECTS["load_stribeck_friction"] is LoadStribeckFriction
-
-
 def test_logs_need_the_load_friction_of_their_speed(leg: Robot) -> None:
     """Sample by sample the gear is one with `LoadFriction` of the coefficient at that speed."""
     random = np.random.default_rng(3)
@@ -118,16 +114,6 @@ def test_a_weight_that_is_held_at_rest_runs_once_it_moves(
         state = plant.step(state, torque, 1e-3).state
     assert (np.abs(state.velocity).max() < 1e-9) == holds
     assert (np.abs(state.position - at).max() < 1e-9) == holds
-
-
-def test_a_part_leaves_no_trace_in_the_plant(leg: Robot) -> None:
-    """Steps depend on the state alone: the same state gives the same step at any time."""
-    plant = Plant(leg.with_effect(LoadStribeckFriction("knee", SHARE, SPEED)), FAR)
-    fast, slow = plant.state(START, 3.0 * FIRST), plant.state(START, 0.1 * FIRST)
-    first = plant.step(slow, push(0.1), 1e-3).state
-    plant.step(fast, push(0.1), 1e-3)
-    again = plant.step(slow, push(0.1), 1e-3).state
-    np.testing.assert_array_equal(first.velocity, again.velocity)
 
 
 def test_the_controller_gives_what_the_gear_loses_at_its_speed(leg: Robot) -> None:

@@ -131,16 +131,3 @@ def test_where_no_memory_is_known_it_acts_as_coulomb_friction(leg: Robot) -> Non
     )
     with pytest.raises(EffectError, match="presliding at 'knee' has no state"):
         effect.next_memory(leg, sample, np.zeros(2))
-
-
-def test_only_motions_that_bend_and_slide_can_show_it(leg: Robot) -> None:
-    t = np.linspace(0.0, 5.0, 501)
-    q = np.stack([0.0 * t, 0.5 * np.sin(2.0 * t)], axis=1)
-    motion = Motion(q, np.gradient(q, t, axis=0), time=t)
-    assert Presliding.search.recognisable(Presliding("knee", 1.0, 0.05), leg, [motion])
-    assert not Presliding.search.recognisable(
-        Presliding("knee", 1.0, 0.6), leg, [motion]
-    )  # that is a spring
-    assert not Presliding.search.recognisable(
-        Presliding("knee", 1.0, 1e-3), leg, [motion]
-    )  # that is dry friction

@@ -55,15 +55,6 @@ def test_where_turns_of_the_rotor_are_not_told_apart_all_orders_are_alike(leg: R
         assert cost(leg, order, span) == pytest.approx(np.log(periods), abs=0.1)
 
 
-def test_all_orders_together_are_as_likely_as_before(leg: Robot) -> None:
-    """Over many turns of the rotor the density is a third each of three that are 1 / order."""
-    span = 3.0
-    orders = np.linspace(5.0 * RATIO, 25.0 * RATIO, 40_000)
-    told = np.array([np.exp(-cost(leg, float(order), span)) for order in orders])
-    alike = 2.0 * np.pi / span / orders
-    assert told.mean() == pytest.approx(alike.mean(), rel=0.02)
-
-
 def test_a_wave_of_the_rotor_is_more_certain_than_one_beside_it(leg: Robot) -> None:
     certain, remarks = {}, {}
     for order in (2.0 * RATIO, 2.3 * RATIO):

@@ -13,7 +13,6 @@ from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import DirectionalViscousFriction, ThermalViscousFriction, ViscousFriction
-from wbc.errors import SimulationError
 from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion
@@ -137,11 +136,6 @@ def test_one_temperature_or_one_direction_shows_no_such_friction(leg: Robot) -> 
     assert not DirectionalViscousFriction.search.recognisable(
         DirectionalViscousFriction("knee", 0.4, 0.1), leg, [same]
     )
-
-
-def test_a_plant_refuses_temperatures_of_other_motors(leg: Robot) -> None:
-    with pytest.raises(SimulationError, match="motor temperature"):
-        Plant(leg, temperature=np.full(3, 20.0))
 
 
 def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot) -> None:

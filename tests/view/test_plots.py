@@ -16,7 +16,6 @@ from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
-from wbc.view.channels import gear_flow, tooth_loss
 from wbc.view.plots import (
     energy_audit,
     energy_figure,
@@ -62,12 +61,6 @@ def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None
             assert any("[" in axes.get_xlabel() for axes in figure.axes)
 
 
-def test_a_run_without_impact_has_no_impact_plot(leg: Robot, squat: Log) -> None:
-    standing = squat.between(0.5, 1.5)
-    with pytest.raises(ViewError, match="no impact"):
-        impact_figure(leg, {"standing": standing})
-
-
 def test_the_audit_of_an_exact_motion_closes_while_standing(leg: Robot, squat: Log) -> None:
     audit = energy_audit(leg, squat.between(0.3, 1.9))
     # The torques were computed from the motion with the same losses: what the motors give is
@@ -87,20 +80,6 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
     assert np.abs(held.unexplained).max() < 0.2 * np.abs(sampled.unexplained).max()
 
 
-def test_losses_are_what_the_efficiencies_leave(leg: Robot) -> None:
-    gears = leg.transmission
-    forward = tooth_loss(gears, np.array([10.0, 10.0]))
-    np.testing.assert_allclose(forward, [2.0, 3.0])
-    # Backward 10 W reach the motor; the joint gave 10 W / eta_b.
-    backward = tooth_loss(gears, np.array([-10.0, -10.0]))
-    np.testing.assert_allclose(backward, 10.0 / np.array([0.75, 4.0 / 7.0]) - 10.0)
-
-
-def test_a_log_without_torque_has_unknown_power(leg: Robot, squat: Log) -> None:
-    names = [name for name in squat.names if not name.endswith("rotor_torque")]
-    assert np.isnan(gear_flow(leg, squat.select(names)).mesh_power).all()
-
-
 def test_tradeoff_holds_the_published_numbers(leg: Robot) -> None:
     # IMF of the paper's floating leg at equal efficiency 0.7, derived outside this library.
     q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
@@ -109,12 +88,6 @@ def test_tradeoff_holds_the_published_numbers(leg: Robot) -> None:
     assert np.interp(0.7, *mitigation.get_data()) == pytest.approx(0.863272, abs=2e-4)
     hold = axes[1].get_lines()[0]
     assert np.interp(0.7, *hold.get_data()) == pytest.approx(1.75, abs=2e-3)
-
-
-def test_a_base_that_cannot_move_has_no_mitigation_to_draw() -> None:
-    robot = wbc.load_robot("planar_leg_fixed")
-    q = robot.configuration(hip=-np.pi / 6, knee=np.pi / 3)
-    assert len(tradeoff_figure(robot, q, "foot").axes) == 2
 
 
 def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> None:

@@ -12,8 +12,8 @@ from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view import log_ghost, model_ghost, write_playback
-from wbc.view.plots import residual_figure, staircase_figure
-from wbc.view.residuals import binned_mean, residuals_of
+from wbc.view.plots import residual_figure
+from wbc.view.residuals import residuals_of
 
 KNEE = 1
 
@@ -141,16 +141,3 @@ def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
     assert line.get_ydata()[-1] == pytest.approx(0.7, abs=0.05)
     band = figure.axes[0].patches[0]
     assert band.get_height() == pytest.approx(4.0 * residuals.floor[0])
-
-
-def test_the_staircase_draws_every_step() -> None:
-    figure = staircase_figure([("as given", 48.3), ("+ coulomb friction", 1.01)], "repeats")
-    widths = [bar.get_width() for bar in figure.axes[0].patches]
-    assert widths == [48.3, 1.01]
-
-
-def test_bins_of_equal_count_keep_a_line_straight() -> None:
-    x = np.linspace(-1.0, 2.0, 300)
-    centers, means = binned_mean(x, 3.0 * x)
-    np.testing.assert_allclose(means, 3.0 * centers)
-    assert len(centers) == 24

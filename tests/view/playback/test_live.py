@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from meshcat import Visualizer
 
-from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import LiveView
 
@@ -46,18 +45,3 @@ def test_links_force_and_power_follow_the_caller(leg: Robot) -> None:
     assert len({tuple(colour) for colour in hubs.values()}) == 2
     view.show(q)
     assert window.properties["/contacts/foot/shaft", "visible"] is False
-
-
-def test_a_log_is_played_to_its_end(leg: Robot, squat: Log) -> None:
-    window = Listener()
-    view = LiveView(leg, viewer=Visualizer(window=window))
-    view.play(squat, speed=50.0)
-    data = leg.model.createData()
-    end = squat[-2:]
-    pin.forwardKinematics(
-        leg.model,
-        data,
-        leg.configuration(**{n: end.column(f"{n}.position")[-1] for n in leg.joints}),
-    )
-    hip = window.transforms[f"/robot/j{leg.model.getJointId('hip')}"]
-    np.testing.assert_allclose(hip, data.oMi[leg.model.getJointId("hip")].homogeneous)

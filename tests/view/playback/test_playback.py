@@ -12,7 +12,6 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.errors import LogError, ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
 from wbc.view import Ghost, profile_ground, write_playback
@@ -95,12 +94,6 @@ def test_a_robot_without_visuals_and_forces_still_plays(tmp_path: Path) -> None:
     assert len(scene["commands"]) > 2 * (robot.model.njoints - 1)
 
 
-def test_a_log_of_another_robot_is_refused(leg: Robot, tmp_path: Path) -> None:
-    log = Log(np.arange(3.0), {"elbow.position": np.zeros(3)})
-    with pytest.raises(LogError, match=r"hip\.position"):
-        write_playback(tmp_path / "no.html", leg, log)
-
-
 def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
     leg: Robot, squat: Log, tmp_path: Path
 ) -> None:
@@ -111,11 +104,6 @@ def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
     np.testing.assert_allclose(scene["floor"], 0.1 + 0.3 * center[:, 0], atol=1e-4)
     normal = floats(scene["contacts"][0]["normal"], -1, 3)
     np.testing.assert_allclose(normal[0], [-0.3, 0.0, 1.0] / np.hypot(0.3, 1.0), atol=1e-6)
-
-
-def test_a_profile_that_runs_back_is_refused() -> None:
-    with pytest.raises(ViewError, match="must not fall"):
-        profile_ground([(0.0, 0.0), (-1.0, 0.0)], 1.0)
 
 
 def test_the_camera_frames_all_of_a_motion_that_it_follows(

@@ -27,8 +27,3 @@ def test_a_lossy_gear_has_a_branch_over_the_load_for_each_direction() -> None:
     forth, back = explained_curves(load, loss, speed)
     np.testing.assert_allclose(forth[1], 0.2 * np.abs(forth[0]), atol=0.04)
     np.testing.assert_allclose(back[1], -0.2 * np.abs(back[0]), atol=0.04)
-
-
-def test_nothing_added_explains_nothing() -> None:
-    x = np.linspace(0.0, 1.0, 50)
-    assert explained_curves(x, np.zeros(50), x) == ()

@@ -35,11 +35,9 @@ from wbc.identification import (
 )
 from wbc.identification.answer.diagnosis.sentence import MEANINGS, TITLES, verdict_sentence
 from wbc.identification.answer.diagnosis.to_do import what_to_do
-from wbc.identification.answer.numbers import plain, with_interval
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 from wbc.view.report import write_report
-from wbc.view.residuals import residuals_of
 
 COEFFICIENT = 0.4
 
@@ -159,19 +157,6 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
         assert all(run["t"][0] <= start <= end <= run["t"][-1] for start, end in run["unused"])
 
 
-def test_rows_near_a_reversal_are_the_unused_ones(robot: Robot, logs: list[Log]) -> None:
-    (run, *_) = residuals_of(robot, robot, logs).runs
-    log = logs[0]
-    speed = log.columns["knee.velocity"]
-    turns = log.time[np.flatnonzero(np.diff(np.sign(speed)))] - log.time[0]
-    shown = turns[(turns > run.time[0]) & (turns < run.time[-1])]
-    starts, ends = run.unused[1].T
-    assert shown.size > 2
-    for turn in shown:
-        assert ((starts - 0.01 < turn) & (turn < ends + 0.01)).any()
-    assert np.sum(ends - starts) < 0.3 * (run.time[-1] - run.time[0])
-
-
 def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: Diagnosis) -> None:
     mass = Estimate(2.31, "kg", 2.2, 2.4, 2.0)
     finding = replace(diagnosis.findings[0], quantities={"mass": mass})
@@ -191,18 +176,6 @@ def test_what_the_robot_has_already_is_not_called_missing(robot: Robot, logs: li
     assert sentence.startswith("Missing or different in the model: ")
     assert "(as given: forward efficiency 0.800, backward efficiency 0.750)" in sentence
     assert "(as given 0.800)" in str(found)
-
-
-def test_two_effects_are_named_together(diagnosis: Diagnosis) -> None:
-    extra = tuple(
-        Finding(CoulombFriction(joint, 0.5), {}, Support(1.0, 1.0, 0.0, 0.0, explained=True))
-        for joint in ("hip", "knee")
-    )
-    both = replace(diagnosis, verdict="named", findings=(*diagnosis.findings, *extra))
-    assert verdict_sentence(both).startswith(
-        "Missing in the model: viscous friction of 0.4 N m s/rad at knee, Coulomb friction of "
-        "0.5 N m at hip and Coulomb friction of 0.5 N m at knee. That explains"
-    )
 
 
 def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: Diagnosis) -> None:
@@ -259,18 +232,6 @@ def test_a_drawing_without_a_number_that_is_told_shows_none(diagnosis: Diagnosis
         "Missing in the model: link inertias at robot. That explains"
     )
     assert "alpha" not in str(one)
-
-
-def test_numbers_have_the_digits_they_deserve() -> None:
-    assert with_interval(0.40123, 0.3961, 0.4043) == ("0.401", "0.396 … 0.404")
-    assert with_interval(12.34, 10.0, 15.0) == ("12", "10 … 15")
-    assert [plain(x) for x in (0.0, 1234.5, -0.012345, 1e-7, float("nan"))] == [
-        "0",
-        "1234",
-        "−0.0123",
-        "1.00e−07",
-        "–",
-    ]
 
 
 def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:

@@ -28,10 +28,3 @@ def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path
     (estimate,) = proposal.coefficients.values()
     assert np.isclose(estimate.value, -0.8, rtol=0.02)
     assert f"{abs(estimate.value):.3f}"[:4] in section
-
-
-def test_without_discovery_there_is_no_such_section(tmp_path: Path) -> None:
-    leg = wbc.load_robot("planar_leg_fixed").lossless()
-    logs = record_with(leg, [], duration=2.0)
-    page = write_report(tmp_path / "r.html", leg, logs)
-    assert 'id="formulas"' not in page.read_text(encoding="utf-8")

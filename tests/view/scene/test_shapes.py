@@ -10,12 +10,11 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from wbc.effects import PayloadMass
 from wbc.errors import RobotError
-from wbc.robot import Robot, bare_robot, placed_geometry
+from wbc.robot import Robot, placed_geometry
 from wbc.robot.coordinates import joint_axis
 from wbc.view.scene import hub_of, scene_size
-from wbc.view.shapes import _clustered, along, capsule, meshcat_geometry, robot_shapes, stick_shapes
+from wbc.view.shapes import along, robot_shapes
 
 
 def placed(robot: Robot, q: np.ndarray) -> dict[str, np.ndarray]:
@@ -37,37 +36,6 @@ def test_visuals_lie_where_pinocchio_puts_them(leg: Robot) -> None:
         np.testing.assert_allclose(drawn[item.name], place.homogeneous, atol=1e-12)
 
 
-def test_welding_the_base_moves_no_link(leg: Robot) -> None:
-    fixed = wbc.load_robot("planar_leg_fixed")
-    one = placed(fixed, fixed.configuration(hip=0.4, knee=0.3))
-    other = placed(leg, leg.configuration(hip=0.4, knee=0.3))
-    assert one.keys() == other.keys()
-    for name in one:
-        np.testing.assert_allclose(one[name], other[name], atol=1e-12)
-
-
-def test_an_added_effect_keeps_the_looks(leg: Robot) -> None:
-    loaded = leg.with_effect(PayloadMass.at("base", {}))
-    assert [s.name for s in robot_shapes(loaded)] == [s.name for s in robot_shapes(leg)]
-
-
-def test_a_thin_wall_of_a_thinned_mesh_is_drawn_once_and_faces_outwards() -> None:
-    """Its two sides in the same place would flicker."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
-    outer = np.array([[np.cos(a), np.sin(a), z] for z in np.linspace(-1, 1, 100) for a in turn])
-    strip = [
-        (200 * row + i, 200 * row + (i + 1) % 200, 200 * (row + 1) + i)
-        for row in range(99)
-        for i in range(200)
-    ]
-    sides = np.array(strip), np.array(strip)[:, ::-1] + len(outer)
-    vertices, faces = np.vstack([outer, outer]), np.vstack(sides)
-    thin, kept = _clustered(vertices, faces, 40.0)
-    assert len(np.unique(np.sort(kept, axis=1), axis=0)) == len(kept) < 0.2 * len(faces)
-    a, b, c = (thin[kept[:, i]] for i in range(3))
-    assert np.all(np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0.0)
-
-
 def test_meshes_keep_their_size() -> None:
     try:
         robot = wbc.load_robot("solo12")
@@ -81,42 +49,6 @@ def test_meshes_keep_their_size() -> None:
         cell = np.ptp(vertices, axis=0).max() / 20.0
         np.testing.assert_allclose(moved.min(axis=0), shape.low, atol=cell)
         np.testing.assert_allclose(moved.max(axis=0), shape.high, atol=cell)
-
-
-def test_a_robot_without_looks_is_drawn_from_joint_to_joint() -> None:
-    robot = bare_robot(pin.buildSampleModelManipulator())
-    shapes = {s.name: s for s in stick_shapes(robot)}
-    for joint in range(2, robot.model.njoints):
-        step = np.asarray(robot.model.jointPlacements[joint].translation)
-        if np.linalg.norm(step) < 1e-9:
-            continue
-        parent = robot.model.names[int(robot.model.parents[joint])]
-        np.testing.assert_allclose(shapes[f"{parent}_0"].placement.translation, 0.5 * step)
-
-
-def test_capsules_are_closed_and_have_their_size() -> None:
-    mesh = capsule(1.0, 0.2)
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.4, 0.4, 1.4], atol=0.01)
-    corners = vertices[faces].astype(float)
-    volume = np.sum(np.linalg.det(corners)) / 6.0
-    exact = np.pi * 0.2**2 * 1.0 + 4.0 / 3.0 * np.pi * 0.2**3
-    # Positive: every face looks outward. The polygon inscribed in the circle is a little smaller.
-    assert 0.93 * exact < volume < exact
-
-
-def test_shapes_without_a_surface_are_left_out() -> None:
-    assert meshcat_geometry(coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)) is None
-
-
-@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0, -2), (1, 0, 0), (-0.3, 0.4, 0.1)])
-def test_along_turns_the_z_axis(direction: tuple[float, float, float]) -> None:
-    turn = along(np.array(direction, dtype=float))
-    np.testing.assert_allclose(
-        turn[:, 2], np.array(direction) / np.linalg.norm(direction), atol=1e-12
-    )
-    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
 def seen_of_hub(robot: Robot, joint: str) -> float:
