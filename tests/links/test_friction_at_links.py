@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.identification.choice.gears import best_gears
 from wbc.links import Deflections, LinkFriction, LinkResponse, deflections
 from wbc.transmission import Flanks
 
@@ -113,13 +112,6 @@ def test_where_a_held_link_began_is_found() -> None:
         found = deflections(responses, [Flanks(300.0, 0.5)], found)
     assert found.starts[0, 0, 0] == pytest.approx(0.012, rel=0.05)
     assert found.starts[0, 1, 0] == pytest.approx(-0.3, rel=0.1)
-
-
-def test_the_spring_behind_a_held_link_is_found() -> None:
-    levels = np.array([1.5])
-    truth = _truth([Flanks(300.0, 0.5, 0.0)], levels, np.zeros(2))
-    found = best_gears(_responses(truth, levels), has_play=False, count=1)[0][1]
-    assert found.stiffness == pytest.approx(300.0, rel=0.1)
 
 
 def test_a_loose_link_with_friction_bounces_less() -> None:

@@ -85,13 +85,6 @@ def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_w
     assert found[judged > 0.0, 0] == pytest.approx(truth[judged > 0.0, 0], abs=1e-5)
 
 
-def test_the_spring_behind_a_swing_is_found() -> None:
-    truth = _truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0))
-    found = best_gears([_response(truth)], has_play=False, count=1)[0][1]
-    assert found.stiffness == pytest.approx(300.0, rel=0.05)
-    assert found.damping == pytest.approx(0.5, rel=0.6)
-
-
 def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
     contact = Flanks(800.0, 6.0, 0.02)
     truth = _truth(contact, (0.01, 0.0))
@@ -99,16 +92,6 @@ def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
     found = deflections([response], [contact]).paths[0]
     # What came before the first strike leaves hardly a trace in the band.
     assert found[TIME > 0.1, 0] == pytest.approx(truth[TIME > 0.1, 0], abs=8e-4)
-
-
-# A small play is hardly more than what its flanks are wound up by.
-@pytest.mark.parametrize(("play", "stiffness", "near"), [(0.02, 3e3, 0.15), (7e-4, 3e4, 0.25)])
-def test_the_play_behind_a_bounce_is_found_well_enough_to_start_a_fit(
-    play: float, stiffness: float, near: float
-) -> None:
-    response = _response(_truth(Flanks(stiffness, 6.0, play), (0.5 * play, 0.0)))
-    found = best_gears([response], has_play=True, count=1)[0][1]
-    assert found.play == pytest.approx(play, rel=near)
 
 
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:

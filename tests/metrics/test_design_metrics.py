@@ -126,15 +126,6 @@ def test_a_stretched_leg_carries_as_statics_say() -> None:
     assert reach.along([0, 1]).conventional == pytest.approx(50.0)
 
 
-def test_blocks_and_the_rest_of_a_block_are_one_table() -> None:
-    robot = load_robot("planar_leg")
-    designs = varied(robot, 4096 + 7)
-    whole = design_metrics(designs, "foot", [0, 1], "xz")
-    tail = design_metrics(designs.part(4090, 4103), "foot", [0, 1], "xz")
-    for name, values in tail.columns().items():
-        np.testing.assert_allclose(whole.columns()[name][4090:], values, err_msg=name, **ROUNDING)
-
-
 def test_what_cannot_be_is_named() -> None:
     robot = load_robot("planar_leg")
     q = robot.pose("paper")

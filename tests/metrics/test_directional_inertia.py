@@ -9,7 +9,6 @@ import pytest
 
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
-from wbc.errors import DynamicsError
 from wbc.metrics import (
     backward_generalized_inertia,
     directional_inertia,
@@ -84,25 +83,6 @@ def test_self_locking_gears_still_drive_forward() -> None:
         found.driven[found.all_forward], found.forward_tensor[found.all_forward]
     )
     assert found.pushed.min() > 1e6  # nothing gives way
-
-
-def test_six_gears_and_three_axes() -> None:
-    robot = load_robot("solo12")
-    found = directional_inertia(robot, robot.pose(), "FL_foot", "xyz", 50)
-    assert found.directions.shape == (50, 3)
-    assert np.all(found.driven >= found.lossless * (1 - 1e-9))
-    assert np.isnan(found.forward_tensor).all()
-    assert 0.0 < found.share_forward < 1.0
-
-
-def test_bad_directions_are_named() -> None:
-    robot = load_robot("planar_leg_fixed")
-    with pytest.raises(DynamicsError, match="zero"):
-        directional_inertia(robot, robot.pose(), "foot", "xz", [[0.0, 0.0]])
-    with pytest.raises(DynamicsError, match="at least 1"):
-        directional_inertia(robot, robot.pose(), "foot", "xz", 0)
-    with pytest.raises(DynamicsError, match="gears and axes"):
-        share_of_accelerations_forward(robot, robot.pose(), "foot", "z")
 
 
 def test_a_driven_link_without_inertia_of_its_own_is_moved_by_its_rotor() -> None:

@@ -75,22 +75,6 @@ def test_more_gears_than_axes_go_through_the_linear_program() -> None:
     np.testing.assert_allclose(np.sort(both[:, 0]), [-reach.conventional, reach.conventional])
 
 
-def test_mixed_directions_give_each_gear_its_own_limit() -> None:
-    robot = load_robot("planar_leg")
-    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz")
-    np.testing.assert_allclose(reach.limits([1, -1]), [0.8 * 20.0, 20.0 / (2 - 1 / 0.7)])
-
-
-def test_rotor_friction_costs_lifting_and_helps_holding() -> None:
-    robot = load_robot("planar_leg")
-    gears = robot.transmission.with_value("rotor_coulomb_friction", "knee", 0.1)
-    reach = force_capability(
-        robot.with_transmission(gears), robot.configuration(**POSE), "foot", "xz"
-    )
-    np.testing.assert_allclose(reach.limits(1)[1], 0.7 * 20.0 * 0.9)
-    np.testing.assert_allclose(reach.limits(-1)[1], 20.0 * 1.1 / (2 - 1 / 0.7))
-
-
 def test_a_self_locking_leg_holds_anything() -> None:
     robot = load_robot("planar_leg")
     gears = robot.transmission.replace(backward_efficiency=np.array([-0.1, 0.0]))
@@ -109,18 +93,6 @@ def test_a_straight_leg_is_named_as_singular() -> None:
         with pytest.raises(DynamicsError, match="loads no motor"):
             ask()
     assert reach.along([1.0, 0.0]).conventional == pytest.approx(20.0 / 0.8)
-
-
-def test_a_zero_direction_and_a_missing_axis_are_named() -> None:
-    robot = load_robot("planar_leg")
-    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz")
-    with pytest.raises(DynamicsError, match="zero"):
-        reach.along([0.0, 0.0])
-    with pytest.raises(DynamicsError, match="shape"):
-        reach.along([0.0, 0.0, 1.0])
-    spatial = force_capability(robot, robot.configuration(**POSE), "foot")
-    with pytest.raises(DynamicsError, match="loads no motor"):
-        spatial.furthest([0.0, 1.0, 0.0], 0)
 
 
 def test_a_singular_pose_keeps_the_answers_that_exist() -> None:

@@ -70,13 +70,6 @@ def test_a_fixed_base_passes_everything_to_the_ground_when_blocked() -> None:
     np.testing.assert_array_equal(factor.matrix, np.eye(2))
 
 
-def test_locked_gears_mitigate_nothing() -> None:
-    robot = load_robot("planar_leg")
-    robot = robot.with_transmission(robot.transmission.replace(backward_efficiency=np.zeros(2)))
-    factor = impact_mitigation(robot, robot.configuration(**POSE), "foot", "xz")
-    assert factor.along([0.0, 1.0]) == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_direction_that_cannot_move_is_an_error() -> None:
     robot = load_robot("planar_leg_fixed")
     factor = impact_mitigation(robot, np.zeros(2), "foot", "xz")

@@ -4,56 +4,11 @@ import numpy as np
 import pytest
 
 from wbc.effects import load_robot
-from wbc.errors import DynamicsError, TransmissionError
+from wbc.errors import DynamicsError
 from wbc.metrics import (
-    backward_generalized_inertia,
     efficiency_sweep,
-    gear_ratio_sweep,
-    impact_mitigation,
     pose_sweep,
 )
-
-POSE = {"hip": -np.pi / 6, "knee": np.pi / 3}
-
-
-def test_lower_efficiency_holds_more_and_mitigates_less() -> None:
-    robot = load_robot("planar_leg")
-    table = efficiency_sweep(
-        robot, robot.configuration(**POSE), "foot", [0, 1], np.linspace(1, 0.5, 11), axes="xz"
-    )
-    assert np.all(np.diff(table.hold[:-1]) > 0)
-    assert table.hold[-1] == np.inf
-    assert np.all(np.diff(table.lift) < 0)
-    assert np.all(np.diff(table.impact_mitigation) < 0)
-    np.testing.assert_allclose(table.inertia, table.inertia[0])
-    assert table.backward_inertia[0] == pytest.approx(table.inertia[0])
-
-
-def test_a_sweep_row_is_the_metric_of_that_robot() -> None:
-    robot = load_robot("planar_leg")
-    q = robot.configuration(**POSE)
-    table = gear_ratio_sweep(robot, q, "foot", [0, 1], [5.0, 20.0, 80.0], axes="xz")
-    unchanged = np.linalg.inv(backward_generalized_inertia(robot, q, "foot", "xz"))
-    assert table.backward_inertia[1] == pytest.approx(1.0 / unchanged[1, 1])
-    assert table.impact_mitigation[1] == pytest.approx(
-        impact_mitigation(robot, q, "foot", "xz").along([0, 1])
-    )
-    np.testing.assert_allclose(table.conventional, [25.0, 100.0, 400.0])
-    assert np.all(np.diff(table.impact_mitigation) < 0)
-
-
-def test_both_efficiencies_can_be_given() -> None:
-    robot = load_robot("planar_leg")
-    table = efficiency_sweep(
-        robot, robot.configuration(**POSE), "foot", [0, 1], [0.9, 0.5], [0.8, 0.9], axes="xz"
-    )
-    np.testing.assert_allclose(table.hold_ratio, [1 / 0.8, 1 / 0.9])
-    with pytest.raises(TransmissionError, match="would create power"):
-        efficiency_sweep(
-            robot, robot.configuration(**POSE), "foot", [0, 1], [0.9], [1.2], axes="xz"
-        )
-    with pytest.raises(DynamicsError, match="backward_efficiencies has shape"):
-        efficiency_sweep(robot, robot.neutral(), "foot", [0, 1], [0.9], [0.8, 0.8], axes="xz")
 
 
 def test_a_straighter_leg_carries_more() -> None:

@@ -54,12 +54,6 @@ def test_every_number_has_a_unit_and_a_source(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", robot_names())
-def test_every_robot_has_a_readme_of_its_own(name: str) -> None:
-    text = (robots_directory() / name / "README.md").read_text(encoding="utf-8")
-    assert text.startswith(f"# {name}")
-
-
-@pytest.mark.parametrize("name", robot_names())
 def test_every_robot_loads_and_moves(name: str) -> None:
     robot = load_robot(name)
     assert robot.transmission.size >= 1
@@ -75,18 +69,6 @@ def test_masses(name: str) -> None:
     robot = load_robot(name)
     total = sum(inertia.mass for inertia in robot.model.inertias)
     assert total == pytest.approx(MASSES[name], rel=1e-3)
-
-
-@pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "differential_biped"])
-def test_legged_robots_float_and_can_stand(name: str) -> None:
-    robot = load_robot(name)
-    assert robot.has_free_flyer
-    assert robot.floating_size == 6
-    assert len(robot.contacts) >= 4
-    heights = evaluate(robot, robot.neutral(), np.zeros(robot.model.nv)).contact_position[:, 2]
-    # At zero the legs hang down: all contact points lie on one plane below the base.
-    assert heights.max() < -0.2
-    np.testing.assert_allclose(heights, heights[0], atol=0.02)
 
 
 @pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "differential_biped"])
@@ -124,14 +106,3 @@ def test_the_differential_shares_its_motors() -> None:
     np.testing.assert_allclose(np.delete(torque, pitch), 0.0, atol=1e-12)
     both[pitch] = -0.4
     np.testing.assert_allclose((gears.distribution @ both)[[roll, pitch]], [2 * 6.0 * 0.4, 0.0])
-
-
-def test_the_strong_leg_differs_in_its_motors_only() -> None:
-    paper, strong = load_robot("planar_leg"), load_robot("planar_leg_strong")
-    np.testing.assert_allclose(
-        strong.transmission.torque_limit, 3 * paper.transmission.torque_limit
-    )
-    for field in ("gear_ratio", "rotor_inertia", "forward_efficiency", "backward_efficiency"):
-        np.testing.assert_array_equal(
-            getattr(strong.transmission, field), getattr(paper.transmission, field)
-        )

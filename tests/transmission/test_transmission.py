@@ -41,11 +41,6 @@ def test_maps_of_a_parallelogram() -> None:
     np.testing.assert_allclose(legs.reflected_inertia, [0.04, 0.02])
 
 
-def test_serial_drives_are_the_default_topology() -> None:
-    np.testing.assert_array_equal(gears().topology, np.eye(2))
-    np.testing.assert_array_equal(gears().distribution, np.diag([20.0, 10.0]))
-
-
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
@@ -97,12 +92,3 @@ def test_a_changed_copy_leaves_the_original_and_forgets_its_derived_matrices() -
     assert legs.distribution[0, 0] == 20.0
     with pytest.raises(TransmissionError, match="Did you mean 'knee'"):
         legs.with_value("gear_ratio", "kne", 1.0)
-
-
-def test_lossless_keeps_ratio_and_inertia_only() -> None:
-    perfect = gears(rotor_coulomb_friction=[0.1, 0.1], rotor_viscous_friction=[0.1, 0.1]).lossless()
-    np.testing.assert_array_equal(perfect.forward_efficiency, 1.0)
-    np.testing.assert_array_equal(perfect.backward_efficiency, 1.0)
-    np.testing.assert_array_equal(perfect.rotor_coulomb_friction, 0.0)
-    np.testing.assert_array_equal(perfect.rotor_viscous_friction, 0.0)
-    np.testing.assert_array_equal(perfect.reflected_inertia, gears().reflected_inertia)

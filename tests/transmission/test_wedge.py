@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import TransmissionError
-from wbc.transmission import Direction, WedgeBlock, wedge_backward_efficiency
+from wbc.transmission import Direction, WedgeBlock
 
 
 def force_balance(wedge: WedgeBlock, f_x: float, f_u: float, u_dot: float) -> tuple[float, float]:
@@ -64,14 +64,6 @@ def test_impedance_is_the_driving_force_over_the_acceleration(
     assert wedge.impedance_mass(Direction.FORWARD) == pytest.approx(2.0 / forward)
     backward, _ = force_balance(wedge, 2.0, 0.0, 1.0)
     assert wedge.impedance_mass(Direction.BACKWARD) == pytest.approx(2.0 / backward)
-
-
-def test_the_two_efficiencies_obey_the_wedge_relation() -> None:
-    for numbers in CASES:
-        wedge = WedgeBlock(*numbers)
-        related = wedge_backward_efficiency(wedge.forward_efficiency)
-        assert wedge.backward_efficiency == pytest.approx(float(related))
-        assert wedge.backward_efficiency < wedge.forward_efficiency
 
 
 def test_at_k_one_the_wedge_locks_itself() -> None:
