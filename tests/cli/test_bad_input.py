@@ -16,17 +16,7 @@ LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 BAD = [
     # logs
     ("compare nowhere.csv LEG", "no log at 'nowhere.csv'"),
-    ("compare empty.csv LEG", "is empty"),
-    ("compare header.csv LEG", "no rows"),
-    ("compare one.csv LEG", "at least two"),
     ("compare folder LEG", "is a folder"),
-    ("compare cut.parquet LEG", "cut off or damaged"),
-    ("compare noise.npz LEG", "as NPZ"),
-    ("compare words.csv LEG", "holds 'abc' at row"),
-    ("compare ragged.csv LEG", "Expected 7 columns"),
-    ("compare back.csv LEG", "time goes back"),
-    ("compare hole.csv LEG", "missing ="),
-    ("compare twice.csv LEG", "more than one column"),
     ("compare degrees.csv LEG", "in degrees?"),
     ("compare other.csv LEG", "no position of hip, knee"),
     ("compare motor.csv LEG", "after the reduction as hip.rotor_torque and knee.rotor_torque"),
@@ -39,7 +29,7 @@ BAD = [
     ("compare good.csv --robot wrong.toml", "Unknown key"),
     ("compare good.csv --robot anymal", "no position of LF_HAA"),
     ("compare good.csv LEG --columns nomap.toml", "No such file"),
-    ("compare good.csv LEG --columns words.csv", "column map"),
+    ("compare good.csv LEG --columns good.csv", "column map"),
     ("compare good.csv LEG --columns typo.toml", "Did you mean 'hip.position'?"),
     ("diagnose good.csv LEG --add colomb_friction", "coulomb_friction"),
     ("diagnose good.csv LEG --add ,", "names no effect"),
@@ -84,18 +74,7 @@ def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFacto
     def write(name: str, rows: list[str]) -> None:
         (folder / name).write_text("\n".join(rows) + "\n")
 
-    def replaced(row: int, column: int, text: str) -> list[str]:
-        cells = lines[row].split(",")
-        cells[column] = text
-        return [*lines[:row], ",".join(cells), *lines[row + 1 :]]
-
     write("header.csv", lines[:1])
-    write("one.csv", lines[:2])
-    write("words.csv", replaced(700, 1, "abc"))
-    write("hole.csv", replaced(700, 1, "nan"))
-    write("ragged.csv", [*lines[:700], "1.0,2.0", *lines[700:]])
-    write("back.csv", [*lines[:700], lines[701], lines[700], *lines[702:]])
-    write("twice.csv", [lines[0].replace("hip.velocity", "hip.position"), *lines[1:]])
     write("other.csv", [lines[0].replace("hip", "shoulder").replace("knee", "elbow"), *lines[1:]])
     write("typo.toml", ["[columns]", '"hip.postion" = "x"'])
     write("wrong.toml", ["x = 1"])
@@ -106,10 +85,6 @@ def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFacto
     turned = {"hip.position": np.degrees(log.column("hip.position"))}
     save_log(log.with_columns(turned), folder / "degrees.csv")
     save_log(log.with_columns({"base_x.position": log.time}), folder / "floating.csv")
-    save_log(log, folder / "cut.parquet")
-    (folder / "cut.parquet").write_bytes((folder / "cut.parquet").read_bytes()[:3000])
-    (folder / "noise.npz").write_bytes(b"noise")
-    (folder / "empty.csv").touch()
     (folder / "file").touch()
     (folder / "folder").mkdir()
     return folder

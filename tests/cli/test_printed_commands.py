@@ -10,8 +10,6 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from wbc.cli import main
@@ -21,79 +19,14 @@ from wbc.measurement import Log, save_log
 
 ROOT = Path(__file__).resolve().parents[2]
 LEG = "--robot planar_leg_fixed --lossless"
-DESIGN = "design planar_leg --out designs.parquet"
-EXPERIMENT = "experiment xl330_pendulum --rounds 1 --duration 2 --between viscous_friction@shaft"
-# A command that is refused; what is copied from the message; what a person fills in.
-OPTIONS: list[tuple[str, str, dict[str, str]]] = [
-    ("play run.csv --robot planar_leg_fixed --html a.html --ground flat", r'--ground "[^"]*"', {}),
-    ("play runs.parquet --robot planar_leg_fixed --columns split.toml --html a.html", r"#NAME", {}),
-    ("metrics emps --axes x", r"--contact \w+", {}),
-    (DESIGN, r"--sweep NAME=LOW:HIGH", {"NAME=LOW:HIGH": "reduction=10:20:3"}),
-    (f"{DESIGN} --sweep reduction=10:20:3 --workers 0", r"-1", {"-1": "--workers -1"}),
-    (f"{DESIGN} --sweep reduction=10:20:3 --axes zz", r"--axes", {"--axes": "--axes xz"}),
-    (EXPERIMENT, r"--noise|--speed", {"--speed": "--speed 0.2", "--noise": "--noise 1"}),
-    (f"trend run.csv {LEG}", r"--index FILE\.csv", {"FILE.csv": "index.csv"}),
-    ("init planar_leg_fixed run.csv", r"--out", {"--out": "--out new"}),
-    (
-        f"diagnose {LEG} --add coulomb_friction",
-        r"--fleet FILE\.csv|--out fleet\.parquet",
-        {"FILE.csv": "index.csv"},
-    ),
-    (f"diagnose run.csv {LEG} --add ,", r"auto", {"auto": "--add coulomb_friction"}),
-]
 
 
 @pytest.fixture
 def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working folder, with logs of a leg whose hip rubs."""
-    log = save_log(excited_log((CoulombFriction("hip", 0.7),), duration=3.0), tmp_path / "run.csv")
-    (tmp_path / "index.csv").write_text(f"log,machine,date\n{log.name},leg,2026-03-01\n")
-    (tmp_path / "columns.toml").write_text("")
-    table = excited_log(duration=1.0)
-    columns = {"time": table.time, **table.columns, "part": ["a", "b"] * (len(table) // 2)}
-    pq.write_table(pa.table(columns), tmp_path / "runs.parquet")
-    (tmp_path / "split.toml").write_text('rows.split = "part"\n')
+    """The working folder, with a log of a leg whose hip rubs."""
+    save_log(excited_log((CoulombFriction("hip", 0.7),), duration=3.0), tmp_path / "run.csv")
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def without(words: list[str], option: str) -> list[str]:
-    """Return a command without an option and its value."""
-    if option not in words:
-        return words
-    at = words.index(option)
-    return [*words[:at], *words[at + 2 :]]
-
-
-@pytest.mark.parametrize(("command", "printed", "filled"), OPTIONS, ids=[o[0] for o in OPTIONS])
-def test_a_printed_option_lets_the_command_run(
-    command: str,
-    printed: str,
-    filled: dict[str, str],
-    room: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    words = shlex.split(command)
-    for _ in range(3):
-        code = main(words)
-        said = capsys.readouterr().err
-        if code != 2:
-            assert words != shlex.split(command)
-            return
-        found = re.search(printed, said)
-        assert found, said
-        text = found[0]
-        for word, given in filled.items():
-            text = text.replace(word, given)
-        if text == "#NAME":
-            words = [f"{w}#a" if w == "runs.parquet" else w for w in words]
-            assert re.search(r"#NAME: a, b", said)
-            continue
-        option = shlex.split(text)
-        words = [*without(words, option[0]), *option]
-        if option[0] == "--index":
-            words.remove("run.csv")
-    raise AssertionError(said)
 
 
 def test_the_commands_that_a_newcomer_is_told_lead_to_a_better_robot(
@@ -107,7 +40,6 @@ def test_the_commands_that_a_newcomer_is_told_lead_to_a_better_robot(
     (room / "odd.csv").write_text(strange.replace("_position", "_angle"))
     assert main(["check", "odd.csv", *LEG.split()]) == 2
     (hint,) = re.findall(r"`wbc (init MODEL .*?)`", capsys.readouterr().err)
-    (room / "columns.toml").unlink()
     said = run(*shlex.split(hint.replace("MODEL", "planar_leg_fixed")))
     (first,) = re.findall(r"next: wbc (check .*)", said)
     run(*shlex.split(first))

@@ -1,1 +1,0 @@
-"""Measured tosses of a cube, predicted by several simulators from their first free frames."""
