@@ -4,7 +4,6 @@
     python -m benchmarks.corpus --folder out/corpus --half even --json scorecard.json
 
     python -m benchmarks.corpus --cases 0:130 --withhold-forces
-    python -m benchmarks.corpus --cases 0:30 --targets
 
 Every case follows from the seed and its number. Results are kept one by one in the folder: a run
 that was stopped goes on where it was. Numbers are learned on even cases, judged on odd ones. Cases
@@ -19,7 +18,6 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from benchmarks.corpus.calibration import draw_diagram
 from benchmarks.corpus.draw import COUNT, SEED, family_of
 from benchmarks.corpus.report import line, report
 from benchmarks.corpus.scorecard import score
@@ -41,16 +39,10 @@ def main() -> None:
         action="store_true",
         help="only the cases with feet on the ground, without their force sensors",
     )
-    parser.add_argument(
-        "--targets",
-        action="store_true",
-        help="targets and gains of position drives in place of the torques",
-    )
     parser.add_argument("--family", help="only the cases of this family of machines")
     parser.add_argument("--jobs", type=int, default=1, help="processes on this computer")
     parser.add_argument("--cluster", help="address of a Dask scheduler instead; a shared folder")
     parser.add_argument("--json", type=Path, help="write the scorecard here")
-    parser.add_argument("--diagram", type=Path, help="draw stated and true probabilities here")
     options = parser.parse_args()
     first, end = (int(part) for part in options.cases.split(":"))
     numbers = [n for n in range(first, end) if options.half in (None, ("even", "odd")[n % 2])]
@@ -58,15 +50,12 @@ def main() -> None:
     if family:
         numbers = [n for n in numbers if family_of(n, options.seed) == family]
     name = f"seed{options.seed}" + ("-withheld" if options.withhold_forces else "")
-    name += "-targets" if options.targets else ""
     folder = options.folder / name
     missing = [n for n in numbers if not (folder / f"{n:04d}.json").exists()]
     for done, result in enumerate(_run(missing, folder, options), start=1):
         print(f"{done}/{len(missing)} {line(result)}", flush=True)
     results = [json.loads((folder / f"{n:04d}.json").read_text()) for n in numbers]
     print(report(results))
-    if options.diagram:
-        draw_diagram(results, options.diagram)
     if options.json:
         rows = [figure._asdict() for figure in score(results)]
         write_text(options.json, json.dumps(rows, indent=1))
@@ -79,7 +68,6 @@ def _run(missing: list[int], folder: Path, options: argparse.Namespace) -> Itera
         folder=folder.resolve(),
         seed=options.seed,
         withheld=options.withhold_forces,
-        targets=options.targets,
     )
     for results in run_jobs(work, chunks, workers=options.jobs, cluster=options.cluster):
         yield from results

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,29 +78,6 @@ def calibration_report(results: Sequence[dict[str, Any]]) -> str:
         f"{hits} of {total}"
     )
     return "\n".join(lines)
-
-
-def draw_diagram(results: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the share that is true over the probability stated, with its intervals."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    bins = reliability(results)
-    figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
-    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.7", linewidth=1.0, label="calibrated")
-    stated, true = np.array([b.stated for b in bins]), np.array([b.true for b in bins])
-    spread = np.abs(np.array([[b.low, b.high] for b in bins]).T - true)
-    axes.errorbar(stated, true, spread, fmt="o", capsize=3, label="corpus, 90 % intervals")
-    for b in bins:
-        axes.annotate(f"{b.count}", (b.stated, b.true), xytext=(6, -12), textcoords="offset points")
-    axes.set(
-        xlabel="stated probability", ylabel="share that is true", xlim=(0, 1.05), ylim=(0, 1.05)
-    )
-    axes.legend(loc="upper left")
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
 
 
 def _interval(hits: int, count: int) -> tuple[float, float]:

@@ -17,7 +17,6 @@ from benchmarks.corpus.draw import draw_case
 from benchmarks.corpus.experiments import following_runs
 from benchmarks.corpus.folder import write_folder
 from benchmarks.corpus.record import Table, record_cases
-from benchmarks.corpus.targets import with_targets
 from benchmarks.corpus.truth import truth_of
 from wbc.effects import load_robot
 from wbc.errors import WbcError
@@ -35,7 +34,6 @@ def try_cases(
     folder: Path,
     seed: int,
     withheld: bool = False,
-    targets: bool = False,
 ) -> list[Result]:
     """Diagnose these cases, follow the experiments that are asked for, and write the results.
 
@@ -44,7 +42,6 @@ def try_cases(
         folder: of the results.
         seed: of the corpus.
         withheld: take the force sensors away; flags say which contacts touch.
-        targets: take the torques away; targets and the gains of position drives make them.
     """
     cases = [draw_case(number, seed) for number in numbers]
     start = time.perf_counter()
@@ -53,10 +50,10 @@ def try_cases(
     results, open_ends = [], []
     for case, recorded in zip(cases, tables, strict=True):
         logs = [without_forces(log) if withheld else log for log in logs_of(recorded)]
-        result, diagnosis = tried(case, logs, targets, withheld)
+        result, diagnosis = tried(case, logs, withheld)
         result["simulation_seconds"] = spent
         results.append(result)
-        if diagnosis is not None and diagnosis.verdict == "ambiguous" and not (withheld or targets):
+        if diagnosis is not None and diagnosis.verdict == "ambiguous" and not withheld:
             open_ends.append((case, logs, result, following_runs(case, diagnosis)))
         else:
             _write(result, folder)
@@ -95,12 +92,10 @@ def robot_of(case: Case) -> Robot:
 
 
 def tried(
-    case: Case, logs: Sequence[Log], targets: bool = False, withheld: bool = False
+    case: Case, logs: Sequence[Log], withheld: bool = False
 ) -> tuple[Result, Diagnosis | None]:
     """Diagnose a case; return the result held against its truth, and the diagnosis if any."""
     result, robot = described(case, withheld), robot_of(case)
-    if targets:
-        robot, logs = with_targets(case, robot, logs)
     start = time.process_time()
     try:
         diagnosis = diagnose(robot, logs)

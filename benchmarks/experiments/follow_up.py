@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,20 +66,6 @@ def _task(case: Case, robot: Robot) -> tuple[MotionLimits, dict[str, Any]]:
     rate = min(case.sensors.rate, 100.0)
     settings = {"rate": rate, "rounds": ROUNDS, "seed": case.number}
     return limits, settings
-
-
-def promise_at_fit(case: Case, rivals: Rivals, said: Mapping[str, Designed]) -> dict[str, float]:
-    """Return the nats expected of the first cause over its best rival, values as fitted.
-
-    As if the first logs had left nothing open.
-    """
-    limits, settings = _task(case, rivals.robot)
-    fixed = replace(rivals, covariances=())
-    told = {
-        name: expected(fixed, limits, one.path, settings["rate"]).odds for name, one in said.items()
-    }
-    against = [(0, k) for k in range(1, len(rivals.causes))]
-    return {name: min(odds[pair] for pair in against) for name, odds in told.items()}
 
 
 def owed(

@@ -33,13 +33,11 @@ import platform
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import draw_case
@@ -50,16 +48,13 @@ from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of
 from benchmarks.experiments.follow_up import (
     ARMS,
-    CLASSIC,
     DESIGNED,
     DURATION,
-    RANDOM,
     WORDS,
     attainable,
     noise_of,
     owed,
     planned_runs,
-    promise_at_fit,
 )
 from benchmarks.experiments.judge import kept, paired, settled, share
 from benchmarks.experiments.making import Candidate, candidates, names
@@ -134,9 +129,6 @@ def judged(case: Case, seed: int, duration: float = DURATION) -> Result:
             tie["unplanned"] = str(reason)
             continue
         tie["said"] = {k: [d.odds[0, i] for i in range(1, len(causes))] for k, d in said.items()}
-        against = range(1, len(causes))
-        tie["chance"] = {k: min(d.chance[0, i] for i in against) for k, d in said.items()}
-        tie["at fit"] = promise_at_fit(hidden, rivals, said)
         true = [(one.truth,), *causes[1:]]
         tie["owed"] = owed(hidden, robot, true, said)
         arms: dict[str, tuple[Excitation, ...]] = {WORDS: _words(case, causes, duration), **runs}
@@ -253,11 +245,9 @@ def report(results: Sequence[Result]) -> str:
         lines += ["", f"{title}: {len(group)} ties"]
         least = {name: [min(tie["nats"][name]) for tie in group] for name in ARMS}
         lines += [_row(name, least) for name in ARMS if group]
-    lines += ["", "decidable, but not by the designed motion:", *map(_missed, can)]
-    lines += ["", *map(partial(_promise, planned), (RANDOM, CLASSIC, DESIGNED))]
     runs = [tie["runs"] for tie in planned]
     lines += ["", f"words: {np.mean(runs):.1f} runs on average"] if runs else []
-    return "\n".join(line for line in lines if line is not None)
+    return "\n".join(lines)
 
 
 _SURE = 10.0
@@ -267,35 +257,6 @@ that 94 of 100 runs bring more than the 3 that a diagnosis asks for."""
 
 def _best(tie: Result) -> float:
     return float(max(tie["owed"].values()))
-
-
-def _missed(tie: Result) -> str | None:
-    least = {name: min(nats) for name, nats in tie["nats"].items()}
-    if least[DESIGNED] > TIED:
-        return None
-    nats = ", ".join(f"{name} {least[name]:.1f}" for name in ARMS)
-    return f"  {' or '.join(tie['causes'])}: expected {_best(tie):.0f}; {nats}"
-
-
-def _promise(ties: Sequence[Result], name: str) -> str:
-    """Return how many ties a motion was expected to decide, and did; mean squared errors."""
-    hits = np.array([min(tie["nats"][name]) > TIED for tie in ties], dtype=float)
-    means = np.array([tie["chance"][name] for tie in ties])
-    fitted, true = (
-        _chance(np.array([tie[key][name] for tie in ties])) for key in ("at fit", "owed")
-    )
-    sides = {"averaged": means, "values as fitted": fitted, "true values": true}
-    told = [f"{k} {p.sum():.0f} (error {np.mean((p - hits) ** 2):.3f})" for k, p in sides.items()]
-    sure = means > 0.99
-    return (
-        f"promised, {name}: {', '.join(told)}; decided {hits.sum():.0f} of {len(ties)}; "
-        f"above 99 %: {hits[sure].sum():.0f} of {sure.sum()}"
-    )
-
-
-def _chance(nats: np.ndarray) -> np.ndarray:
-    """Return the probability of more than 3 nats where so many are expected, variance 2 nats."""
-    return np.asarray(norm.cdf((nats - TIED) / np.sqrt(2.0 * np.maximum(nats, 1e-12))))
 
 
 def _row(name: str, least: dict[str, list[float]]) -> str:

@@ -17,13 +17,11 @@ from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.scorecard import score
 from benchmarks.corpus.sensors import Sensors
-from benchmarks.corpus.targets import with_targets
 from benchmarks.corpus.trial import logs_of, robot_of, try_cases
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.verdicts import first_right, invented, judge_result
 from wbc.effects import effect_class
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.measurement import rotor_torques
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
 # A tilted arm, a sound one, a body in flight with a torque offset, friction and an offset that a
@@ -51,20 +49,6 @@ def test_a_stepped_plant_is_late_by_what_its_truth_says() -> None:
     """Seed 20, case 172: 0.651 ms were drawn, and its plant with steps of 0.25 ms had 0.75."""
     delays = [flaw.values["delay"] for flaw in draw_case(172).flaws]
     assert delays == pytest.approx([0.75e-3, 0.75e-3])
-
-
-def test_targets_make_the_torques_and_a_late_one_is_found() -> None:
-    case = case_of(Flaw("actuation_delay", "j1", {"delay": 4e-3}))
-    robot, logs = robot_of(case), logs_of(record_cases([(case, case.excitations)])[0])
-    driven, told = with_targets(case, robot, logs)
-    assert not any("torque" in name for name in told[0].names)
-    made = rotor_torques(told[0], driven.transmission)
-    asked = rotor_torques(logs[0], robot.transmission)
-    inner = slice(20, -20)  # a target from before or after the log is not known
-    assert np.abs(made - asked)[inner, 1].max() < 1e-9
-    problem = EstimationProblem.from_logs(driven, told)
-    fit = problem.fit([effect_class("actuation_delay").at("j1", {"delay": 1e-3})])
-    assert fit.effects[0].values["delay"] == pytest.approx(4e-3, rel=0.1)
 
 
 def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:

@@ -10,7 +10,6 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
 SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|(?:\.\./)*)images/([^)]+)\)")
-BY_BENCHMARKS = {"cube_tosses.png"}  # needs the outside data
 
 
 def shown() -> dict[str, str]:
@@ -30,7 +29,7 @@ def test_pictures_and_pages_belong_together() -> None:
 
 def test_every_picture_is_one_that_the_script_makes() -> None:
     script = (ROOT / "docs" / "pictures.py").read_text("utf-8")
-    for name in set(shown()) - BY_BENCHMARKS:
+    for name in shown():
         assert f'"{Path(name).stem}"' in script
 
 

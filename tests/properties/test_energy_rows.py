@@ -1,7 +1,4 @@
-"""Hypothesis looks for a step whose contacts, stops or gears make energy at frozen H(q).
-
-`python -m benchmarks.passivity` searches many thousands more.
-"""
+"""Hypothesis looks for a step whose contacts, stops or gears make energy at frozen H(q)."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ DRIFT = 1e-8
 _CORRECTIONS = 10
 """Most shifts along the rows of the middle that take an overlap back. Gaps are not linear in the
 shift: after steps of 20 ms one shift left up to 0.1 mm. Of 614 corrections in 60 soft scenes of
-`benchmarks.passivity` 519 took one shift, 81 two, 11 three and 3 four."""
+519 steps of random scenes took one shift, 81 two, 11 three and 3 four."""
 
 _TRIES = 100
 _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
