@@ -18,7 +18,7 @@ from sims.leg import with_gears
 from sims.plots import Panel, sweep_figure, write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
-from wbc.metrics import efficiency_sweep, gear_ratio_sweep, impact_mitigation
+from wbc.metrics import impact_mitigation, sweep
 from wbc.sim import Plant, simulate
 from wbc.view import LIGHT, Theme, write_playback
 
@@ -69,11 +69,12 @@ def panels(sweeps: Sweeps) -> list[Panel]:
         rows.append(Panel("impulse of the ground", axis(name), "impulse [N s]", drops, drops))
     leg = load_robot("planar_leg")
     site = (leg, leg.pose("paper"), "foot", [0.0, 1.0])
-    for name, metric in (
-        ("forward efficiency", efficiency_sweep(*site, np.linspace(0.505, 1.0, 100), axes="xz")),
-        ("gear ratio", gear_ratio_sweep(*site, np.linspace(1.0, 80.0, 80), axes="xz")),
+    for name, field, values in (
+        ("forward efficiency", "forward_efficiency", np.linspace(0.505, 1.0, 100)),
+        ("gear ratio", "gear_ratio", np.linspace(1.0, 80.0, 80)),
     ):
-        lines = {"predicted": (metric.values, metric.impact_mitigation)}
+        metric = sweep(*site, {field: values}, axes="xz")
+        lines = {"predicted": (values, metric.impact_mitigation)}
         points = {"simulated drops": curve(name, "IMF, measured")}
         title = "impact mitigation factor (IMF)"
         rows.append(Panel(title, axis(name), "IMF [-]", lines, points))
@@ -97,8 +98,8 @@ def draw(sweeps: Sweeps, theme: Theme = LIGHT) -> dict[str, Figure]:
 
 def report(sweeps: Sweeps) -> list[Path]:
     """Print the tables; return the plot and the playback of an unpowered fall written."""
-    for name, sweep in sweeps.items():
-        print_columns(f"drops over {name}", {f"{value:g}": row for value, row in sweep.items()})
+    for name, swept in sweeps.items():
+        print_columns(f"drops over {name}", {f"{value:g}": row for value, row in swept.items()})
     robot = load_robot("planar_leg")
     plant, q = Plant(robot), robot.pose("paper")
     q[robot.position_index("base_z")] += 0.15

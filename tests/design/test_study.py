@@ -24,7 +24,7 @@ from wbc.design import (
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError, ResultsError, WbcError
-from wbc.metrics import pose_sweep
+from wbc.metrics import sweep
 
 LEG = load_robot("planar_leg")
 POSE = tuple(LEG.pose("paper").tolist())
@@ -103,7 +103,7 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
         assert robot.transmission.forward_efficiency[0] == 0.8  # the hip keeps its own
         assert robot.transmission.backward_efficiency[0] == pytest.approx(0.75)
         assert robot.model.inertias[4].mass == pytest.approx(table["mass.thigh"][i])
-        single = pose_sweep(robot, q[None], "foot", [0, 1], axes="xz")
+        single = sweep(robot, q[None], "foot", [0, 1], axes="xz")
         assert table["lift"][i] == pytest.approx(single.lift[0])
         assert table["impact_mitigation"][i] == pytest.approx(single.impact_mitigation[0])
     field = pq.read_schema(path).field("lift")

@@ -12,7 +12,6 @@ from wbc.metrics import (
     backward_generalized_inertia,
     forward_generalized_inertia,
     generalized_inertia,
-    inertia_ellipsoid,
 )
 
 POSE = {"hip": -0.4, "knee": 0.9}
@@ -92,15 +91,3 @@ def test_the_forward_tensor_needs_a_gear_everywhere() -> None:
     robot = load_robot("planar_leg")
     with pytest.raises(DynamicsError, match="3 of 5 undriven"):
         forward_generalized_inertia(robot, robot.configuration(**POSE), "foot", "xz")
-
-
-def test_the_ellipsoid_is_that_of_the_symmetric_part() -> None:
-    tensor = np.array([[1.861111, 1.539601], [1.299038, 3.809524]])
-    ellipsoid = inertia_ellipsoid(tensor)
-    for axis, inertia in zip(ellipsoid.directions.T, ellipsoid.inertia, strict=True):
-        assert axis @ tensor @ axis == pytest.approx(inertia)
-    points = ellipsoid.directions * ellipsoid.semi_axes
-    np.testing.assert_allclose(np.diag(points.T @ tensor @ points), 1.0)
-    assert ellipsoid.inertia[0] > ellipsoid.inertia[1]
-    with pytest.raises(DynamicsError, match="no ellipsoid"):
-        inertia_ellipsoid(np.array([[1.0, 10.0], [-1.0, 0.1]]))

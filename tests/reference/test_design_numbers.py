@@ -14,11 +14,11 @@ from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.metrics import (
     backward_generalized_inertia,
-    efficiency_sweep,
     force_capability,
     forward_generalized_inertia,
     generalized_inertia,
     impact_mitigation,
+    sweep,
 )
 from wbc.robot import Robot
 
@@ -95,12 +95,12 @@ def test_impact_mitigation(floating: Robot) -> None:
 
 
 def test_equal_efficiencies(floating: Robot) -> None:
-    table = efficiency_sweep(
+    table = sweep(
         floating,
         floating.configuration(**POSE),
         "foot",
         UP,
-        [0.9, 0.8, 0.7, 0.6, 0.55, 0.51],
+        {"forward_efficiency": [0.9, 0.8, 0.7, 0.6, 0.55, 0.51]},
         axes="xz",
     )
     close(table.impact_mitigation, [0.884290, 0.877152, 0.863272, 0.824509, 0.757585, 0.465668])

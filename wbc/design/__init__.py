@@ -7,9 +7,17 @@ from wbc.design.gearboxes import (
     read_efficiency_table,
     read_gearboxes,
 )
-from wbc.design.pareto import Objective, over_gait, pareto_front, parse_objective
 from wbc.design.simulated import SIMULATIONS
-from wbc.design.stored import best_designs, read_designs, run_study, sampled_designs
+from wbc.design.stored import (
+    Objective,
+    best_designs,
+    over_gait,
+    pareto_front,
+    parse_objective,
+    read_designs,
+    run_study,
+    sampled_designs,
+)
 from wbc.design.study import Study, describe_columns
 from wbc.design.sweep_parameter import SweepParameter, parse_sweep
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.errors import DesignError, SimulationError
+from wbc.dynamics import evaluate
+from wbc.errors import DesignError
 from wbc.robot import Robot
 
 
@@ -27,6 +29,15 @@ def height_row(robot: Robot) -> int:
                 return int(model.joints[joint].idx_q)
             break
     raise DesignError(f"the base of '{robot.name}' cannot fall; only a floating base can.")
+
+
+def placed(robot: Robot, q: FloatArray, lift: float) -> FloatArray:
+    """Return q with the lowest contact `lift` [m] above the ground."""
+    pose = q.copy()
+    row = height_row(robot)
+    heights = evaluate(robot, pose, np.zeros(robot.model.nv)).contact_position[:, 2]
+    pose[row] += lift - float(heights.min())
+    return pose
 
 
 def require_point_leg(robot: Robot) -> None:
@@ -73,12 +84,10 @@ class SimulatedMetric:
 
     Attributes:
         columns: column -> unit.
-        needs: what a robot must be, for the help text.
         require: raises DesignError for a robot of another kind; needs neither plant nor controller.
     """
 
     columns: Mapping[str, str]
-    needs: str
     require: Callable[[Robot], object]
 
 
@@ -90,7 +99,6 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "drop_mesh_loss": "J",
             "drop_ground_loss": "J",
         },
-        "a base that can fall",
         height_row,
     ),
     "standing": SimulatedMetric(
@@ -100,39 +108,18 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "standing_neutral_torque": "N m",
             "standing_neutral_heat": "W",
         },
-        "a planar leg with a point foot",
         require_point_leg,
     ),
     "landing": SimulatedMetric(
         {"landing_error": "m", "landing_error_high": "m", "landing_error_low": "m"},
-        "a planar leg with a point foot",
         require_point_leg,
     ),
     "hop": SimulatedMetric(
         {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
-        "a planar leg with a point foot",
         require_point_leg,
     ),
     "trot": SimulatedMetric(
         {"trot_speed": "m/s", "trot_cost": "1", "trot_work_cost": "1"},
-        "a floating base on four feet, one in each corner",
         require_quadruped,
     ),
 }
-
-
-def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
-    """Return the columns of one simulation; NaN where the design has no such motion.
-
-    Raises:
-        DesignError: a robot of another kind than the simulation needs.
-    """
-    metric = SIMULATIONS[name]
-    metric.require(robot)
-    # Plant and controller are loaded by whoever simulates, not by whoever reads the list.
-    from wbc.design.simulations import RUNS
-
-    try:
-        return RUNS[name](robot, q, contact)
-    except (SimulationError, DesignError):
-        return dict.fromkeys(metric.columns, float("nan"))

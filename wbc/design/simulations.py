@@ -1,26 +1,40 @@
 """The simulations of designs: a drop, standing, landing, hopping and trotting.
 
 Each returns its columns for one design; what a design cannot do is NaN, so that a sweep goes on.
+Standing, landing and hopping need a controller and are for planar legs: one contact, a base that
+moves in the plane by joints of its own (two prismatic ones and a revolute one, none driven), and
+two driven joints.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import brentq
 
 from wbc.arrays import FloatArray
-from wbc.control import Reference, RestPolicy
-from wbc.design.point_leg import PointLeg, placed, standing_reference, total_mass
-from wbc.design.simulated import height_row
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PointFootBalanceTask,
+    PostureTask,
+    Reference,
+    RestPolicy,
+)
+from wbc.design.simulated import SIMULATIONS, height_row, placed, require_point_leg
 from wbc.design.trotter import trot
 from wbc.dynamics import evaluate
-from wbc.errors import SimulationError
+from wbc.errors import DesignError, SimulationError
 from wbc.metrics import force_capability, link_length
 from wbc.robot import Robot
 from wbc.sim import Plant, SimState
 
+_BEND = (-2.0, 2.0)  # [rad] about the pose, in which a balanced hip angle is looked for
 _FALL = 0.1  # [m] of drop and landing: the height of the paper's leg in `sims.impact`
 _TICK = 1e-3  # [s]
 _STAND = (0.3, 0.2)  # [s] to come to rest, [s] over which the cost is taken
@@ -32,6 +46,92 @@ _PUSH = 1.0  # [s] after which a leg that has not left the ground counts as too 
 _STRETCH = 0.95  # share of the straight leg at which the push ends, short of the singular pose
 
 Row = dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PointLeg:
+    """The names and indices of a planar leg with a point foot.
+
+    Attributes:
+        robot: the leg.
+        contact: name of its foot.
+        base: name of the link that carries it.
+        height: row of the base's height in q.
+    """
+
+    robot: Robot
+    contact: str
+    base: str
+    height: int
+
+    @classmethod
+    def of(cls, robot: Robot, contact: str) -> PointLeg:
+        """Return the leg.
+
+        Raises:
+            DesignError: a robot of another kind.
+        """
+        require_point_leg(robot)
+        return cls(robot, contact, robot.bodies[2], height_row(robot))
+
+    def balanced(self, q: FloatArray, lift: float = 0.0) -> FloatArray:
+        """Return q with the centre of mass over the foot and the foot `lift` [m] above ground.
+
+        The last driven joint keeps its angle, the first one turns.
+
+        Raises:
+            DesignError: no angle balances the leg.
+        """
+        pose, rest = q.copy(), np.zeros(self.robot.model.nv)
+        joint = int(self.robot.actuated_position[0])
+        middle = float(q[joint])
+
+        def overhang(angle: float) -> float:
+            pose[joint] = angle
+            terms = evaluate(self.robot, pose, rest)
+            return float(terms.center_of_mass[0] - terms.contact_position[0, 0])
+
+        angles = middle + np.linspace(*_BEND, 81)
+        signs = np.sign([overhang(angle) for angle in angles])
+        changes = np.flatnonzero(signs[1:] != signs[:-1])
+        if not changes.size:
+            raise DesignError(f"no pose of '{self.robot.name}' balances on its foot.")
+        nearest = changes[np.argmin(np.abs(angles[changes] - middle))]
+        pose[joint] = brentq(overhang, angles[nearest], angles[nearest + 1])
+        return placed(self.robot, pose, lift)
+
+    def stance(self, policy: RestPolicy = RestPolicy.NEUTRAL) -> Controller:
+        """Return a controller that keeps height and balance."""
+        tasks = [
+            CenterOfMassTask(
+                name="height",
+                axes="z",
+                weight=100.0,
+                stiffness=400.0,
+                acceleration_limit=np.inf,
+            ),
+            PointFootBalanceTask(contact=self.contact, frame=self.base, weight=100.0),
+            PostureTask.of(self.robot, weight=1e-3),
+        ]
+        settings = ControllerSettings(rest_policy=policy)
+        contacts = [PointContact(name=self.contact)]
+        return Controller(self.robot, tasks, contacts, settings=settings)
+
+    def mistaken(self, share: float) -> PointLeg:
+        """Return the leg as a controller believes it: efficiencies wrong by `share`.
+
+        Both efficiencies are multiplied by 1 + share and cut at 1, where a gear would create power.
+        """
+        gears = self.robot.transmission
+        forward = np.minimum(gears.forward_efficiency * (1.0 + share), 1.0)
+        backward = np.minimum(gears.backward_efficiency * (1.0 + share), 1.0)
+        changed = gears.replace(forward_efficiency=forward, backward_efficiency=backward)
+        return replace(self, robot=self.robot.with_transmission(changed))
+
+
+def standing_reference(height: float) -> dict[str, Reference]:
+    """Return the references of `stance` for a height of the centre of mass [m]."""
+    return {"height": Reference(np.array([height])), "balance": Reference(0.0)}
 
 
 def drop(robot: Robot, q: FloatArray, contact: str) -> Row:
@@ -49,7 +149,7 @@ def drop(robot: Robot, q: FloatArray, contact: str) -> Row:
             raise SimulationError("the dropped robot fell past the ground")
     hit = result.impacts[0]
     impulse = float(hit.contact_impulse[:, 2].sum())
-    fallen = total_mass(robot) * float(np.sqrt(2.0 * 9.81 * _FALL))
+    fallen = pin.computeTotalMass(robot.model) * float(np.sqrt(2.0 * 9.81 * _FALL))
     return {
         "drop_impulse": impulse,
         "drop_impulse_share": impulse / fallen,
@@ -153,7 +253,7 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
     reach = force_capability(robot, pose, contact, "xz").along([0.0, 1.0])
     plant, force = Plant(robot), reach.lift
     failed = {"hop_height": 0.0, "hop_energy": np.nan, "hop_cost": np.nan}
-    if force <= total_mass(robot) * 9.81:
+    if force <= pin.computeTotalMass(robot.model) * 9.81:
         return failed
     gears, state, energy = robot.transmission, plant.state(pose), 0.0
     straight = _STRETCH * _leg_length(leg)
@@ -168,7 +268,7 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
         state = result.state
         if float(result.contact_force[0, 2]) <= 0.0:
             height = max(float(_com_rate(robot, state)[2]), 0.0) ** 2 / (2.0 * 9.81)
-            lifted = total_mass(robot) * 9.81 * height
+            lifted = pin.computeTotalMass(robot.model) * 9.81 * height
             cost = energy / lifted if lifted > 0.0 else np.nan
             return {"hop_height": height, "hop_energy": energy, "hop_cost": cost}
     return failed
@@ -218,3 +318,17 @@ RUNS: dict[str, Callable[[Robot, FloatArray, str], Row]] = {
     "trot": trot,
 }
 """Simulation -> what runs it, given robot, pose q and contact."""
+
+
+def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
+    """Return the columns of one simulation; NaN where the design has no such motion.
+
+    Raises:
+        DesignError: a robot of another kind than the simulation needs.
+    """
+    metric = SIMULATIONS[name]
+    metric.require(robot)
+    try:
+        return RUNS[name](robot, q, contact)
+    except (SimulationError, DesignError):
+        return dict.fromkeys(metric.columns, float("nan"))

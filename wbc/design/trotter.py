@@ -22,8 +22,7 @@ from wbc.control import (
     State,
     Task,
 )
-from wbc.design.point_leg import placed, total_mass
-from wbc.design.simulated import require_quadruped
+from wbc.design.simulated import placed, require_quadruped
 from wbc.robot import Robot
 from wbc.sim import Plant
 
@@ -299,7 +298,7 @@ def trot(robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
         if state.position[2] < _FALLEN * pose[2]:
             return {"trot_speed": 0.0, "trot_cost": np.nan, "trot_work_cost": np.nan}
     way = float(state.position[0]) - begin
-    carried = total_mass(robot) * 9.81 * way
+    carried = pin.computeTotalMass(robot.model) * 9.81 * way
     moves = way > 0.0
     return {
         "trot_speed": way / (measured * _TICK),

@@ -3,12 +3,9 @@
 from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
 from wbc.metrics.design_metrics import (
     DesignMetrics,
-    Sweep,
     design_metrics,
-    efficiency_sweep,
-    gear_ratio_sweep,
     held_torques,
-    pose_sweep,
+    sweep,
 )
 from wbc.metrics.designs import Designs, link_length
 from wbc.metrics.directional_inertia import (
@@ -27,12 +24,10 @@ from wbc.metrics.force_capability import (
 )
 from wbc.metrics.inertia import (
     ImpactMitigation,
-    InertiaEllipsoid,
     backward_generalized_inertia,
     forward_generalized_inertia,
     generalized_inertia,
     impact_mitigation,
-    inertia_ellipsoid,
 )
 from wbc.metrics.summary import Metric, summary
 
@@ -45,27 +40,22 @@ __all__ = [
     "ForceRange",
     "Holding",
     "ImpactMitigation",
-    "InertiaEllipsoid",
     "Metric",
-    "Sweep",
     "backdriving_force",
     "backdriving_torque",
     "backward_generalized_inertia",
     "contact_task",
     "design_metrics",
     "directional_inertia",
-    "efficiency_sweep",
     "force_capability",
     "forward_generalized_inertia",
-    "gear_ratio_sweep",
     "generalized_inertia",
     "held_torques",
     "holding",
     "impact_mitigation",
-    "inertia_ellipsoid",
     "link_length",
-    "pose_sweep",
     "share_of_accelerations_forward",
     "summary",
+    "sweep",
     "with_contact_at",
 ]

@@ -218,19 +218,7 @@ def _gear_acceleration(
             x[i] = np.maximum(low, 0.0) + np.minimum(high, 0.0)
         if np.all(np.abs(x - before) <= _CLOSE * np.abs(x).max(axis=0)):
             break
-    return _polished(M, drift, motor, rotor, forward, backward, x)
-
-
-def _polished(
-    M: FloatArray,
-    drift: FloatArray,
-    motor: FloatArray,
-    rotor: FloatArray,
-    forward: FloatArray,
-    backward: FloatArray,
-    x: FloatArray,
-) -> FloatArray:
-    """Return x from one linear solve per column, each gear in the state that the sweeps found."""
+    # One linear solve per column, each gear in the state that the sweeps found.
     t = motor - rotor * x
     eta = np.where(t * x >= 0.0, forward, 1.0 / backward)
     solved = np.zeros_like(x)

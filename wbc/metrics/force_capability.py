@@ -16,7 +16,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection
 
 from wbc.arrays import FloatArray, frozen
@@ -120,44 +119,6 @@ class ForceCapability:
         high = np.where(turning > 0.0, lift, hold)
         low = np.where(turning < 0.0, -lift, -hold)
         return low, high
-
-    def furthest(self, direction: ArrayLike, directions: ArrayLike) -> FloatArray:
-        """Return the force (n,) [N] that reaches furthest along `direction`, free across it.
-
-        In closed form where D'J_m' is square and regular, by a linear program otherwise. In a
-        singular pose a direction in which motors do bound the force keeps its answer.
-
-        Args:
-            direction: (n,) along the task's axes.
-            directions: +1 lift, -1 hold, 0 without losses, per gear or one for all.
-
-        Raises:
-            DynamicsError: no motor bounds the force (a singular pose, a gear without torque
-                limit).
-        """
-        n = self.task.direction(direction)
-        limits, matrix = self.limits(directions), self.torque_from_force
-        if matrix.shape[0] == matrix.shape[1] and self._lost() is None:
-            self._require_finite(limits)
-            return np.asarray(
-                np.linalg.solve(matrix, limits * np.sign(np.linalg.solve(matrix.T, n)))
-            )
-        bounded = np.isfinite(limits)
-        result = linprog(
-            -n,
-            A_ub=np.vstack([matrix[bounded], -matrix[bounded]]),
-            b_ub=np.concatenate([limits[bounded], limits[bounded]]),
-            bounds=(None, None),
-            method="highs",
-        )
-        if result.status in (2, 3, 4):  # infeasible never; unbounded, or told apart by presolve
-            lost = self._lost()
-            if lost is not None:
-                raise self._unbounded(lost)
-            self._require_finite(limits)
-        if not result.success:
-            raise DynamicsError(f"the linear program of the force capability: {result.message}")
-        return np.asarray(result.x)
 
     def vertices(self, directions: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the polytope, convex-hull vertices in no order.

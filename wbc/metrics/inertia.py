@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked, frozen
+from wbc.arrays import FloatArray, frozen
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import ContactTask, contact_task
 from wbc.robot import Robot
@@ -58,9 +58,8 @@ def forward_generalized_inertia(
     """Return Forward-GIT = (J H^-1 B E_m B^-1 J')^-1 (n, n) [kg], every gear driven by its motor.
 
     It is what the motors feel when they accelerate the contact point from rest. Not symmetric
-    when the efficiencies differ: the ellipsoid is that of the symmetric part
-    (`inertia_ellipsoid`), and it holds only where every gear runs forward (correction 4 in
-    docs/method/physics.md).
+    when the efficiencies differ: its ellipsoid is that of the symmetric part, and it holds
+    only where every gear runs forward (correction 4 in docs/method/physics.md).
 
     Raises:
         DynamicsError: a robot with undriven coordinates (a floating base), on which
@@ -74,41 +73,6 @@ def forward_generalized_inertia(
         )
     task = contact_task(robot, position, contact, axes)
     return task.inverted(task.forward_mobility()[0], "the Forward-GIT")
-
-
-@dataclass(frozen=True, eq=False)
-class InertiaEllipsoid:
-    """Principal inertias of a contact point and the ellipsoid x' S x = 1 that shows them.
-
-    S is the symmetric part of the tensor: x' G x does not see the rest.
-
-    Attributes:
-        inertia: (n,) principal inertias [kg], heaviest first.
-        directions: (n, n), one unit vector per column, in the same order.
-        semi_axes: (n,) 1/sqrt(inertia) [kg^-1/2], shortest first.
-    """
-
-    inertia: FloatArray
-    directions: FloatArray
-    semi_axes: FloatArray
-
-
-def inertia_ellipsoid(tensor: FloatArray) -> InertiaEllipsoid:
-    """Return the ellipsoid of an inertia tensor (n, n) [kg].
-
-    Raises:
-        DynamicsError: a tensor whose symmetric part is not positive definite, as a Forward-GIT's
-            can be when its efficiencies lie very far apart.
-    """
-    size = np.asarray(tensor).shape[0] if np.ndim(tensor) else 0
-    square = checked(tensor, (size, size), "inertia tensor", DynamicsError)
-    values, vectors = np.linalg.eigh(0.5 * (square + square.T))
-    if values.size == 0 or values[0] <= 0.0:
-        raise DynamicsError("the symmetric part of the inertia tensor has no ellipsoid.")
-    heavy_first = values[::-1]
-    return InertiaEllipsoid(
-        frozen(heavy_first), frozen(vectors[:, ::-1]), frozen(1.0 / np.sqrt(heavy_first))
-    )
 
 
 @dataclass(frozen=True, eq=False)

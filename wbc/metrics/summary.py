@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,6 +14,7 @@ from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import contact_task
 from wbc.metrics.directional_inertia import directional_inertia
 from wbc.metrics.force_capability import (
+    ForceCapability,
     backdriving_force,
     backdriving_torque,
     force_capability,
@@ -87,69 +88,45 @@ def summary(
     weight = sum(body.mass for body in robot.model.inertias) * float(
         np.linalg.norm(robot.model.gravity.linear)
     )
-    reach = force_capability(robot, q, contact, axes)
+    size, where = weight if load is None else load, (robot, q, contact, axes)
+    reach, held = force_capability(*where), holding(robot, q, contact, up, size, axes)
+    gears, carried = robot.transmission.joints, f"rotor side, load {size:.4g} N {way}; {HELD}"
     rows = [
-        *_tensors(robot, q, contact, axes),
-        *_directions(robot, q, contact, axes, way, up),
-        _row(
-            f"force {way}, lossless",
-            "N",
-            f"{PERFECT}; {STATIC}",
-            lambda: reach.along(up).conventional,
-        ),
-        _row(f"force {way}, lift", "N", f"all gears lift; {STATIC}", lambda: reach.along(up).lift),
-        _row(f"force {way}, hold", "N", f"all gears hold; {STATIC}", lambda: reach.along(up).hold),
-        _row(
-            f"force polygon, moving {way}",
-            "N",
-            f"{MOVING}; {STATIC}",
-            lambda: _ordered(reach.moving(up)),
-        ),
-    ]
-    for name, assumption, mode in (
-        ("conservative", PERFECT, 0.0),
-        ("dissipative", BACKWARD, -1.0),
-    ):
-        note = f"{assumption}; {IMPACT}"
-        factor = impact_mitigation(robot, q, contact, axes, mode)
-        rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
-        rows.append(
-            _row(f"IMF determinant, {name}", "1", note, partial(getattr, factor, "determinant"))
+        _row(name, "kg", f"{assumption}; {REST}", partial(find, *where))
+        for name, assumption, find in (
+            ("GIT", PERFECT, generalized_inertia),
+            ("Backward-GIT", BACKWARD, backward_generalized_inertia),
+            ("Forward-GIT", FORWARD, forward_generalized_inertia),
         )
-    size = weight if load is None else load
-    held = holding(robot, q, contact, up, size, axes)
-    note = f"rotor side, load {size:.4g} N {way}; {HELD}"
-    gears = robot.transmission.joints
+    ]
+    rows += _directions(robot, q, contact, axes, way, up)
+    rows += [
+        _row(f"force {way}, {name}", "N", f"{note}; {STATIC}", partial(_along, reach, up, of))
+        for name, note, of in (
+            ("lossless", PERFECT, "conventional"),
+            ("lift", "all gears lift", "lift"),
+            ("hold", "all gears hold", "hold"),
+        )
+    ]
+    note = f"{MOVING}; {STATIC}"
+    rows.append(_row(f"force polygon, moving {way}", "N", note, lambda: _ordered(reach.moving(up))))
+    for name, note, mode in (("conservative", PERFECT, 0.0), ("dissipative", BACKWARD, -1.0)):
+        factor, note = impact_mitigation(*where, mode), f"{note}; {IMPACT}"
+        rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
+        determinant = partial(getattr, factor, "determinant")
+        rows.append(_row(f"IMF determinant, {name}", "1", note, determinant))
+    push = partial(backdriving_force, robot, q, contact, up, axes)
+    back = f"motor output; {UNPOWERED}"
     return [
         *rows,
-        Metric("holding torque, lossless", "N m", held.lossless, note, gears),
-        Metric("holding torque, least", "N m", held.least, note, gears),
-        Metric("holding heat, lossless", "W", held.heat_lossless, note),
-        Metric("holding heat, least", "W", held.heat_least, note),
-        Metric("heat saved by stiction", "1", held.heat_saved, note),
-        _row(
-            f"backdriving force {way}",
-            "N",
-            UNPOWERED,
-            lambda: backdriving_force(robot, q, contact, up, axes),
-        ),
-        Metric(
-            "backdriving torque",
-            "N m",
-            backdriving_torque(robot),
-            f"motor output; {UNPOWERED}",
-            gears,
-        ),
+        Metric("holding torque, lossless", "N m", held.lossless, carried, gears),
+        Metric("holding torque, least", "N m", held.least, carried, gears),
+        Metric("holding heat, lossless", "W", held.heat_lossless, carried),
+        Metric("holding heat, least", "W", held.heat_least, carried),
+        Metric("heat saved by stiction", "1", held.heat_saved, carried),
+        _row(f"backdriving force {way}", "N", UNPOWERED, push),
+        Metric("backdriving torque", "N m", backdriving_torque(robot), back, gears),
     ]
-
-
-def _tensors(robot: Robot, q: FloatArray, contact: str, axes: str) -> Iterator[Metric]:
-    for name, assumption, find in (
-        ("GIT", PERFECT, generalized_inertia),
-        ("Backward-GIT", BACKWARD, backward_generalized_inertia),
-        ("Forward-GIT", FORWARD, forward_generalized_inertia),
-    ):
-        yield _row(name, "kg", f"{assumption}; {REST}", partial(find, robot, q, contact, axes))
 
 
 def _directions(
@@ -174,6 +151,10 @@ def _row(name: str, unit: str, assumption: str, find: Callable[[], Value]) -> Me
         return Metric(name, unit, find(), assumption)
     except DynamicsError as reason:
         return Metric(name, unit, str(reason), assumption)
+
+
+def _along(reach: ForceCapability, direction: FloatArray, of: str) -> float:
+    return float(getattr(reach.along(direction), of))
 
 
 def _ordered(corners: FloatArray) -> FloatArray:

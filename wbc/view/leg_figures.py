@@ -16,12 +16,12 @@ from scipy.spatial import ConvexHull
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.metrics import (
-    Sweep,
+    DesignMetrics,
     backward_generalized_inertia,
-    efficiency_sweep,
     force_capability,
     forward_generalized_inertia,
     generalized_inertia,
+    sweep,
 )
 from wbc.robot import Robot
 from wbc.transmission import Direction
@@ -238,16 +238,17 @@ def tradeoff_figure(
         axes: world axes.
     """
     eta = np.linspace(0.505, 1.0, 100)
-    sweep = efficiency_sweep(robot, position, contact, direction, eta, axes=axes)
-    limited = bool(np.isfinite(sweep.conventional).all())
+    gears = {"forward_efficiency": eta}
+    found = sweep(robot, position, contact, direction, gears, axes=axes)
+    limited = bool(np.isfinite(found.conventional).all())
     panels = 1 + limited + bool(robot.floating_size)
     with drawing(theme):
         figure, grid = new_figure(1, panels, 3.35 * panels, 3.1)
         _draw_relation(grid[0][0], robot, eta, theme)
         if limited:
-            _draw_ratios(grid[0][1], sweep, theme)
+            _draw_ratios(grid[0][1], eta, found, theme)
         if robot.floating_size:
-            _draw_mitigation(grid[0][-1], sweep, theme)
+            _draw_mitigation(grid[0][-1], eta, found, theme)
         for ax in grid[0]:
             ax.set(xlabel="forward efficiency $\\eta_f$ [-]", xlim=(0.5, 1.0))
     return figure
@@ -276,22 +277,20 @@ def _draw_relation(ax: Axes, robot: Robot, eta: FloatArray, theme: Theme) -> Non
     ax.set(title="backward efficiency of the wedge", ylabel="$\\eta_b$ [-]")
 
 
-def _draw_ratios(ax: Axes, sweep: Sweep, theme: Theme) -> None:
-    ax.plot(
-        sweep.values, sweep.hold_ratio, color=theme.series[1], linestyle=DASHES[1], label="hold"
-    )
-    ax.plot(sweep.values, sweep.lift_ratio, color=theme.series[0], label="lift")
+def _draw_ratios(ax: Axes, eta: FloatArray, found: DesignMetrics, theme: Theme) -> None:
+    ax.plot(eta, found.hold_ratio, color=theme.series[1], linestyle=DASHES[1], label="hold")
+    ax.plot(eta, found.lift_ratio, color=theme.series[0], label="lift")
     ax.set_yscale("log")
     ax.set_yticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
     ax.set(title="force over force with perfect gears", ylabel="ratio [-]")
     ax.legend()
 
 
-def _draw_mitigation(ax: Axes, sweep: Sweep, theme: Theme) -> None:
-    values = sweep.impact_mitigation
+def _draw_mitigation(ax: Axes, eta: FloatArray, found: DesignMetrics, theme: Theme) -> None:
+    values = found.impact_mitigation
     ax.axhline(values[-1], color=theme.ink, linestyle=":", linewidth=1.0)
     ax.annotate(
         "perfect gears", (0.51, values[-1]), xytext=(0, 3), textcoords="offset points", fontsize=8
     )
-    ax.plot(sweep.values, values, color=theme.series[2])
+    ax.plot(eta, values, color=theme.series[2])
     ax.set(ylim=(0.0, 1.0), title="impact mitigation factor", ylabel="IMF [-]")

@@ -1,16 +1,18 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
 from wbc.design.experiment.aims import Aim, deciding, informing, shrinking
-from wbc.design.experiment.causes import (
+from wbc.design.experiment.motions import FourierPath, MotionLimits
+from wbc.design.experiment.readable import BAND
+from wbc.design.experiment.rivals import (
     Cause,
+    Pair,
+    Predictions,
+    Rivals,
     parameter_names,
     parse_cause,
     require_predictable,
     typical_values,
 )
-from wbc.design.experiment.motions import FourierPath, MotionLimits
-from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.design.experiment.search import (
     Designed,
     design_experiment,

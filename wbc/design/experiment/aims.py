@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.causes import Cause
-from wbc.design.experiment.rivals import Pair, Predictions, Rivals
+from wbc.design.experiment.rivals import Cause, Pair, Predictions, Rivals
 from wbc.dynamics import rotor_torque
 from wbc.robot import Motion, Robot
 

@@ -1,4 +1,4 @@
-"""Climbing from a motion along exact slopes of an aim, within the limits (barrier and L-BFGS)."""
+"""Climbing from a motion along exact slopes of an aim, within the limits (barrier and BFGS)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from wbc.design.experiment.rivals import Pair, Predictions
 
 _HIGHEST = 2.0  # [Hz] of the highest harmonic
 _BARRIERS = (0.1, 0.03)  # weights of the barrier, one after another
-_PAIRS = 10  # of steps and changes of slope that L-BFGS keeps
 _LAST, _SMALL = 5, 1e-3  # steps, and their gain together below which a barrier is done with
 _HALVINGS = 8  # of one step, before its direction is given up
 
@@ -26,8 +25,8 @@ def climbed_path(
     """Return a path that is better by an aim, from one within the limits; the same every time.
 
     All coefficients up to `_HIGHEST` are free. The limits are a barrier mu mean log(1 - share)
-    whose weight mu falls (Nocedal and Wright 2006, chapter 19), the steps are those of L-BFGS
-    (chapter 7).
+    whose weight mu falls (Nocedal and Wright 2006, chapter 19), the steps are those of BFGS
+    (chapter 6).
 
     Args:
         site: rivals for which `slopes_are_exact`, and limits.
@@ -157,23 +156,31 @@ def _barrier(values: FloatArray, low: FloatArray, high: FloatArray) -> tuple[flo
 
 
 def _ascend(hill: _Hill, here: FloatArray, weight: float, end: int) -> FloatArray:
-    """Return where the steps of L-BFGS lead before so many torques are spent."""
+    """Return where the steps of BFGS lead before so many torques are spent."""
     value, found = hill.value(here, weight)
     if found is None:  # from the barrier before, whose room is the same
         return here
-    slope, memory = hill.slope(here, weight, found), _Memory()
+    slope = hill.slope(here, weight, found)
+    inverse: FloatArray | None = None  # of the curvature downhill; None while nothing is known
     gained: deque[float] = deque(maxlen=_LAST)
     while hill.spent < end:
-        step = memory.direction(slope, 0.1 * float(np.linalg.norm(here)))
+        length = 0.1 * float(np.linalg.norm(here)) / max(float(np.linalg.norm(slope)), 1e-300)
+        step = length * slope if inverse is None else inverse @ slope
         reached = _first_better(hill, here, value, step, float(slope @ step), weight)
         if reached is None:
-            if memory.empty:
+            if inverse is None:
                 break
-            memory = _Memory()
+            inverse = None
             continue
         there, new, found = reached
         turned = hill.slope(there, weight, found)
-        memory.learn(there - here, turned - slope)
+        moved, fallen = there - here, slope - turned
+        fall = float(moved @ fallen)
+        if fall > 1e-10 * float(np.linalg.norm(moved) * np.linalg.norm(fallen)):
+            one = np.eye(len(here))
+            before = one * (fall / float(fallen @ fallen)) if inverse is None else inverse
+            way = one - np.outer(moved, fallen) / fall
+            inverse = way @ before @ way.T + np.outer(moved, moved) / fall
         gained.append(new - value)
         here, value, slope = there, new, turned
         if len(gained) == _LAST and sum(gained) < _SMALL:
@@ -191,35 +198,3 @@ def _first_better(
         if found is not None and new >= value + 1e-4 * 0.5**k * rise and hill.keeps_apart(there):
             return there, new, found
     return None
-
-
-class _Memory:
-    """The last steps with their changes of slope, for the directions of L-BFGS."""
-
-    def __init__(self) -> None:
-        self._pairs: deque[tuple[FloatArray, FloatArray, float]] = deque(maxlen=_PAIRS)
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing is known but the slope."""
-        return not self._pairs
-
-    def learn(self, step: FloatArray, turned: FloatArray) -> None:
-        """Keep a step along which the slope falls, as at the top of a hill."""
-        fall = -float(step @ turned)
-        if fall > 1e-10 * float(np.linalg.norm(step) * np.linalg.norm(turned)):
-            self._pairs.append((step, -turned, fall))
-
-    def direction(self, slope: FloatArray, length: float) -> FloatArray:
-        """Return a step uphill; of a given length while nothing else is known."""
-        if self.empty:
-            return slope * (length / max(float(np.linalg.norm(slope)), 1e-300))
-        left, shares = slope.copy(), []
-        for step, fallen, fall in reversed(self._pairs):
-            shares.append(float(step @ left) / fall)
-            left -= shares[-1] * fallen
-        step, fallen, fall = self._pairs[-1]
-        left *= fall / float(fallen @ fallen)
-        for (step, fallen, fall), share in zip(self._pairs, reversed(shares), strict=True):
-            left += (share - float(fallen @ left) / fall) * step
-        return left

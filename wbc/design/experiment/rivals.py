@@ -1,7 +1,8 @@
-"""Rival causes: what each predicts for a motion, and how far apart they stay after refitting."""
+"""Rival causes: how they are written, what each predicts for a motion, how far apart they stay."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -9,17 +10,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.causes import (
-    Cause,
-    cause_parameters,
-    cause_values,
-    with_cause_values,
-)
 from wbc.design.experiment.readable import BAND, ReadableRows
 from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import effect_class
 from wbc.errors import DesignError, EffectError
-from wbc.robot import Motion, Robot
+from wbc.robot import Effect, Motion, Parameter, Robot
 
+Cause = tuple[Effect, ...]
+"""Effects that act together; often one."""
 _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
 _IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
 _DRAWS = 64  # values of a true cause that earlier logs leave open
@@ -27,6 +25,96 @@ _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % inte
 
 Pair = tuple[int, int]
 """Numbers of the cause that is true and of the one that is fitted in its place."""
+
+
+def parse_cause(text: str, robot: Robot) -> Cause:
+    """Return the cause of `EFFECT@PLACE[:PARAMETER=VALUE,...]`, several joined by `+`.
+
+    Parameters that are left out lie one typical size away from where the effect is not there.
+
+    Raises:
+        DesignError: text of another form, or an effect that acts through a soft gear.
+        EffectError: an unknown effect, place or parameter.
+    """
+    return tuple(_effect(part, robot) for part in text.split("+"))
+
+
+def _effect(text: str, robot: Robot) -> Effect:
+    head, _, tail = text.partition(":")
+    name, at, where = head.strip().partition("@")
+    if not at or not where:
+        raise DesignError(f"--between '{text}': use EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE.")
+    given: dict[str, float] = {}
+    for item in filter(None, tail.split(",")):
+        key, _, value = item.partition("=")
+        try:
+            given[key.strip()] = float(value)
+        except ValueError as cause:
+            raise DesignError(f"--between '{text}': '{item}' is not PARAMETER=VALUE.") from cause
+    kind = effect_class(name)
+    typical = typical_values(name, kind.null_values(robot, where))
+    effect = kind.at(where, {**typical, **given})
+    effect.check_place(robot)
+    require_predictable(effect, robot)
+    return effect
+
+
+def typical_values(name: str, null: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of an effect one typical size away from where it is not there."""
+    values = dict(null)
+    for parameter in effect_class(name).parameters:
+        up = values[parameter.name] + parameter.scale
+        inside = up <= parameter.high
+        values[parameter.name] = up if inside else values[parameter.name] - parameter.scale
+    return values
+
+
+def require_predictable(effect: Effect, robot: Robot) -> None:
+    """Check that the torque of an effect follows from a planned motion.
+
+    Raises:
+        DesignError: it does not; a link behind a soft gear follows no plan, and a motor at its
+            limit does not either.
+    """
+    if "drive" in effect.acts_by and "drive_inverse" not in effect.acts_by:
+        raise DesignError(
+            f"'{effect.name}' shows only where a motor cannot follow, which a planned motion "
+            "avoids. Leave it out of --between."
+        )
+    gears = effect.change(robot).transmission
+    if np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0):
+        raise DesignError(
+            f"'{effect.name}' is a soft or loose gear: its link moves as it likes, so that a "
+            "planned motion of the motors does not tell its torque. Leave it out of --between."
+        )
+
+
+def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:
+    """Return effect and parameter of every number of a cause, in the order of `widths`."""
+    return tuple((cause[owner], parameter) for owner, parameter in cause_parameters(cause))
+
+
+def cause_parameters(cause: Cause) -> list[tuple[int, Parameter]]:
+    """Return every number of a cause, with the place of its effect in the cause."""
+    return [(k, parameter) for k, effect in enumerate(cause) for parameter in effect.parameters]
+
+
+def cause_numbers(cause: Cause, of: str) -> FloatArray:
+    """Return (p,) one of `scale`, `low`, `high` of every number of a cause."""
+    return np.array([getattr(parameter, of) for _, parameter in cause_parameters(cause)])
+
+
+def cause_values(cause: Cause) -> FloatArray:
+    """Return (p,) the numbers of a cause, in the order of `cause_parameters`."""
+    return np.array([cause[k].values[parameter.name] for k, parameter in cause_parameters(cause)])
+
+
+def with_cause_values(cause: Cause, values: Sequence[float] | FloatArray) -> Cause:
+    """Return a cause with other numbers (p,), in the order of `cause_parameters`."""
+    parts: list[dict[str, float]] = [{} for _ in cause]
+    for (k, parameter), value in zip(cause_parameters(cause), values, strict=True):
+        parts[k][parameter.name] = float(value)
+    return tuple(effect.with_values(part) for effect, part in zip(cause, parts, strict=True))
 
 
 def passive_joints(robot: Robot) -> tuple[str, ...]:
@@ -115,9 +203,7 @@ class Rivals:
         found = self.covariances[number] if number < len(self.covariances) else None
         if found is None:
             return None
-        scales = np.array(
-            [parameter.scale for _, parameter in cause_parameters(self.causes[number])]
-        )
+        scales = cause_numbers(self.causes[number], "scale")
         size, axes = np.linalg.eigh(found / np.outer(scales, scales))
         size = np.maximum(size, 0.0)
         return np.asarray(axes * np.sqrt(size / (1.0 + size)))
@@ -196,10 +282,8 @@ class Predictions:
         """
         true, other = pair
         target, cause = self.expected_torque(true), self.rivals.causes[other]
-        parameters = [parameter for _, parameter in cause_parameters(cause)]
-        scales = np.array([parameter.scale for parameter in parameters])
-        low = np.array([parameter.low for parameter in parameters]) / scales
-        high = np.array([parameter.high for parameter in parameters]) / scales
+        scales, low, high = (cause_numbers(cause, of) for of in ("scale", "low", "high"))
+        low, high = low / scales, high / scales
 
         def misfit(values: FloatArray) -> FloatArray:
             try:
@@ -278,9 +362,7 @@ class Predictions:
         if number in self._drawn:
             return self._drawn[number]
         cause, spread = self.rivals.causes[number], self.rivals.open_part(number)
-        parameters = [parameter for _, parameter in cause_parameters(cause)]
-        scales = np.array([parameter.scale for parameter in parameters])
-        low, high = ([getattr(p, end) for p in parameters] for end in ("low", "high"))
+        scales, low, high = (cause_numbers(cause, of) for of in ("scale", "low", "high"))
         steps = np.random.default_rng(0).normal(size=(_DRAWS, len(scales)))
         torques = []
         for step in steps if spread is not None else ():
@@ -315,6 +397,6 @@ class Predictions:
         show keeps the width that it had.
         """
         slopes = self.sensitivity(number)
-        scales = np.array([p.scale for _, p in cause_parameters(self.rivals.causes[number])])
+        scales = cause_numbers(self.rivals.causes[number], "scale")
         spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
         return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))

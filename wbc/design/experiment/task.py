@@ -17,10 +17,15 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.aims import informing
-from wbc.design.experiment.causes import Cause, parse_cause, require_predictable, typical_values
 from wbc.design.experiment.motions import FourierPath, MotionLimits
 from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Rivals
+from wbc.design.experiment.rivals import (
+    Cause,
+    Rivals,
+    parse_cause,
+    require_predictable,
+    typical_values,
+)
 from wbc.design.experiment.search import Designed, design_experiment, expected, random_paths
 from wbc.effects import effect_class, load_robot
 from wbc.errors import DesignError, failure_text
