@@ -20,7 +20,7 @@ from rich.table import Table
 from benchmarks.recorded import run_on_machines
 from wbc.arrays import FloatArray
 from wbc.identification import diagnose
-from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
+from wbc.identification.classic import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.measurement import Log

@@ -45,15 +45,15 @@ from wbc.files import atomic_write
 from wbc.identification import Diagnosis
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
-from wbc.view.browser import opened
 from wbc.view.channels import log_impacts
+from wbc.view.pictures import opened
 from wbc.view.plots import (
     residual_figure,
     staircase_figure,
     unexplained_figure,
     write_figure,
 )
-from wbc.view.report_content import stairs
+from wbc.view.report import stairs
 from wbc.view.residuals import residuals_of
 
 IMAGES = Path(__file__).resolve().parent / "images"

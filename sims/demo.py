@@ -11,8 +11,8 @@ from sims import standing
 from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.diagnose import print_diagnosis
 from wbc.cli.experiment import print_experiment, write_set_points
+from wbc.cli.models import print_diagnosis
 from wbc.cli.printout import table
 from wbc.design.experiment import (
     MotionLimits,
@@ -23,12 +23,11 @@ from wbc.design.experiment import (
 )
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.identification.answer.diagnosis.to_do import Commands
+from wbc.identification.answer.words import Commands
 from wbc.measurement import load_log, load_logs, save_log
 from wbc.sim.excitation import record_with
 from wbc.view import write_playback
 from wbc.view.report import write_report
-from wbc.view.rows import error_rows
 
 OUT = Path("out")
 LOOPS = (
@@ -70,16 +69,16 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     runs = record_with(leg, hidden, duration=duration)
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(runs)]
     logs = load_logs(written)
-    console.print(table(error_rows(compare(leg, logs))))
+    console.print(table(compare(leg, logs).error_rows()))
     diagnosis = diagnose(leg, logs)
-    commands = Commands.of(
+    commands = Commands(
         list(map(str, written)),
         "planar_leg_fixed",
         saved=str(OUT / "fitted.toml"),
         lossless=True,
     )
     print_diagnosis(console, diagnosis, commands)
-    console.print(table(error_rows(compare(diagnosis.robot, logs))))
+    console.print(table(compare(diagnosis.robot, logs).error_rows()))
     written += [
         save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
         write_report(

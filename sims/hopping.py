@@ -20,9 +20,9 @@ from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.sim import Plant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
-from wbc.view.channels import configuration
+from wbc.view.channels import center_of_mass, configuration
 from wbc.view.plots import drawing, new_figure, power_figure
-from wbc.view.run_figures import center_of_mass, run_style
+from wbc.view.run_figures import run_style
 from wbc.view.style import legend_above
 
 OUT = Path("out")

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -45,6 +47,26 @@ def atomic_write(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
 def write_text(path: str | Path, text: str) -> Path:
     """Write `text` (UTF-8) to `path`, whole or not at all."""
     return atomic_write(path, lambda file: file.write(text.encode("utf-8")))
+
+
+def as_json(value: Any, infinite: str | None = None) -> Any:
+    """Return what JSON can hold of a value: of a dataclass its fields, of arrays and tuples lists.
+
+    Args:
+        value: of dataclasses, mappings, sequences, arrays, paths, texts and numbers.
+        infinite: what stands for an infinite number; NaN is always None.
+    """
+    if is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(name): as_json(entry, infinite) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [as_json(entry, infinite) for entry in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None if isnan(value) else infinite
+    return str(value) if isinstance(value, Path) else value
 
 
 def take_schema(table: dict[str, Any]) -> str:

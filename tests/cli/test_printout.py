@@ -11,7 +11,7 @@ from rich.console import Console
 
 from wbc import load_robot
 from wbc.cli import main
-from wbc.cli.diagnose import print_diagnosis
+from wbc.cli.models import print_diagnosis
 from wbc.effects import CoulombFriction
 from wbc.identification import (
     Alternative,
@@ -139,7 +139,7 @@ def test_commands_answer_before_they_simulate(
     def stop(robot: Robot, logs: Sequence[Log]) -> OpenLoop:
         raise SimulatingError
 
-    monkeypatch.setattr("wbc.cli.compare.open_loop", stop)
+    monkeypatch.setattr("wbc.cli.models.open_loop", stop)
     asked = [command, *rubbing, "--robot", "planar_leg_fixed", "--lossless"]
     asked += ["--add", "coulomb_friction"] if command == "diagnose" else []
     with pytest.raises(SimulatingError):

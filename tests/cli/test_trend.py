@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import wbc.identification.trend.stored as stored
+import wbc.identification.trend.sessions as stored
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.errors import IdentificationError, LogError
-from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.trend import Run, Trend, find_runs, follow, read_index
-from wbc.identification.trend.drift import WRONG, Points, fit_lines, no_chance
-from wbc.identification.trend.measure import Session, SessionResult
+from wbc.identification.trend.sessions import Session, SessionResult
+from wbc.identification.trend.trend import WRONG, Points, fit_lines, no_chance
 from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
-from wbc.identification.classic import ClassicFit, identify
-from wbc.identification.classic.base_parameters import base_columns
+from wbc.identification.classic import ClassicFit, base_columns, identify
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()

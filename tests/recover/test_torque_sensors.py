@@ -18,8 +18,7 @@ from wbc.effects import (
 )
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
-from wbc.identification.classic import ClassicFit, identify
-from wbc.identification.classic.base_parameters import link_names
+from wbc.identification.classic import ClassicFit, identify, link_names
 from wbc.identification.formulas import discover
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual

@@ -16,7 +16,7 @@ from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFrictio
 from wbc.identification import diagnose, open_loop
 from wbc.identification.choice.weighing.evidence import weigh
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.classic.classic_fit import classic_fit, held_out_residual
+from wbc.identification.classic import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs
 from wbc.robot import Effect, Robot

@@ -16,7 +16,7 @@ from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import write_animation, write_picture, write_playback
-from wbc.view.browser import opened
+from wbc.view.pictures import opened
 
 
 @pytest.fixture(scope="module")

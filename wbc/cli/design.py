@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,14 +31,15 @@ from wbc.design import (
 )
 from wbc.effects import load_robot
 from wbc.errors import WbcError
+from wbc.files import as_json
 from wbc.robot import Robot
-from wbc.view.table import TextTable
+from wbc.tables import TextTable
 
 _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
 
 
-def run(options: argparse.Namespace, console: Console) -> Outcome:
+def run_design(options: argparse.Namespace, console: Console) -> Outcome:
     """Run or resume the study, print the front, write figures and JSON."""
     if options.workers == 0:
         raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
@@ -164,22 +164,16 @@ def _json(
     objectives: Sequence[Objective],
     units: Mapping[str, str],
 ) -> dict[str, Any]:
-    def plain(value: float) -> float | str | None:
-        if np.isnan(value):
-            return None
-        return float(value) if np.isfinite(value) else "unlimited"
-
-    count = len(front["design"])
-    rows = [{name: plain(values[row]) for name, values in front.items()} for row in range(count)]
+    rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
     return {
         "robot": study.robot,
         "contact": study.contact,
         "designs": study.size,
         "table": str(path),
         "units": dict(units),
-        "gearboxes": [asdict(box) for box in study.gearboxes],
+        "gearboxes": as_json(study.gearboxes),
         "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],
-        "front": rows,
+        "front": as_json(rows, "unlimited"),
     }
 
 
@@ -205,10 +199,10 @@ def _draw(
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
     start = f"{options.figures}/{load_robot(study.robot).name}_design"
     show_map = partial(design_map, drawn, varied, units, columns=columns, logarithmic=logarithmic)
-    figures = [(Path(f"{start}_map.png"), lambda theme: show_map(theme=theme))]
+    figures = {f"{start}_map.png": show_map}
     if len(objectives) > 1:
         both = {name: np.concatenate([front[name], values]) for name, values in drawn.items()}
         best = np.arange(len(front["design"]))
         show_front = partial(pareto_figure, both, best, aimed[:2], varied[0], units)
-        figures.append((Path(f"{start}_front.png"), lambda theme: show_front(theme=theme)))
+        figures[f"{start}_front.png"] = show_front
     write_figures(options, figures, console)

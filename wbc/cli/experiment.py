@@ -23,6 +23,7 @@ from wbc.design.experiment import (
     ExperimentTask,
     FourierPath,
     MotionLimits,
+    Pair,
     Rivals,
     compare_motions,
     parameter_names,
@@ -32,17 +33,19 @@ from wbc.design.experiment import (
     torque_misfit,
 )
 from wbc.errors import WbcError
+from wbc.files import as_json
+from wbc.identification.answer.ranking import effect_entry
 from wbc.measurement import Log, save_log
 from wbc.results import read_results
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
-from wbc.view.table import TextTable
+from wbc.tables import TextTable
 
 _ODDS = "log10 of the expected odds (3: one thousand to one)"
 _SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
 
 
-def run(options: argparse.Namespace, console: Console) -> Outcome:
+def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
     """Design the motion, say what to expect, write the set points."""
     options.out = options.out or ("plans.parquet" if options.each else "trajectory.csv")
     require_outputs(options, ".parquet" if options.each else ".csv")
@@ -94,8 +97,7 @@ def _run_each(options: argparse.Namespace, console: Console) -> Outcome:
             written.append(write_set_points(place, robot, read_path(text), options.rate))
     _print_rows(rows, console)
     console.print(f"wrote {', '.join(map(str, written))}")
-    plain = {name: np.asarray(values).tolist() for name, values in rows.items()}
-    return 0, {**plain, "table": str(path)}
+    return 0, as_json(rows) | {"table": str(path)}
 
 
 def _groups(texts: Sequence[str]) -> list[list[str]]:
@@ -130,7 +132,7 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
     designed = found[DESIGNED]
     if rivals.pairs:
         _print_odds(found, console)
-    if not rivals.pairs:
+    else:
         _print_widths(rivals, found, console)
     for i, j in designed.alike:
         console.print(
@@ -201,8 +203,7 @@ def _draw(
         }
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
     draw = partial(experiment_figure, joints, time, (position, velocity), misfits)
-    path = Path(options.figures) / f"{robot.name}_experiment.png"
-    write_figures(options, [(path, lambda theme: draw(theme=theme))], console)
+    write_figures(options, {f"{options.figures}/{robot.name}_experiment.png": draw}, console)
 
 
 def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:
@@ -215,26 +216,17 @@ def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: fl
 
 
 def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, Any]:
-    return {
-        "causes": [
-            [{"effect": e.name, "where": e.where, "parameters": e.values} for e in cause]
-            for cause in rivals.causes
-        ],
-        "half_widths": {
-            name: [widths.tolist() for widths in one.widths] for name, one in found.items()
-        },
-        "alike": [{"true": i, "over": j} for i, j in found[DESIGNED].alike],
-        "log10_odds": {
-            name: [
-                {"true": i, "over": j, "value": value / float(np.log(10.0))}
-                for (i, j), value in one.odds.items()
-            ]
-            for name, one in found.items()
-        },
-        "chance": {
-            name: [{"true": i, "over": j, "value": p} for (i, j), p in one.chance.items()]
-            for name, one in found.items()
-        },
-        "used": found[DESIGNED].used,
-        "trajectory": str(path),
+    def listed(values: Mapping[Pair, float], scale: float = 1.0) -> list[dict[str, float]]:
+        return [{"true": i, "over": j, "value": x / scale} for (i, j), x in values.items()]
+
+    designed, ten = found[DESIGNED], float(np.log(10.0))
+    told = {
+        "causes": [[effect_entry(effect) for effect in cause] for cause in rivals.causes],
+        "half_widths": {name: one.widths for name, one in found.items()},
+        "alike": [{"true": i, "over": j} for i, j in designed.alike],
+        "log10_odds": {name: listed(one.odds, ten) for name, one in found.items()},
+        "chance": {name: listed(one.chance) for name, one in found.items()},
+        "used": designed.used,
+        "trajectory": path,
     }
+    return dict(as_json(told))

@@ -46,7 +46,7 @@ def _run(options: argparse.Namespace) -> int:
 
         from wbc.cli.outputs import require_outputs, write_json
 
-        command = import_module(f"wbc.cli.{module or options.command}")
+        command = import_module(f"wbc.cli.{module}")
     keys = [key for key in entry.options.split() if OPTIONS[key].get("metavar") == "FILE.parquet"]
     require_outputs(options, ".parquet" if keys else "")
     target = getattr(options, "json", None)

@@ -38,6 +38,11 @@ def _flag(text: str) -> dict[str, Any]:
     return {"action": "store_true", "help": text}
 
 
+def _choice(text: str, *names: str) -> dict[str, Any]:
+    """Return an option of a few names, the first of them where it is left out."""
+    return {"choices": names, "default": names[0], "help": text}
+
+
 OPTIONS: dict[str, dict[str, Any]] = {
     # The name of an argument, then a slash and a word where commands mean different things by it.
     "logs": _option("LOG", f"{_LOG}; LOG@ROBOT if its drives or loads were others", nargs="+"),
@@ -84,11 +89,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--out/path": _option("FILE", "set points, default trajectory.csv; plans.parquet of --each"),
     "--out/folder": _option("DIR", "where to write (default here)", dest="folder", default="."),
     # init
-    "--base": {
-        "choices": ("fixed", "free_flyer"),
-        "default": "fixed",
-        "help": "how the base of a model file is held",
-    },
+    "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
     "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
     "--html/look": _option("FILE", "the page (default look.html)", default="look.html"),
     # pictures
@@ -102,20 +103,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--to": _option("T", "end of the animation [s]", dest="stop", type=float),
     "--speed/shown": _option("X", "0.1 shows it ten times slower", type=float, default=1.0),
     "--figures": _option("DIR", "write figures (PNG)", nargs="?", const="out"),
-    "--theme": {
-        "choices": ("light", "dark"),
-        "default": "light",
-        "help": "colours of pictures (default light)",
-    },
+    "--theme": _choice("colours of pictures (default light)", "light", "dark"),
     # a contact of a robot
     "--contact": _option("NAME", "or a frame; default: the first contact"),
     "--pose": _option("NAME|J=V,...", "a named pose or joint positions [rad, m]"),
     "--axes": _option(None, "world axes (default xz)", default="xz"),
     "--load": _option("N", "force to hold [N]; default: the robot's weight", type=float),
     "--to/format": {
-        "choices": ("mujoco", "mjcf", "urdf", "isaac"),
+        **_choice("format of the file", "mujoco", "mjcf", "urdf", "isaac"),
         "required": True,
-        "help": "format of the file",
     },
     "--file": _option("FILE", "to write; default: the robot's name"),
     # design
@@ -171,13 +167,13 @@ class Subcommand:
         help: one line in the list of commands.
         options: names in `OPTIONS`, in the order of the help.
         epilog: printed below the help.
-        function: of the module of `wbc.cli` with the command's name; or MODULE.FUNCTION.
+        function: MODULE.FUNCTION of `wbc.cli`.
     """
 
     help: str
     options: str
     epilog: str
-    function: str = "run"
+    function: str
 
 
 _LOGS = "logs --robot --lossless --columns --quiet --verbose --fix"
@@ -201,21 +197,25 @@ it. Correct the guesses, then run wbc check.
 
 Without logs robot.toml has one table for all gears, [gears."*"], and a controller
 or simulator can load it.""",
+        "prepare.run_init",
     ),
     "look": Subcommand(
         "every column of files over time: look before you map",
         "logs/plain --columns --html/look",
         "example: wbc look run*.csv --html look.html",
+        "show.run_look",
     ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
         f"{_LOGS} --json",
         "example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
+        "prepare.run_check",
     ),
     "compare": Subcommand(
         "error of the model on logs: how much, and where",
         f"{_LOGS} --against --fail-above --json --report",
         "example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
+        "models.run_compare",
     ),
     "diagnose": Subcommand(
         "which physical effect the model lacks; add it, save it",
@@ -229,6 +229,7 @@ or simulator can load it.""",
 
 many machines, a row each; given again, an interrupted run goes on:
   wbc diagnose --fleet runs.csv --robot leg.toml --out fleet.parquet --workers 4""",
+        "models.run_diagnose",
     ),
     "identify": Subcommand(
         "all parameters at once: links, rotors, friction",
@@ -239,6 +240,7 @@ many machines, a row each; given again, an interrupted run goes on:
 One linear least squares for base parameters of the links, rotor inertia, viscous and
 Coulomb friction and offset of every joint. It says how large each number is, not
 which of them are needed: `wbc diagnose` does that.""",
+        "models.run_identify",
     ),
     "rollout": Subcommand(
         "a position servo fitted by simulating its runs",
@@ -250,6 +252,7 @@ For a position servo whose torque nobody recorded. The whole servo is simulated 
 first position under the recorded targets: controller, winding, gear and load. Each log may
 have its own robot file (LOG@ROBOT) with another gain, supply voltage or load. What is
 printed as held out is the error on logs that the fit did not see.""",
+        "models.run_rollout",
     ),
     "trend": Subcommand(
         "parameters and errors over dates and machines: which drifts",
@@ -263,6 +266,7 @@ The date stands in the file's name or a folder's (2026-03-01); the machine is th
 folder, or what stands before the date where all files lie in one folder. An
 index has the columns log, machine, date. The effects of the robot are fitted to
 every session anew; a session is all logs of one machine with one date.""",
+        "fleet.run_trend",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page, a picture, an animation",
@@ -275,12 +279,13 @@ every session anew; a session is all logs of one machine with one date.""",
 
 Pictures need Chromium and playwright (extra pictures), .mp4 needs ffmpeg.
 Without --html, --png, --gif the page opens in the browser.""",
+        "show.run_play",
     ),
     "metrics": Subcommand(
         "inertia, force capability, impacts and holding of a contact",
         f"robot {_SITE} --figures --theme --json",
         "example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
-        "robots.metrics",
+        "robots.run_metrics",
     ),
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
@@ -298,6 +303,7 @@ example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out
 
 A run that was interrupted goes on when the same command is given again.""",
+        "design.run_design",
     ),
     "experiment": Subcommand(
         "a motion that tells rival causes apart, and its expected odds",
@@ -315,18 +321,19 @@ averaged over. A free base is held in a stand, the feet in the air.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
+        "experiment.run_experiment",
     ),
     "export": Subcommand(
         "a robot for MuJoCo with its losses, URDF, Isaac Lab",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
-        "robots.export",
+        "robots.run_export",
     ),
     "list": Subcommand(
         "the robots, the physical effects and the gearboxes there are",
         "what --json",
         "example: wbc list effects",
-        "robots.listing",
+        "robots.run_list",
     ),
     "completion": Subcommand(
         "print the script for completion in a shell",
@@ -339,6 +346,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
 
 The script holds the names of the shipped robots; write it again after an
 update.""",
+        "robots.run_completion",
     ),
 }
 """The commands by name, in the order of the help."""

@@ -7,7 +7,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -90,21 +90,21 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
 
 
 def write_figures(
-    options: argparse.Namespace, draw: Iterable[tuple[Path, Callable[[Any], Any]]], console: Console
+    options: argparse.Namespace, figures: Mapping[str, Callable[..., Any]], console: Console
 ) -> None:
     """Draw figures in the theme that the options name, and write them.
 
     Args:
         options: with the theme.
-        draw: files, and the functions that draw their figures in a theme.
+        figures: names of files, and the functions that draw their figures, given a theme.
         console: where the files are named.
     """
     from wbc.view import DARK, LIGHT
     from wbc.view.plots import write_figure
 
     theme = DARK if options.theme == "dark" else LIGHT
-    for path, figure in draw:
-        console.print(f"wrote {write_figure(path, figure(theme))}")
+    for path, draw in figures.items():
+        console.print(f"wrote {write_figure(path, draw(theme=theme))}")
 
 
 @contextmanager

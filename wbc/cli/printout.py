@@ -10,7 +10,7 @@ from rich.padding import Padding
 from rich.segment import Segment, Segments
 from rich.table import Table
 
-from wbc.view.table import TextTable
+from wbc.tables import TextTable
 
 LINES = 54
 """Of a printout that nobody asked to be longer; with the names of files written it is below 60."""

@@ -1,4 +1,4 @@
-"""`wbc metrics`, `wbc export` and `wbc list`: the commands on one robot, without logs."""
+"""`wbc metrics`, `export`, `list` and `completion`: the commands that need no logs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,26 @@ from wbc.cli.outputs import Outcome, require_outputs, write_figures
 from wbc.cli.printout import table
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import RobotError, ViewError, WbcError
+from wbc.files import as_json
 from wbc.robot import Robot, robot_names
-from wbc.view.table import TextTable
+from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from wbc.metrics import Metric
+import shtab
+
+from wbc.cli.options import build_parser
+
+_FILES = {
+    "bash": "_wbc_files",
+    "zsh": "_files",
+    "fish": "(__fish_complete_path (commandline -ct))",
+    "tcsh": "f",
+}
+_ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "fish": "(_wbc_robots)", "tcsh": "f"}
+_EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "fish": "(_wbc_effects)", "tcsh": "f"}
+_FILE_MARKS = ("LOG", "RUN", "FILE", "MAP", "INDEX", "FITTED", "DIR")
+"""How the metavar of an argument that names a file begins."""
 
 
 def first_contact(robot: Robot) -> str:
@@ -68,7 +83,7 @@ def checked_axes(axes: str) -> str:
     return axes
 
 
-def metrics(options: argparse.Namespace, console: Console) -> Outcome:
+def run_metrics(options: argparse.Namespace, console: Console) -> Outcome:
     """Print what the gears do to inertia, force capability and impacts; write figures and JSON."""
     from wbc.metrics import summary, with_contact_at
 
@@ -91,12 +106,10 @@ def metrics(options: argparse.Namespace, console: Console) -> Outcome:
         from wbc.view.plots import leg_figure, tradeoff_figure
 
         start = f"{options.figures}/{robot.name}"
-        draw = partial(leg_figure, robot, q, contact, axes=options.axes)
-        compare = partial(tradeoff_figure, robot, q, contact, axes=options.axes)
-        figures = (
-            (Path(f"{start}_leg.png"), lambda theme: draw(theme=theme)),
-            (Path(f"{start}_tradeoff.png"), lambda theme: compare(theme=theme)),
-        )
+        figures = {
+            f"{start}_leg.png": partial(leg_figure, robot, q, contact, axes=options.axes),
+            f"{start}_tradeoff.png": partial(tradeoff_figure, robot, q, contact, axes=options.axes),
+        }
         write_figures(options, figures, console)
     return 0, content
 
@@ -107,19 +120,8 @@ def _label(metric: Metric) -> str:
 
 def _by_joint(metric: Metric) -> Any:
     """Return the value, of a vector with an entry per gear the one of each joint."""
-    plain = _plain(metric.value)
+    plain = as_json(metric.value, "unlimited")
     return dict(zip(metric.joints, plain, strict=True)) if metric.joints else plain
-
-
-def _plain(value: Any) -> Any:
-    """Return a value that JSON can hold: infinite is "unlimited", unknown is None."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, list):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None if np.isnan(value) else "unlimited"
-    return value
 
 
 def _told(metric: Metric, robot: Robot) -> str:
@@ -162,7 +164,7 @@ def _entry(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:9.4f}"
 
 
-def export(options: argparse.Namespace, console: Console) -> Outcome:
+def run_export(options: argparse.Namespace, console: Console) -> Outcome:
     """Write the robot as a file of another simulator, and print what is not in it."""
     from wbc.export import FORMATS, export_robot, losses_path
 
@@ -189,7 +191,7 @@ def export(options: argparse.Namespace, console: Console) -> Outcome:
     return 0, content
 
 
-def listing(options: argparse.Namespace, console: Console) -> Outcome:
+def run_list(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the robots, effects or gearboxes there are."""
     rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
     cells = tuple(tuple(row.values()) for row in rows)
@@ -238,3 +240,45 @@ def _gearboxes() -> list[dict[str, str]]:
         }
         for box in read_gearboxes().values()
     ]
+
+
+def run_completion(options: argparse.Namespace, console: Console) -> Outcome:
+    """Print the script."""
+    parser = build_parser()
+    _describe(parser)
+    script = shtab.complete(parser, options.shell, preamble=_preamble())
+    console.out(script, highlight=False)
+    return 0, {}
+
+
+def _describe(parser: argparse.ArgumentParser) -> None:
+    """Tell shtab what each argument that has no choices of its own stands for."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                _describe(command)
+        elif action.metavar in ("NAME", "ROBOT") and action.dest == "robot":
+            action.complete = _ROBOTS  # type: ignore[attr-defined]
+        elif action.dest == "add":
+            action.complete = _EFFECTS  # type: ignore[attr-defined]
+        elif str(action.metavar).startswith(_FILE_MARKS):
+            action.complete = _FILES  # type: ignore[attr-defined]
+
+
+def _preamble() -> dict[str, str]:
+    """Return the shell functions that complete robots, effects and files."""
+    robots, effects = " ".join(robot_names()), " ".join(("auto", *EFFECTS))
+    bash = f"""
+_wbc_files() {{ compgen -f -- "$1"; }}
+_wbc_robots() {{ compgen -W "{robots}" -- "$1"; compgen -f -- "$1"; }}
+_wbc_effects() {{ compgen -W "{effects}" -- "$1"; }}
+"""
+    zsh = f"""
+_wbc_robots() {{ compadd {robots}; _files; }}
+_wbc_effects() {{ compadd {effects}; }}
+"""
+    fish = f"""
+function _wbc_robots; printf '%s\\n' {robots}; __fish_complete_path (commandline -ct); end
+function _wbc_effects; printf '%s\\n' {effects}; end
+"""
+    return {"bash": bash, "zsh": zsh, "fish": fish}

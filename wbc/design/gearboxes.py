@@ -125,19 +125,13 @@ class EfficiencyTable:
         """Return forward and backward efficiency for output torques of any shape [N m]."""
         inside = np.clip(np.abs(load), self.load[0], self.load[-1])
         rate = np.clip(abs(speed), self.speed[0], self.speed[-1])
-        return self._read(self.forward, inside, rate), self._read(self.backward, inside, rate)
-
-    def _read(
-        self, values: tuple[tuple[float, ...], ...], load: FloatArray, speed: float
-    ) -> FloatArray:
-        table = np.array(values)
-        if len(self.speed) == 1:
-            return np.asarray(np.interp(load, self.load, table[:, 0]))
-        if len(self.load) == 1:
-            return np.full(load.shape, np.interp(speed, self.speed, table[0]))
-        grid = RegularGridInterpolator((self.load, self.speed), table)
-        points = np.stack([load, np.full(load.shape, speed)], axis=-1)
-        return np.asarray(grid(points))
+        # An axis of one value gets a second place with the same efficiencies.
+        axes = [a if len(a) > 1 else (*a, a[0] + 1.0) for a in (self.load, self.speed)]
+        table = np.stack([self.forward, self.backward], axis=-1)
+        more = [(0, len(a) - n) for a, n in zip(axes, table.shape, strict=False)]
+        grid = RegularGridInterpolator(axes, np.pad(table, [*more, (0, 0)], mode="edge"))
+        found = grid((inside, np.full(inside.shape, rate)))
+        return np.asarray(found[..., 0]), np.asarray(found[..., 1])
 
 
 def read_efficiency_table(path: str | Path) -> EfficiencyTable:

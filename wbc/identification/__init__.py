@@ -1,10 +1,9 @@
 """Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
 
-from wbc.identification.answer.breakdown import Breakdown
 from wbc.identification.answer.comparison import Comparison, OutputError, compare
 from wbc.identification.answer.contest import Contestant, rank_robots
-from wbc.identification.answer.diagnosis.diagnose import diagnose
-from wbc.identification.answer.diagnosis.diagnosis import (
+from wbc.identification.answer.diagnose import diagnose
+from wbc.identification.answer.diagnosis import (
     Alternative,
     Diagnosis,
     ErrorLevel,
@@ -14,8 +13,9 @@ from wbc.identification.answer.diagnosis.diagnosis import (
     Step,
     Verdict,
 )
-from wbc.identification.answer.diagnosis.ranking import Ranked
-from wbc.identification.answer.series import Series
+from wbc.identification.answer.ranking import Ranked
+from wbc.identification.answer.remainder import Breakdown
+from wbc.identification.answer.shown import Series
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.open_loop import OpenLoop, open_loop
 

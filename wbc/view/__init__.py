@@ -12,7 +12,6 @@ from wbc.extras import needs
 
 if TYPE_CHECKING:
     from wbc.view.ground import GroundSlab, flat_ground, profile_ground
-    from wbc.view.live import LiveView
     from wbc.view.palette import DARK, LIGHT, Theme
     from wbc.view.pictures import write_animation, write_picture
     from wbc.view.playback import write_playback
@@ -23,7 +22,6 @@ __all__ = [
     "LIGHT",
     "Ghost",
     "GroundSlab",
-    "LiveView",
     "Theme",
     "flat_ground",
     "log_ghost",
@@ -37,7 +35,6 @@ __all__ = [
 _HOMES = {
     "track": ("Ghost", "log_ghost", "model_ghost"),
     "ground": ("GroundSlab", "flat_ground", "profile_ground"),
-    "live": ("LiveView",),
     "palette": ("DARK", "LIGHT", "Theme"),
     "pictures": ("write_animation", "write_picture"),
     "playback": ("write_playback",),

@@ -88,6 +88,28 @@ def contact_forces(robot: Robot, log: Log) -> dict[str, FloatArray]:
     return forces
 
 
+def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the centre of mass (N, 3) [m], world."""
+    data = robot.model.createData()
+    return np.array([pin.centerOfMass(robot.model, data, q).copy() for q in position])
+
+
+def base_pitch(robot: Robot, position: FloatArray) -> FloatArray:
+    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries."""
+    if not robot.unactuated.size:
+        return np.zeros(len(position))
+    last = int(robot.unactuated[-1])
+    number = next(
+        j for j in range(robot.model.njoints - 1, 0, -1) if robot.model.joints[j].idx_v <= last
+    )
+    data = robot.model.createData()
+    turns = np.empty((len(position), 3, 3))
+    for row, q in enumerate(position):
+        pin.forwardKinematics(robot.model, data, q)
+        turns[row] = data.oMi[number].rotation
+    return np.asarray(np.arctan2(turns[:, 0, 2], turns[:, 0, 0]))
+
+
 _QUIET = 0.02
 _MOMENT = 0.02
 

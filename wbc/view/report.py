@@ -5,40 +5,38 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects import EFFECTS
 from wbc.extras import needs
 from wbc.files import write_text
-from wbc.identification import Comparison, Diagnosis, OpenLoop
+from wbc.identification import Comparison, Diagnosis, OpenLoop, Ranked
 from wbc.identification.answer.comparison import compare_problem
-from wbc.identification.answer.diagnosis.to_do import Commands
-from wbc.identification.answer.numbers import efforts
-from wbc.identification.answer.series import series_of
+from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.shown import series_of
+from wbc.identification.answer.words import (
+    COMMAND,
+    MEANINGS,
+    TITLES,
+    Commands,
+    verdict_sentence,
+    what_to_do,
+)
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.measurement import Log, check_logs
+from wbc.measurement import Log, LogSource, check_logs
 from wbc.robot import Robot
-from wbc.view.report_content import (
-    correlation_table,
-    dependence_rows,
-    finding_cards,
-    formula_part,
-    headline,
-    provenance_rows,
-    ranked_models,
-    ranking_words,
-    remark_lists,
-    stairs,
-)
+from wbc.robot.effect import spoken
 from wbc.view.residuals import LogResiduals, ResidualRun, residuals_in
 from wbc.view.rows import (
     clock_rows,
-    error_rows,
-    left_rows,
+    formula_rows,
     open_loop_rows,
     output_rows,
     short_label,
@@ -52,8 +50,15 @@ with needs("view", "writing a report"):
     from wbc.view.playback import playback_page
     from wbc.view.track import model_ghost
 
-__all__ = ["report_page", "write_report"]
-
+_STRONG = 0.1
+_MOST_DEPENDENCES = 10
+_VARIABLES = {
+    "direction": "forth or back",
+    "mesh power": "load times speed",
+    "load against direction": "size of the load, minus when moving back",
+    "rotor angle": "within one turn of the motor",
+}
+"""What a variable is whose name does not say it."""
 _PAGE = Path(__file__).parent / "page"
 _UNIT = re.compile(
     r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)|(?<=m) (?=s/rad)"
@@ -95,52 +100,40 @@ def write_report(
         IdentificationError: logs that cannot be compared with this robot.
         LogError: a channel is missing.
     """
-    page = report_page(robot, logs, diagnosis, command, theme, discovery, commands, simulated)
-    return write_text(path, page)
-
-
-def report_page(
-    robot: Robot,
-    logs: Sequence[Log],
-    diagnosis: Diagnosis | None,
-    command: str,
-    theme: str,
-    discovery: Discovery | None = None,
-    commands: Commands | None = None,
-    simulated: Sequence[OpenLoop] = (),
-) -> str:
-    """Return the HTML text of `write_report`."""
     problem = EstimationProblem.from_logs(robot, logs)
     comparison, qualities = compare_problem(problem), check_logs(logs, robot)
-    context: dict[str, Any] = {
-        "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
-        "robot": robot.name,
-        "base": "free base" if robot.floating_size else "fixed base",
-        "theme": theme,
-        **headline(comparison, diagnosis, commands),
-        "outputs": output_rows(comparison),
-        "clocks": clock_rows(qualities),
-        "dependences": dependence_rows(comparison),
-        "quality": remark_lists(qualities),
-        "floor_source": comparison.floor.source,
-        "notes": list(robot.notes),
-        "efforts": efforts(o.unit for o in comparison.outputs),
-        "left": error_rows(comparison) if diagnosis is None else left_rows(diagnosis),
-        "open_loop": open_loop_rows(simulated) if simulated else None,
-        "not_simulated": simulated[-1].reason if simulated else "",
-        "diagnosed": diagnosis is not None,
-        "correlation": correlation_table(diagnosis),
-        "provenance": provenance_rows([log.source for log in logs], command),
-        "logs": [short_label(series.name) for series in comparison.series],
-    }
-    context |= _diagnosis_part(diagnosis, comparison) | {"formulas": formula_part(discovery)}
-    context["playback"] = _embedded(_playback(robot, logs[0], comparison))
     fitted = problem.robot if diagnosis is None else diagnosis.robot
     series = series_of(fitted, problem.records)
     plots = residual_plots(residuals_in(problem, comparison.series, series))
-    context["data"] = _embedded(
-        {**plots, "steps": context["steps"], "fitted": bool(context["cards"])}
-    )
+    steps = [] if diagnosis is None else stairs(diagnosis)
+    context: dict[str, Any] = {
+        "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
+        "robot": robot,
+        "theme": theme,
+        "diagnosis": diagnosis,
+        "comparison": comparison,
+        "discovery": discovery,
+        "formulas": discovery and formula_rows(discovery),
+        "outputs": output_rows(comparison),
+        "left": comparison.error_rows() if diagnosis is None else diagnosis.left_rows(),
+        "open_loop": open_loop_rows(simulated) if simulated else None,
+        "not_simulated": simulated[-1].reason if simulated else "",
+        "clocks": clock_rows(qualities),
+        "quality": [quality for quality in qualities if quality.findings],
+        "dependences": [b for b in comparison.where if b.share > _STRONG][:_MOST_DEPENDENCES],
+        "variables": _VARIABLES,
+        "efforts": efforts(o.unit for o in comparison.outputs),
+        "steps": steps,
+        "words": ranking_words(() if diagnosis is None else diagnosis.ranking),
+        "provenance": provenance_rows([log.source for log in logs], command),
+        "logs": [short_label(series.name) for series in comparison.series],
+        "playback": _embedded(_playback(robot, logs[0], comparison)),
+        "data": _embedded(
+            {**plots, "steps": steps, "fitted": bool(diagnosis and diagnosis.findings)}
+        ),
+        "plotly": get_plotlyjs(),
+        **headline(comparison, diagnosis, commands),
+    }
     for name, file in (("css", "report.css"), ("script", "report.js")):
         context[name] = (_PAGE / file).read_text(encoding="utf-8")
     environment = Environment(
@@ -149,7 +142,15 @@ def report_page(
         autoescape=True,
         finalize=_unbroken,
     )
-    return environment.get_template("report.html.j2").render(plotly=get_plotlyjs(), **context)
+    environment.filters |= {
+        "spoken": spoken,
+        "titled": titled,
+        "plain": plain,
+        "sure": sure,
+        "deviation": with_deviation,
+        "short": short_label,
+    }
+    return write_text(path, environment.get_template("report.html.j2").render(context))
 
 
 def _unbroken(value: object) -> object:
@@ -159,20 +160,69 @@ def _unbroken(value: object) -> object:
     return _UNIT.sub("\u00a0", value.replace("->", "→").replace("N m", "N\u00a0m"))
 
 
-def _diagnosis_part(diagnosis: Diagnosis | None, comparison: Comparison) -> dict[str, Any]:
+def headline(
+    comparison: Comparison, diagnosis: Diagnosis | None, commands: Commands | None
+) -> dict[str, Any]:
+    """Return the verdict with its meaning, the first sentence, the others, what to do now."""
     if diagnosis is None:
-        return {key: [] for key in ("steps", "cards", "ranking", "words")} | {
-            "warnings": list(comparison.warnings),
-            "remainder": "",
-        }
+        verdict, badge, text, to_do = "compared", "compared", comparison.sentence, ""
+        meaning = "the model beside the logs, nothing was fitted"
+    else:
+        verdict, text = diagnosis.verdict, verdict_sentence(diagnosis)
+        badge, meaning = TITLES[verdict], MEANINGS[verdict]
+        to_do = what_to_do(diagnosis, commands)
+    first, stop, rest = text.partition(". ")
     return {
-        "steps": stairs(diagnosis),
-        "cards": finding_cards(diagnosis.findings),
-        "ranking": ranked_models(diagnosis.ranking),
-        "words": ranking_words(diagnosis.ranking),
-        "warnings": list(diagnosis.warnings),
-        "remainder": diagnosis.remainder,
+        "verdict": verdict,
+        "badge": badge,
+        "meaning": meaning,
+        "sentence": first + ("." if stop else ""),
+        "more": rest,
+        "to_do": [(line.startswith(COMMAND), line.strip()) for line in to_do.splitlines()],
     }
+
+
+def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str]:
+    """Return label -> text of how to reproduce a result."""
+    facts = provenance(sources, command)
+    rows = {"command": command} if command else {}
+    rows["seed"] = f"{facts['seed']} (of the blocks drawn for the intervals)"
+    rows["versions"] = ", ".join(f"{name} {number}" for name, number in facts["versions"].items())
+    rows["python"] = facts["python"]
+    if facts["commit"]:
+        rows["commit"] = facts["commit"]
+    rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    for source in sources:
+        # The digest is that of the file, which may hold many logs.
+        path = source.label.partition("#")[0]
+        known = sum(1 for other in sources if other.label.partition("#")[0] == path)
+        digest = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
+        rows[f"data: {path}"] = digest if known == 1 else f"{digest} ({known} logs)"
+    return rows
+
+
+def titled(text: str) -> str:
+    """Return a text as a title has it: its first letter is a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def stairs(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Return the staircase: label and error of each step."""
+    return [
+        {
+            "label": f"+ {spoken(step.added)} at {step.where}" if step.added else "as given",
+            "error": step.error,
+            "told": plain(step.error, 2),
+        }
+        for step in diagnosis.steps
+    ]
+
+
+def ranking_words(rows: Sequence[Ranked]) -> list[tuple[str, str]]:
+    """Return name and explanation of every effect that a ranked table names."""
+    names = dict.fromkeys(name for row in rows for name, _ in (*row.added, *row.removed))
+    known = [name for name in names if name in EFFECTS]
+    return [(titled(spoken(name)), EFFECTS[name].explanation) for name in known]
 
 
 def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.answer.series import Series, series_of
+from wbc.identification.answer.shown import Series, series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record

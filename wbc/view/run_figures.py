@@ -1,4 +1,4 @@
-"""Mesh power and losses of every gear."""
+"""Power, losses and energy of a run, its impacts, and how it stands."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import (
+    base_pitch,
+    center_of_mass,
     configuration,
     contact_forces,
     gear_flow,
@@ -62,9 +64,7 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
             fill_power(power, log.time, flow.mesh_power[:, i], flow.direction[:, i])
             power.plot(log.time, flow.mesh_power[:, i], color=theme.ink, linewidth=0.5)
             power.set_title(f"{joint}: power into the teeth")
-            heat = np.concatenate(
-                [[0.0], np.cumsum(0.5 * (flow.loss[1:, i] + flow.loss[:-1, i]) * np.diff(log.time))]
-            )
+            heat = _sum(log.time, 0.5 * (flow.loss[1:, i] + flow.loss[:-1, i]))
             loss.fill_between(
                 log.time, flow.loss[:, i], color=theme.series[5], alpha=0.5, linewidth=0.0
             )
@@ -387,28 +387,6 @@ def _plot_standing(
     forces = contact_forces(robot, log)
     total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
     plot_mean(axes[-1], log.time, total, style, hits, samples=alone)
-
-
-def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
-    """Return the centre of mass (N, 3) [m], world."""
-    data = robot.model.createData()
-    return np.array([pin.centerOfMass(robot.model, data, q).copy() for q in position])
-
-
-def base_pitch(robot: Robot, position: FloatArray) -> FloatArray:
-    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries."""
-    if not robot.unactuated.size:
-        return np.zeros(len(position))
-    last = int(robot.unactuated[-1])
-    number = next(
-        j for j in range(robot.model.njoints - 1, 0, -1) if robot.model.joints[j].idx_v <= last
-    )
-    data = robot.model.createData()
-    turns = np.empty((len(position), 3, 3))
-    for row, q in enumerate(position):
-        pin.forwardKinematics(robot.model, data, q)
-        turns[row] = data.oMi[number].rotation
-    return np.asarray(np.arctan2(turns[:, 0, 2], turns[:, 0, 0]))
 
 
 def _support(robot: Robot, log: Log, position: FloatArray) -> float:

@@ -9,7 +9,7 @@ from wbc import load_robot
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.errors import LogError
 from wbc.identification import diagnose
-from wbc.identification.answer.diagnosis.diagnosis import Diagnosis
+from wbc.identification.answer.diagnosis import Diagnosis
 from wbc.measurement import Log
 
 

@@ -13,7 +13,7 @@ from wbc import load_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.identification import Diagnosis, compare, diagnose
-from wbc.identification.answer.diagnosis.to_do import COMMAND, Commands, what_to_do
+from wbc.identification.answer.words import COMMAND, Commands, what_to_do
 from wbc.measurement import Log, load_log, save_log
 
 LEG = load_robot("planar_leg_fixed").lossless()
@@ -58,7 +58,7 @@ def test_every_command_of_an_answer_runs_as_printed(
 
 
 def test_what_is_saved_already_is_not_saved_again(found: Diagnosis) -> None:
-    told = what_to_do(found, Commands.of(["a.csv"], "leg.toml", saved="new.toml", lossless=True))
+    told = what_to_do(found, Commands(["a.csv"], "leg.toml", saved="new.toml", lossless=True))
     assert commands_in(told) == ["wbc compare a.csv --robot new.toml"]
     # --lossless would take the losses that were found out of the corrected model again.
     assert "--lossless" not in told
@@ -67,7 +67,7 @@ def test_what_is_saved_already_is_not_saved_again(found: Diagnosis) -> None:
 
 def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
     """With --lossless, LOG@ROBOT is read without losses; beside the corrected robot it is not."""
-    told = what_to_do(found, Commands.of(["a.csv", "b.csv@other.toml"], "leg.toml", lossless=True))
+    told = what_to_do(found, Commands(["a.csv", "b.csv@other.toml"], "leg.toml", lossless=True))
     (save,) = commands_in(told)
     assert (
         save == "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
@@ -89,7 +89,7 @@ def test_every_answer_says_whether_the_robot_is_to_be_touched(
     found: Diagnosis, verdict: str, begins: str, last: str
 ) -> None:
     one = replace(found, verdict=verdict, next_experiment="Turn the knee slowly.")  # type: ignore
-    told = what_to_do(one, Commands.of(["a.csv"], "leg"))
+    told = what_to_do(one, Commands(["a.csv"], "leg"))
     assert told.startswith(begins)
     assert not last or commands_in(told)[-1].endswith(last)
 

@@ -11,8 +11,8 @@ import pytest
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
-from wbc.identification.answer.diagnosis.diagnose import about_silent
-from wbc.identification.answer.diagnosis.sentence import verdict_sentence
+from wbc.identification.answer.diagnose import about_silent
+from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.filters import quantisation_level
 from wbc.identification.silent_drives import reported_torque

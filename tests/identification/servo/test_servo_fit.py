@@ -1,18 +1,24 @@
 """The fit of a servo recovers what a plant of its own was made with."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.servo.servo_fit import Span, fit_servo, fit_servos
+from wbc.identification.servo.servo_fit import ServoFit, Span, fit_servos
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_run import ServoRun
 
 STEP = 0.004
+
+
+def fit_servo(build: Any, spans: Any, runs: Sequence[Any], step: float, **how: Any) -> ServoFit:
+    """One fit to all runs."""
+    return fit_servos(build, spans, runs, step, [range(len(runs))], **how)[0]
 
 
 def plant(
@@ -90,7 +96,7 @@ def test_what_the_runs_leave_open_stays_at_its_start() -> None:
         spans,
         [released],
         STEP,
-        [{"sag": 2.0}],
+        starts=[{"sag": 2.0}],
         hold={"sag": 0.5},
     )
     assert fit.values["resistance"] == pytest.approx(3.0, rel=1e-3)

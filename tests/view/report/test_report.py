@@ -33,8 +33,7 @@ from wbc.identification import (
     diagnose,
     open_loop,
 )
-from wbc.identification.answer.diagnosis.sentence import MEANINGS, TITLES, verdict_sentence
-from wbc.identification.answer.diagnosis.to_do import what_to_do
+from wbc.identification.answer.words import MEANINGS, TITLES, verdict_sentence, what_to_do
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 from wbc.view.report import write_report
@@ -121,8 +120,8 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
         "their sensors explains. So nothing can be named from these logs."
     )
     said = str(diagnosis)
-    assert "viscous_friction at knee, or coulomb_friction" in said
-    assert "knee: 4.0 -> 0.10 N m" in said
+    assert re.search(r"viscous_friction at knee +0.400 .*60 % sure\n +or coulomb_friction", said)
+    assert re.search(r"knee +4.0 +0.10 +0.10 +0.10 +N m", said)
 
 
 def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
@@ -132,7 +131,7 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
     text = page.read_text(encoding="utf-8")
     seen = text[: text.index("<script>")]
     # The verdict in words, the robot's name with what it means ("fixed" was read as repaired).
-    assert ">likely causes</span>" in seen
+    assert ">likely, not certain</span>" in seen
     assert TITLES.keys() == MEANINGS.keys()
     assert "planar_leg_fixed (fixed base)" in seen
     # Two kinds of certainty say what they are about.
@@ -175,7 +174,7 @@ def test_what_the_robot_has_already_is_not_called_missing(robot: Robot, logs: li
     sentence = verdict_sentence(found)
     assert sentence.startswith("Missing or different in the model: ")
     assert "(as given: forward efficiency 0.800, backward efficiency 0.750)" in sentence
-    assert "(as given 0.800)" in str(found)
+    assert re.search(r"as given +0\.800", str(found))
 
 
 def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: Diagnosis) -> None:
@@ -204,7 +203,7 @@ def test_a_drive_that_was_set_aside_is_not_the_measure_of_an_answer(diagnosis: D
     assert ": 5.0 -> 1.2 N m at arm. More is missing" in verdict_sentence(found)
     unknown = replace(found, verdict="unknown", findings=())
     assert "(8.9 N m are left at wrist)" in verdict_sentence(unknown)
-    assert "torso: 181 -> 181 N (attainable 181, noise floor 0.094), set aside" in str(found)
+    assert re.search(r"torso +181 +181 +181 +0\.094 +N, set aside", str(found))
     assert found.to_json()["joints"]["torso"]["judged"] is False
 
 
@@ -254,7 +253,7 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     ):
         assert f'id="{part}"' in text
     # Every word that the page needs is explained where it first stands.
-    assert "do not tell them from others" in text  # the verdict: ambiguous
+    assert "its name is not certain" in text  # the verdict: ambiguous
     for word in ("Noise floor", "Attainable", "sure", "90&nbsp;% interval", "Odds"):
         assert f"<b>{word}</b>" in text
     places = [

@@ -266,13 +266,11 @@ class Predictions:
 
     def sensitivity(self, number: int) -> FloatArray:
         """Return d torque / d parameter over noise, per typical size, (N m, p)."""
-        if number in self._slopes:
-            return self._slopes[number]
-        here = self.expected_torque(number)
-        near = self.rivals.neighbours(number)
-        columns = [lever * (self.torque(cause) - here) for cause, lever in near]
-        read = self.in_noise(np.stack(columns, axis=2))
-        self._slopes[number] = read.reshape(-1, len(columns))
+        if number not in self._slopes:
+            here, near = self.expected_torque(number), self.rivals.neighbours(number)
+            columns = [lever * (self.torque(cause) - here) for cause, lever in near]
+            read = self.in_noise(np.stack(columns, axis=2))
+            self._slopes[number] = read.reshape(-1, len(columns))
         return self._slopes[number]
 
     def distance(self, pair: Pair) -> float:

@@ -11,14 +11,15 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.breakdown import Breakdown, breakdowns
-from wbc.identification.answer.numbers import plain
+from wbc.files import as_json
+from wbc.identification.answer.numbers import efforts, plain
 from wbc.identification.answer.provenance import provenance
-from wbc.identification.answer.series import Series, series_of
+from wbc.identification.answer.remainder import Breakdown, breakdowns
 from wbc.identification.answer.shown import (
+    Series,
     data_frame,
-    html_table,
     on_one_screen,
+    series_of,
     torque_figure,
 )
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -28,9 +29,12 @@ from wbc.identification.records.outputs import output_names, output_units
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
+from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_PLACES = 8  # rows of what an error depends on
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +108,43 @@ class Comparison:
             f"({plain(self.error, 2)} over all outputs)."
         )
 
+    def error_rows(self) -> TextTable:
+        """Return the residual of every output against its floor."""
+        reported = efforts(o.unit for o in self.outputs)
+        return TextTable.of(
+            "output|unit|>residual|>measured|>floor|>x floor",
+            (
+                (
+                    o.output,
+                    o.unit,
+                    plain(o.rms, 2),
+                    "" if np.isnan(o.size) else plain(o.size),
+                    plain(o.floor, 2),
+                    plain(o.ratio, 2),
+                )
+                for o in self.outputs
+            ),
+            "error",
+            f"rms {reported} over all logs; residual: measured - model; floor: noise",
+        )
+
+    def where_rows(self) -> TextTable:
+        """Return the strongest dependences of the residual."""
+        cells = []
+        for b in self.where[:_PLACES]:
+            ends = (int(b.mean.argmin()), int(b.mean.argmax()))
+            means = (f"{b.mean[k]:+.2g} at {b.center[k]:.2g}" for k in ends)
+            cells.append((b.output, b.variable, b.unit, f"{100.0 * b.share:.0f} %", *means))
+        return TextTable.of(
+            "output|depends on|unit|>share|>from|>to",
+            cells,
+            "where it fails",
+            "share of the residual's variance that its mean over this variable explains",
+        )
+
     def __str__(self) -> str:
         """Return the sentence, and a line per output."""
-        lines = [self.sentence]
-        lines += [
-            f"  {o.output}: {plain(o.rms)} {o.unit} of {plain(o.size)} measured, "
-            f"{plain(o.ratio, 2)} noise floors"
-            for o in self.outputs
-        ]
-        return "\n".join([*lines, *self.warnings])
+        return "\n".join([self.sentence, str(self.error_rows()), *self.warnings])
 
     def __repr__(self) -> str:
         """Return what `print` shows, cut to one screen."""
@@ -120,11 +152,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """Return the answer as a notebook shows it."""
-        heads = ("output", "residual", "measured", "unit", "noise floors")
-        rows = [
-            [o.output, plain(o.rms), plain(o.size), o.unit, plain(o.ratio, 2)] for o in self.outputs
-        ]
-        return f"<p><b>{escape(self.sentence)}</b></p>{html_table(heads, rows)}"
+        return f"<p><b>{escape(self.sentence)}</b></p>{self.error_rows().html()}"
 
     def to_frame(self) -> Any:
         """Return a pandas frame with a row per output.
@@ -152,33 +180,8 @@ class Comparison:
             "robot": self.robot.name,
             "error": self.error,
             "floor_source": self.floor.source,
-            "outputs": [
-                {
-                    "output": o.output,
-                    "unit": o.unit,
-                    "rms": o.rms,
-                    "rotor_rms": None if np.isnan(o.rotor_rms) else o.rotor_rms,
-                    "floor": o.floor,
-                    "ratio": o.ratio,
-                    "size": None if np.isnan(o.size) else o.size,
-                    "acceleration": o.acceleration,
-                    "correlation_time": o.correlation_time,
-                    "frequency": o.frequency,
-                }
-                for o in self.outputs
-            ],
-            "where": [
-                {
-                    "output": b.output,
-                    "variable": b.variable,
-                    "unit": b.unit,
-                    "share": b.share,
-                    "center": b.center.tolist(),
-                    "mean": b.mean.tolist(),
-                    "rms": b.rms.tolist(),
-                }
-                for b in self.where
-            ],
+            "outputs": [as_json(o) | {"ratio": o.ratio} for o in self.outputs],
+            "where": as_json(self.where),
             "logs": [s.name for s in self.series],
             "warnings": list(self.warnings),
             "provenance": provenance(self.sources),

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
+from wbc.files import as_json
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import block_means
@@ -45,16 +46,7 @@ class Contestant:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""
-        return {
-            "name": self.name,
-            "rank": self.rank,
-            "error": self.error,
-            "difference": self.difference,
-            "deviation": self.deviation,
-            "parameters": self.parameters,
-            "standing": self.standing,
-            "warnings": list(self.warnings),
-        }
+        return dict(as_json(self))
 
 
 def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Contestant, ...]:
@@ -112,11 +104,8 @@ def _beside(
     blocks = block_means((own - beside).mean(axis=1), problem.blocks)
     deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
     difference = float(own.mean() - beside.mean())
-    if name == best:
-        standing = "best"
-    else:
-        clear = difference > _STANDARD_ERRORS * deviation
-        standing = "worse" if clear else "not distinguishable"
+    clear = difference > _STANDARD_ERRORS * deviation
+    standing = "best" if name == best else "worse" if clear else "not distinguishable"
     at_bound = tuple(
         f"{p.name} of {effect.name} at {effect.where} is at its bound"
         for effect in robot.effects

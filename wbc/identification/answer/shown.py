@@ -1,29 +1,23 @@
-"""Answers in a notebook: tables as HTML, as a data frame, and as a figure."""
+"""How answers are shown: tables for terminal, page and notebook, data frames, a figure."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from wbc.arrays import FloatArray
 from wbc.errors import MissingPackageError
 from wbc.extras import needs
-from wbc.identification.answer.series import Series
+from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.records.record import Record
+from wbc.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LINES = 24
 """Of a screen: what `repr` shows at most."""
-
-
-def html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table as HTML; every cell is escaped."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in heads)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def on_one_screen(text: str) -> str:
@@ -49,6 +43,44 @@ def data_frame(rows: Sequence[dict[str, Any]]) -> Any:
             "to_json() holds the same without it."
         ) from cause
     return pandas.DataFrame(list(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One log's torques over time, in the band of the residual.
+
+    Attributes:
+        name: of the log.
+        time: (rows,) [s].
+        measured: (rows, m) reported torque at the motor output [N m].
+        residual: (rows, m + b) measured minus modelled [N m, N], weighted: near a reversal it
+            counts for nothing.
+        modelled: (rows, m) torque that the model needs for the motion [N m], not weighted.
+    """
+
+    name: str
+    time: FloatArray
+    measured: FloatArray
+    residual: FloatArray
+    modelled: FloatArray
+
+
+def series_of(robot: Robot, records: Sequence[Record]) -> tuple[Series, ...]:
+    """Return the torques that `robot` needs on logs beside those that were reported.
+
+    Args:
+        robot: with its effects.
+        records: of logs, one or more.
+    """
+    return tuple(_series(robot, record) for record in records)
+
+
+def _series(robot: Robot, record: Record) -> Series:
+    gears = robot.transmission
+    measured = record.condense_driven(record.torque) * abs(gears.gear_ratio)
+    unexplained = record.condense_driven(raw_residual(robot, record)[:, : gears.size])
+    residual = condensed_residual(robot, [record])
+    return Series(record.name, record.time, measured, residual, measured - unexplained)
 
 
 def torque_figure(

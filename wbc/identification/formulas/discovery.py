@@ -1,125 +1,325 @@
-"""What a discovery says, for people and for machines."""
+"""Proposing formulas for what no named effect explains, one attempt for every place."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from wbc.effects import CustomTorque
-from wbc.identification.answer.diagnosis.diagnosis import ErrorLevel, Estimate
+import numpy as np
+
+from wbc.effects import CustomTorque, TorqueTerm
+from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
+from wbc.identification.answer.remainder import describe, remainders
+from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.choice.weighing.evidence import log_densities
+from wbc.identification.choice.weighing.hypothesis import Hypothesis
+from wbc.identification.choice.weighing.trials import hypothesis_of
+from wbc.identification.formulas.formula import (
+    Discovery,
+    Formula,
+    Outcome,
+    Proposal,
+    find_formula,
+)
+from wbc.identification.formulas.term_table import term_table, torque_terms
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import interval_bounds
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.not_judged import without_torque_sensors
+from wbc.identification.records.outputs import output_names, output_units
+from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
-Outcome = Literal["formula", "partial", "none"]
+_EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
+_EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
+_STILL = 1e-3  # range of motion [rad, m]
+
+Report = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A formula for the torque that a model lacks at one joint. A proposal is no cause.
+def discover(
+    robot: Robot,
+    logs: Sequence[Log],
+    progress: Report = lambda line: None,
+    known: Sequence[Effect] = (),
+) -> Discovery:
+    """Return formulas for the torque that `robot` lacks, according to `logs`.
 
-    Attributes:
-        effect: the formula, ready to be added to a robot.
-        coefficients: value, unit and 90 % interval of each term, by the term's text.
-        share: share of the joint's error above the noise floor that the formula removes from logs
-            or blocks that neither chose nor fitted it.
-        stability: by term, share of the folds that choose it.
-        rivals: by term, products that do as well in its place on these logs.
-        joints: the joint it acts on first, then those on whose motion it depends.
-        warnings: what speaks against believing it.
+    A sparse regression over products of position, velocity, acceleration, load and direction, per
+    joint and across the joints of a chain, in the rows in which a diagnosis works.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: one or several logs of the same robot.
+        progress: called with a line of text as the work proceeds.
+        known: named effects that a diagnosis found; their parameters stay free to move, and they
+            are dropped where a formula does their work.
+
+    Raises:
+        IdentificationError: logs that cannot be compared with this robot, or too short ones.
+        LogError: a channel is missing.
     """
+    whole = EstimationProblem.from_logs(robot, logs)
+    behind = _behind_gears(whole)
+    if behind is not None:
+        found = _discovered(behind, progress, known)
+        if found.proposals:
+            return _with_drives(found, whole)
+    return _discovered(
+        EstimationProblem.from_logs(robot, without_torque_sensors(robot, logs)), progress, known
+    )
 
-    effect: CustomTorque
-    coefficients: Mapping[str, Estimate]
-    share: float
-    stability: Mapping[str, float]
-    rivals: Mapping[str, tuple[str, ...]]
-    joints: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
 
-    @property
-    def formula(self) -> str:
-        """Readable text with units, such as `tau_knee = -0.83 N m * sign(v_knee)`."""
-        parts = []
-        for name, e in self.coefficients.items():
-            size = f"{abs(e.value):.3g} {e.unit}".removesuffix(" 1")
-            parts.append(("-" if e.value < 0 else "+", size if name == "1" else f"{size} * {name}"))
-        first = ("-" if parts[0][0] == "-" else "") + parts[0][1]
-        rest = "".join(f" {sign} {text}" for sign, text in parts[1:])
-        return f"tau_{self.effect.where} = {first}{rest}"
+def _behind_gears(problem: EstimationProblem) -> EstimationProblem | None:
+    """Return the problem without the drives that have a torque sensor; None without sensors.
+
+    A formula is a torque at a joint. A sensor behind the gear sees it without what the gear takes.
+    """
+    drives = tuple(map(int, problem.robot.sensed))
+    aside = tuple(dict.fromkeys((*problem.floor.aside, *drives)))
+    if aside == problem.floor.aside or len(aside) == len(problem.floor.covariance):
+        return None
+    return replace(problem, floor=replace(problem.floor, aside=aside))
+
+
+def _with_drives(found: Discovery, whole: EstimationProblem) -> Discovery:
+    """Return what was found, with what is left between the motors and the sensors."""
+    residual = condensed_residual(found.robot, whole.records)
+    left = np.sqrt(np.mean(residual**2, axis=0))
+    beyond = left > (1.0 + _EXPLAINED_FLOOR) * whole.floor.values
+    names, units = output_names(whole.robot), output_units(whole.robot)
+    texts = [
+        f"{left[k]:.2g} {units[k]} at {names[k]}"
+        for k in map(int, whole.robot.sensed)
+        if beyond[k] and k not in whole.floor.aside
+    ]
+    if not texts:
+        return found
+    said = (
+        f"between motor and torque sensor {', '.join(texts)} are left, which no torque of a joint "
+        "can be: a diagnosis looks there for losses of the gear."
+    )
+    return replace(found, outcome="partial", remainder=f"{found.remainder} {said}".strip())
+
+
+def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Effect]) -> Discovery:
+    """Return formulas for what the rows of one problem leave."""
+    start = Attempt.of(problem, known, {})
+    found = _search(problem, start, progress)
+    if known:
+        fresh = _search(problem, Attempt.of(problem, (), {}), progress)
+        found = _preferred(problem, fresh, found)
+    outcome = _outcome(start, found)
+    estimates = estimated(problem, found.fit)
+    return Discovery(
+        outcome=outcome,
+        proposals=proposals_of(found, estimates),
+        known=found.known,
+        dropped=_dropped(known, found),
+        error=ErrorLevel(
+            before=float(np.sqrt(start.error)),
+            after=float(np.sqrt(found.error)),
+            floor=1.0,
+            floor_source=problem.floor.source,
+        ),
+        remainder="" if outcome == "formula" else describe(remainders(problem, found.fit)),
+        robot=found.fit.robot,
+        intervals={key: (e.low, e.high) for key, e in estimates.items()},
+    )
+
+
+def _search(problem: EstimationProblem, start: Attempt, progress: Report) -> Attempt:
+    """Return `start` with the formulas that pay, the one that explains most of its joint first."""
+    current = start
+    waiting = list(problem.robot.transmission.joints)
+    offers = _offers(problem, current.fit, waiting, progress)
+    while offers:
+        joint = max(offers, key=lambda name: offers[name].share)
+        formula = offers.pop(joint)
+        waiting.remove(joint)
+        effects = (*current.fit.effects, CustomTorque(joint, formula.terms))
+        wider = Attempt.of(problem, effects, {**current.formulas, joint: formula})
+        if better_somewhere(problem, current, wider):
+            current = wider
+            progress(f"formula at {joint}")
+            again = _coupled(problem.robot, joint, waiting)
+            offers = {name: offer for name, offer in offers.items() if name not in again}
+            offers |= _offers(problem, current.fit, again, progress)
+    return _pruned(problem, current)
+
+
+def _offers(
+    problem: EstimationProblem, fit: Fit, joints: Sequence[str], progress: Report
+) -> dict[str, Formula]:
+    """Return the formula of every joint that has one."""
+    band = problem.records[0].bandwidth.residual
+    seen = evidence(fit.robot, problem.records)
+    found = {}
+    for joint in joints:
+        if not _moves(problem, joint):
+            continue
+        progress(f"searching a formula for {joint}")
+        terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
+        formula = find_formula(term_table(problem, fit, joint, terms))
+        if formula is not None:
+            found[joint] = formula
+    return found
+
+
+def _moves(problem: EstimationProblem, joint: str) -> bool:
+    """Whether a joint moves at all; one that stands still shows no law."""
+    column = problem.robot.position_index(joint)
+    ranges = [np.ptp(record.motion.position[:, column]) for record in problem.records]
+    return bool(max(ranges) > _STILL)
+
+
+def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
+    """Return those of `others` whose torque reaches a motor that the torque of `joint` reaches."""
+    gears = robot.transmission
+    reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
+    return [other for other in others if (reaches[joint] & reaches[other]).any()]
+
+
+def _pruned(problem: EstimationProblem, attempt: Attempt) -> Attempt:
+    """Return the attempt without named effects that the formulas have made idle."""
+    current = attempt
+    for effect in attempt.known if attempt.formulas else ():
+        effects = [e for e in current.fit.effects if e.key != effect.key]
+        smaller = Attempt.of(problem, effects, current.formulas)
+        if not better_somewhere(problem, smaller, current):
+            current = smaller
+    return current
+
+
+def _preferred(problem: EstimationProblem, fresh: Attempt, beside: Attempt) -> Attempt:
+    """Return formulas instead of the named effects where they do no worse, else beside them."""
+    if not fresh.formulas or better_somewhere(problem, fresh, beside):
+        return beside
+    if better_somewhere(problem, beside, fresh):
+        return fresh
+    # Names are worth more than formulas that explain the same.
+    return fresh if beside.formulas and fresh.freedom < beside.freedom else beside
+
+
+def _outcome(start: Attempt, found: Attempt) -> Outcome:
+    if not found.formulas:
+        return "none"
+    left = np.sqrt(max(found.error - 1.0, 0.0))
+    first = np.sqrt(max(start.error - 1.0, 0.0))
+    return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
+
+
+def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
+    kept = {effect.key for effect in found.known}
+    return tuple(e.key for e in known if e.key not in kept)
 
 
 @dataclass(frozen=True, eq=False)
-class Discovery:
-    """Formulas for what the named effects leave unexplained.
+class Attempt:
+    """Named effects and formulas with their fit.
 
     Attributes:
-        outcome: `formula` (they explain it), `partial` (they remove a part; memory or a quantity
-            outside the library is left) or `none` (no formula found).
-        proposals: one per joint with a formula.
-        known: named effects that stay beside the formulas, refitted.
-        dropped: named effects that no longer pay with the formulas, as (name, place).
-        error: held-out error without formulas, with them, and the noise floor.
-        remainder: what is left, in words; empty when little is.
-        robot: the robot with the named effects that stay and the formulas.
-        intervals: (effect, where, parameter) -> (low, high), as `save_robot` takes them.
+        fit: all of them, refitted together; named effects first.
+        hypothesis: what it leaves on held-out data.
+        formulas: by joint.
     """
 
-    outcome: Outcome
-    proposals: tuple[Proposal, ...]
-    known: tuple[Effect, ...]
-    dropped: tuple[tuple[str, str], ...]
-    error: ErrorLevel
-    remainder: str
-    robot: Robot
-    intervals: Mapping[tuple[str, str, str], tuple[float, float]]
+    fit: Fit
+    hypothesis: Hypothesis
+    formulas: Mapping[str, Formula]
+
+    @classmethod
+    def of(
+        cls, problem: EstimationProblem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
+    ) -> Attempt:
+        """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
+        fit = problem.fit(effects)
+        return cls(fit, hypothesis_of(problem, fit), formulas)
 
     @property
-    def summary(self) -> str:
-        """One sentence that says how far to believe it."""
-        if self.outcome == "none":
-            return (
-                "No formula found: no product of position, speed, acceleration and load explains "
-                "what is left on held-out data."
-            )
-        if self.outcome == "partial":
-            return (
-                "These formulas remove a part only; the rest has a memory or depends on "
-                "something outside the library."
-            )
-        return "These formulas explain what was left; they are proposals, not causes."
+    def error(self) -> float:
+        """Held-out mean square in floors."""
+        return self.hypothesis.error
 
-    def to_json(self) -> dict[str, Any]:
-        """Return plain numbers, texts, lists and dictionaries."""
-        return {
-            "outcome": self.outcome,
-            "summary": self.summary,
-            "proposals": [
-                {
-                    "joints": list(p.joints),
-                    "formula": p.formula,
-                    "terms": {
-                        name: {
-                            "value": e.value,
-                            "unit": e.unit,
-                            "low": e.low,
-                            "high": e.high,
-                            "stability": p.stability[name],
-                            "rivals": list(p.rivals[name]),
-                        }
-                        for name, e in p.coefficients.items()
-                    },
-                    "share_removed": p.share,
-                    "warnings": list(p.warnings),
-                }
-                for p in self.proposals
-            ],
-            "known": [{"effect": e.name, "where": [e.where]} for e in self.known],
-            "dropped": [{"effect": name, "where": [where]} for name, where in self.dropped],
-            "error": {
-                "before": self.error.before,
-                "after": self.error.after,
-                "floor": self.error.floor,
-                "floor_source": self.error.floor_source,
-            },
-            "remainder": self.remainder,
-        }
+    @property
+    def known(self) -> tuple[Effect, ...]:
+        """The named effects."""
+        return tuple(e for e in self.fit.effects if not isinstance(e, CustomTorque))
+
+    @property
+    def freedom(self) -> int:
+        """How many numbers had to be chosen."""
+        return sum(effect.search.freedom(effect) for effect in self.fit.effects)
+
+
+def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:
+    """Whether the evidence at one output outweighs what more is asked to be believed.
+
+    A bad joint hides no other.
+    """
+    one, other = log_densities(problem, [worse.hypothesis, better.hypothesis])
+    asked = worse.hypothesis.prior - better.hypothesis.prior
+    return bool(np.max(other - one) > asked)
+
+
+def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
+    """Return every parameter with its interval, by effect, place and name."""
+    model = problem.robot.model
+    slides = {
+        name
+        for name in problem.robot.single_joints
+        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+    }
+    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
+    result = {}
+    for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+        effect, unit = fit.effects[number], parameter.unit
+        if isinstance(effect, CustomTorque):
+            unit = TorqueTerm.parse(parameter.name).unit(slides, at_slide=effect.where in slides)
+        value = effect.values[parameter.name]
+        key = (effect.name, effect.where, parameter.name)
+        result[key] = Estimate(value, unit, float(low), float(high))
+    return result
+
+
+def proposals_of(
+    found: Attempt, estimates: Mapping[tuple[str, str, str], Estimate]
+) -> tuple[Proposal, ...]:
+    """Return one proposal per formula.
+
+    Args:
+        found: what the search has chosen.
+        estimates: every parameter by effect, place and name.
+    """
+    proposals = []
+    for effect in found.fit.effects:
+        if not isinstance(effect, CustomTorque):
+            continue
+        formula = found.formulas[effect.where]
+        terms = [term.text for term in effect.terms]
+        own = {term: estimates[effect.name, effect.where, term] for term in terms}
+        others = dict.fromkeys(joint for term in effect.terms for joint in term.joints)
+        others.pop(effect.where, None)
+        proposals.append(
+            Proposal(
+                effect=effect,
+                coefficients=own,
+                share=formula.share,
+                stability=dict(zip(terms, formula.stability, strict=True)),
+                rivals=dict(zip(terms, formula.rivals, strict=True)),
+                joints=(effect.where, *others),
+                warnings=tuple(_warnings(effect, own)),
+            )
+        )
+    return tuple(proposals)
+
+
+def _warnings(effect: CustomTorque, estimates: Mapping[str, Estimate]) -> list[str]:
+    texts = []
+    loose = [name for name, e in estimates.items() if e.low <= 0.0 <= e.high]
+    if loose:
+        texts.append(f"the interval of {', '.join(loose)} holds zero")
+    if effect.needs_acceleration:
+        texts.append("needs accelerations: for logs only, not for controller or simulator")
+    return texts

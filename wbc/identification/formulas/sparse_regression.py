@@ -1,4 +1,4 @@
-"""Few terms out of many: orthogonal matching pursuit, exchanges, and folds that decide."""
+"""Few terms out of many: supports that grow, exchanges, and folds that decide."""
 
 from __future__ import annotations
 
@@ -56,17 +56,16 @@ class SparseRegression:
     def path(self, most: int) -> list[TermSet]:
         """Return the best supports found with 0, 1, ..., `most` terms that brake where dry.
 
-        A beam of supports grows by one term at a time, joined by what orthogonal matching pursuit
-        picks and by the best of all pairs, since two terms may do together what neither does alone.
-        The best of each size is improved by exchanges.
+        A beam of supports grows by one term at a time, joined by the best of all pairs, since two
+        terms may do together what neither does alone. The best of each size is improved by
+        exchanges.
         """
         best = [TermSet((), np.zeros(0), self._energy)]
         beam: list[tuple[int, ...]] = [()]
         for size in range(1, most + 1):
             offers = [chosen for rest in beam for chosen in self._extensions(rest)]
             offers += self._pairs() if size == 2 else []
-            offers += [self._pursuit(size)]
-            distinct = dict.fromkeys(tuple(sorted(o)) for o in offers if len(o) == size)
+            distinct = dict.fromkeys(tuple(sorted(o)) for o in offers)
             found = [s for o in distinct if (s := self._allowed(self.fitted(o))) is not None]
             if not found:
                 break
@@ -81,27 +80,6 @@ class SparseRegression:
         solution = np.linalg.solve(self._gram[np.ix_(index, index)], self._moment[index])
         loss = self._energy - float(solution @ self._moment[index])
         return TermSet(tuple(index), solution / self._scale[index], loss)
-
-    def _pursuit(self, size: int) -> tuple[int, ...]:
-        """Return the terms that orthogonal matching pursuit picks (Pati et al. 1993)."""
-        usable = np.flatnonzero(self._usable)
-        gram, moment = self._gram[np.ix_(usable, usable)], self._moment[usable]
-        chosen: list[int] = []
-        left = moment.copy()
-        for _ in range(min(size, usable.size)):
-            left[chosen] = 0.0
-            best = int(np.argmax(np.abs(left)))
-            rows = [*chosen, best]
-            pivot = gram[best, best] - gram[best, chosen] @ np.linalg.solve(
-                gram[np.ix_(chosen, chosen)], gram[chosen, best]
-            )
-            # Terms that depend on those picked end the pursuit early; the rest is not needed.
-            if pivot <= np.finfo(np.float64).eps * gram[best, best] or left[best] == 0.0:
-                break
-            chosen = rows
-            weights = np.linalg.solve(gram[np.ix_(chosen, chosen)], moment[chosen])
-            left = moment - gram[:, chosen] @ weights
-        return tuple(sorted(int(k) for k in usable[chosen]))
 
     def _exchanged(self, support: TermSet) -> TermSet:
         """Return the support after exchanges of single terms, as long as they help."""

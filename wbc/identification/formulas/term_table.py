@@ -89,19 +89,52 @@ def term_table(
     # What another joint feels is left over here by rounding: scaled up it would pass for a cause.
     known[:, size < _ROUNDING * size.max(axis=0, initial=0.0)] = 0.0
     cells, folds, blocks = _cells(problem)
-    totals = _Totals(len(folds), len(terms) + known.shape[-1])
-    levels, first = [], 0
+    columns, left, levels, first = [], [], [], 0
     for record in problem.records:
         rows = slice(first, first + record.rows)
         first += record.rows
-        columns, outputs, level = _columns(fit.robot, record, joint, terms)
+        own, outputs, level = _columns(fit.robot, record, joint, terms)
         floor = problem.floor.values[outputs]
-        beside = np.concatenate([columns, -known[rows][:, outputs]], axis=-1)
-        totals.add(beside / floor[:, None], residual[rows][:, outputs] / floor, cells[rows])
+        beside = np.concatenate([own, -known[rows][:, outputs]], axis=-1)
+        columns.append(beside / floor[:, None])
+        left.append(residual[rows][:, outputs] / floor)
         levels.append(level)
+    sums = DesignMatrix.from_rows(np.concatenate(columns), np.concatenate(left), cells)
+    kept, gram, moment = _beside_known(sums, len(terms))
     together = np.concatenate(levels)
     every = max(1, len(together) // _LEVEL_SAMPLES)
-    return totals.table(joint, terms, folds, blocks, together[::every])
+    return TermTable(
+        joint=joint,
+        terms=tuple(terms[k] for k in kept),
+        gram=gram,
+        moment=moment,
+        energy=sums.energy,
+        count=sums.count,
+        folds=folds,
+        blocks=blocks,
+        levels=together[::every, kept],
+    )
+
+
+def _beside_known(sums: DesignMatrix, size: int) -> tuple[list[int], FloatArray, FloatArray]:
+    """Return which of `size` terms say more than the known effects, their columns behind them.
+
+    With the normal equations (cells, c, c) and (cells, c) after taking out what the known effects
+    can explain.
+    """
+    whole = sums.gram.sum(axis=0)
+    own, shared, known = whole[:size, :size], whole[size:, :size], whole[size:, size:]
+    scale = np.sqrt(np.maximum(np.diag(known), 1e-300))
+    scaled = known / np.outer(scale, scale) + 1e-8 * np.eye(scale.size)
+    explained = np.linalg.solve(scaled, shared / scale[:, None]) / scale[:, None]
+    before, after = np.diag(own), np.diag(own) - np.sum(shared * explained, axis=0)
+    kept = np.flatnonzero((before > 0.0) & (after > _LOST * before))
+    explained = explained[:, kept]
+    mixed = explained.T @ sums.gram[:, size:, kept]
+    gram = sums.gram[:, kept[:, None], kept] - mixed - np.swapaxes(mixed, 1, 2)
+    gram = gram + explained.T @ sums.gram[:, size:, size:] @ explained
+    moment = sums.moment[:, kept] - sums.moment[:, size:] @ explained
+    return kept.tolist(), gram, moment
 
 
 def _cells(problem: EstimationProblem) -> tuple[IntArray, IntArray, IntArray]:
@@ -157,57 +190,6 @@ def _values(
             level[:, k] = -torque[:, k]
             torque[:, k] *= sign
     return torque, level
-
-
-class _Totals:
-    """Sums of products per cell."""
-
-    def __init__(self, cells: int, columns: int) -> None:
-        self.gram = np.zeros((cells, columns, columns))
-        self.moment = np.zeros((cells, columns))
-        self.energy = np.zeros(cells)
-        self.count = np.zeros(cells)
-
-    def add(self, columns: FloatArray, residual: FloatArray, cells: IntArray) -> None:
-        """Add rows (rows, outputs, ...) that belong to `cells` (rows,)."""
-        part = DesignMatrix.from_rows(columns, residual, cells)
-        here = np.unique(cells)
-        self.gram[here] += part.gram
-        self.moment[here] += part.moment
-        self.energy[here] += part.energy
-        self.count[here] += part.count
-
-    def table(
-        self,
-        joint: str,
-        terms: Sequence[TorqueTerm],
-        folds: IntArray,
-        blocks: IntArray,
-        levels: FloatArray,
-    ) -> TermTable:
-        """Return the table after taking out what the columns of known effects can explain."""
-        size = len(terms)
-        whole = self.gram.sum(axis=0)
-        own, shared, known = whole[:size, :size], whole[size:, :size], whole[size:, size:]
-        scale = np.sqrt(np.maximum(np.diag(known), 1e-300))
-        scaled = known / np.outer(scale, scale) + 1e-8 * np.eye(scale.size)
-        explained = np.linalg.solve(scaled, shared / scale[:, None]) / scale[:, None]
-        before, after = np.diag(own), np.diag(own) - np.sum(shared * explained, axis=0)
-        kept = np.flatnonzero((before > 0.0) & (after > _LOST * before))
-        explained = explained[:, kept]
-        mixed = explained.T @ self.gram[:, size:, kept]
-        gram = self.gram[:, kept[:, None], kept] - mixed - np.swapaxes(mixed, 1, 2)
-        return TermTable(
-            joint=joint,
-            terms=tuple(terms[int(k)] for k in kept),
-            gram=gram + explained.T @ self.gram[:, size:, size:] @ explained,
-            moment=self.moment[:, kept] - self.moment[:, size:] @ explained,
-            energy=self.energy,
-            count=self.count,
-            folds=folds,
-            blocks=blocks,
-            levels=levels[:, kept],
-        )
 
 
 _HARMONICS = 2  # orders read off the data, per kind of torque

@@ -56,22 +56,6 @@ class ServoFit:
         return np.array([np.mean(np.abs(one)) for one in missed])
 
 
-def fit_servo(
-    build: Build,
-    spans: Mapping[str, Span],
-    runs: Sequence[ServoRun],
-    step: float,
-    starts: Sequence[Mapping[str, float]] = ({},),
-    iterations: int = 40,
-    hold: Mapping[str, float] = MappingProxyType({}),
-) -> ServoFit:
-    """Return the servo whose rollouts come closest to the measured positions.
-
-    One fit of `fit_servos` to all runs; arguments and errors are described there.
-    """
-    return fit_servos(build, spans, runs, step, [range(len(runs))], starts, iterations, hold)[0]
-
-
 def fit_servos(
     build: Build,
     spans: Mapping[str, Span],

@@ -16,6 +16,7 @@ from wbc.effects.friction.stribeck_friction import StribeckFriction
 from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.effects.links.gravity_direction import GravityDirection
 from wbc.errors import IdentificationError
+from wbc.files import as_json
 from wbc.identification.arguments import require_robot_and_logs
 from wbc.identification.servo.servo_fit import ServoFit, Span, fit_servos
 from wbc.measurement import Log
@@ -219,24 +220,21 @@ class Rollouts:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers and texts."""
-        return {
-            "given": self.given,
-            "held_out": [list(names) for names in self.held_out],
-            "best": self.chosen.name,
-            "models": [
-                {
-                    "name": model.name,
-                    "seen": model.seen,
-                    "held_out": model.held_out.tolist(),
-                    "numbers": {
-                        name: {"value": value, "unit": UNITS[name]}
-                        for name, value in model.fit.values.items()
-                    },
-                    "at_bound": list(model.fit.at_bound),
-                }
-                for model in self.models
-            ],
-        }
+        models = [
+            {
+                "name": model.name,
+                "seen": model.seen,
+                "held_out": model.held_out,
+                "numbers": {
+                    name: {"value": value, "unit": UNITS[name]}
+                    for name, value in model.fit.values.items()
+                },
+                "at_bound": model.fit.at_bound,
+            }
+            for model in self.models
+        ]
+        told = {"given": self.given, "held_out": self.held_out, "best": self.chosen.name}
+        return dict(as_json(told | {"models": models}))
 
 
 def fit_rollouts(

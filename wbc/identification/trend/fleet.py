@@ -14,13 +14,19 @@ import numpy as np
 
 from wbc.effects import effect_class, load_robot
 from wbc.errors import IdentificationError, failure_text
-from wbc.identification.answer.diagnosis.diagnose import diagnose
-from wbc.identification.answer.diagnosis.diagnosis import Diagnosis
-from wbc.identification.answer.diagnosis.sentence import verdict_sentence
+from wbc.identification.answer.diagnose import diagnose
+from wbc.identification.answer.diagnosis import Diagnosis
+from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.records.outputs import output_names, output_units
-from wbc.identification.trend.measure import Run, Session, robot_and_logs
-from wbc.identification.trend.stored import work_key, work_names
-from wbc.identification.trend.trend import sessions_of
+from wbc.identification.trend.sessions import (
+    Run,
+    Session,
+    lines_of,
+    robot_and_logs,
+    sessions_of,
+    work_key,
+    work_names,
+)
 from wbc.progress import Watch
 from wbc.results import Column, ResultTable, fill_table, read_results
 
@@ -193,13 +199,8 @@ def _columns(robot: str) -> dict[str, Column]:
 
 
 def _stored(columns: dict[str, Any]) -> tuple[MachineDiagnosis, ...]:
+    rows = zip(*(columns[name] for name in _READ), strict=True)
     return tuple(
-        MachineDiagnosis(machine, date, _lines(logs), verdict, sentence, _lines(causes), failure)
-        for machine, date, logs, verdict, sentence, causes, failure in zip(
-            *(columns[name] for name in _READ), strict=True
-        )
+        MachineDiagnosis(machine, date, lines_of(logs), verdict, said, lines_of(causes), failure)
+        for machine, date, logs, verdict, said, causes, failure in rows
     )
-
-
-def _lines(text: str) -> tuple[str, ...]:
-    return tuple(text.split("\n")) if text else ()

@@ -1,8 +1,14 @@
-"""Sessions of machines measured one by one, and what changes from day to day."""
+"""What changes from day to day in sessions of machines, and which slopes are no chance.
+
+Every session has its interval; sessions also differ by more than that (temperature, mounting).
+This scatter is taken to be the same for the machines given and is estimated from all of them
+together (Paule and Mandel): the more machines, the surer it is. A slope is judged by Student's t;
+of many slopes judged at once one in twenty may be wrong altogether (Holm).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -10,21 +16,22 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import t as student
 
+from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
-from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.files import as_json
+from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.answer.shown import data_frame
-from wbc.identification.trend.drift import Line, Points, fit_lines, no_chance
-from wbc.identification.trend.measure import (
+from wbc.identification.trend.sessions import (
     DEVIATIONS,
+    SESSION_COLUMNS,
     Quantity,
     Run,
-    Session,
     SessionResult,
-)
-from wbc.identification.trend.stored import (
-    SESSION_COLUMNS,
     measured_rows,
+    sessions_of,
     stored_sessions,
     work_key,
     work_names,
@@ -32,6 +39,110 @@ from wbc.identification.trend.stored import (
 from wbc.progress import Watch
 from wbc.results import ResultTable, fill_table, read_results
 from wbc.robot.effect import spoken
+
+WRONG = 0.05
+"""Chance that any of the slopes called a drift is none."""
+_QUANTITY = ("effect", "where", "parameter")
+_EXACT = 1e-6  # of the largest value: an interval without width is not without error
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """One quantity of one machine.
+
+    Attributes:
+        time: (n,) [days].
+        value: (n,).
+        deviation: (n,) standard deviation of each value.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    deviation: FloatArray
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line through points.
+
+    Attributes:
+        middle: mean time, weighted [days].
+        level: value there.
+        slope: per day.
+        deviation: standard deviation of the slope; infinite for points at one time.
+        chance: probability of so steep a slope without any drift; NaN where no machine has three
+            sessions.
+    """
+
+    middle: float
+    level: float
+    slope: float
+    deviation: float
+    chance: float
+
+
+def fit_lines(points: Mapping[str, Points]) -> tuple[dict[str, Line], float]:
+    """Return a line per machine, and the scatter between sessions beyond their intervals.
+
+    Args:
+        points: machine -> one quantity of it.
+    """
+    sizes = np.concatenate([np.abs(p.value) for p in points.values()])
+    least = _EXACT * float(sizes.max(initial=0.0)) + 1e-300
+    freedom = sum(max(_times(p) - 2, 0) for p in points.values())
+
+    def excess(scatter: float) -> float:
+        return sum(_misfit(p, scatter, least) for p in points.values()) - freedom
+
+    scatter = 0.0
+    if freedom > 0 and excess(0.0) > 0.0:
+        most = max(float(np.ptp(p.value)) for p in points.values()) + least
+        while excess(most) > 0.0:
+            most *= 2.0
+        scatter = float(brentq(excess, 0.0, most, xtol=1e-4 * most))
+    return {name: _line(p, scatter, least, freedom) for name, p in points.items()}, scatter
+
+
+def no_chance(chances: Sequence[float]) -> list[bool]:
+    """Return which of many probabilities are too small for chance, at `WRONG` altogether."""
+    order = sorted((k for k, p in enumerate(chances) if np.isfinite(p)), key=lambda k: chances[k])
+    found = [False] * len(chances)
+    for rank, k in enumerate(order):
+        if chances[k] * (len(order) - rank) > WRONG:
+            break
+        found[k] = True
+    return found
+
+
+def _times(points: Points) -> int:
+    return int(np.unique(points.time).size)
+
+
+def _weights(points: Points, scatter: float, least: float) -> FloatArray:
+    return np.asarray(1.0 / (np.maximum(points.deviation, least) ** 2 + scatter**2))
+
+
+def _misfit(points: Points, scatter: float, least: float) -> float:
+    """Return the sum of squares about the line in standard deviations; 0 through two points."""
+    if _times(points) < 3:
+        return 0.0
+    line = _line(points, scatter, least, 1)
+    away = points.value - line.level - line.slope * (points.time - line.middle)
+    return float(np.sum(_weights(points, scatter, least) * away**2))
+
+
+def _line(points: Points, scatter: float, least: float, freedom: int) -> Line:
+    weight = _weights(points, scatter, least)
+    middle = float(np.average(points.time, weights=weight))
+    level = float(np.average(points.value, weights=weight))
+    away = points.time - middle
+    lever = float(np.sum(weight * away**2))
+    if _times(points) < 2:
+        return Line(middle, level, 0.0, np.inf, np.nan)
+    slope = float(np.sum(weight * away * points.value)) / lever
+    deviation = 1.0 / np.sqrt(lever)
+    chance = 2.0 * float(student.sf(abs(slope) / deviation, freedom)) if freedom else np.nan
+    return Line(middle, level, slope, float(deviation), chance)
 
 
 @dataclass(frozen=True)
@@ -110,16 +221,11 @@ class Trend:
     def rows(self) -> list[dict[str, Any]]:
         """Return one entry per session and quantity."""
         return [
-            {
-                "machine": session.machine,
-                "date": session.date,
-                "effect": effect,
-                "where": where,
-                "parameter": parameter,
-                **asdict(estimate),
-            }
+            {"machine": session.machine, "date": session.date}
+            | dict(zip(_QUANTITY, quantity, strict=True))
+            | asdict(estimate)
             for session in self.sessions
-            for (effect, where, parameter), estimate in session.values.items()
+            for quantity, estimate in session.values.items()
         ]
 
     def to_frame(self) -> Any:
@@ -136,21 +242,7 @@ class Trend:
             "sentence": self.sentence,
             "drifting": list(dict.fromkeys(drift.machine for drift in self.drifting)),
             "drifts": [
-                {
-                    "machine": d.machine,
-                    "effect": d.quantity[0],
-                    "where": d.quantity[1],
-                    "parameter": d.quantity[2],
-                    "unit": d.unit,
-                    "first": asdict(d.first),
-                    "last": asdict(d.last),
-                    "days": d.days,
-                    "change": d.change,
-                    "deviation": _plain(d.deviation),
-                    "chance": _plain(d.chance),
-                    "drifts": d.drifts,
-                }
-                for d in self.drifts
+                dict(zip(_QUANTITY, d.quantity, strict=True)) | as_json(d) for d in self.drifts
             ],
             "values": self.rows(),
             "failures": [
@@ -198,39 +290,15 @@ def follow(
         raise IdentificationError("no log was given.")
     with TemporaryDirectory() as folder:
         path = Path(out) if out else Path(folder) / "sessions.parquet"
-        table = ResultTable(
-            path,
-            work_key("trend", sessions),
-            SESSION_COLUMNS,
-            len(sessions),
-            work_names(sessions),
-        )
-        fill_table(
-            table,
-            measured_rows,
-            sessions,
-            workers=workers,
-            cluster=cluster,
-            watch=watch,
-        )
+        key, names = work_key("trend", sessions), work_names(sessions)
+        table = ResultTable(path, key, SESSION_COLUMNS, len(sessions), names)
+        how: dict[str, Any] = {"workers": workers, "cluster": cluster, "watch": watch}
+        fill_table(table, measured_rows, sessions, **how)
         results = stored_sessions(read_results(path), sessions)
     if all(result.failure for result in results):
         raise IdentificationError(f"no session can be measured; the first: {results[0].failure}")
     drifts, scatter = _drifts(results)
     return Trend(tuple(results), drifts, scatter)
-
-
-def sessions_of(
-    robot: str, runs: Sequence[Run], columns: str | None, lossless: bool
-) -> list[Session]:
-    """Return the sessions of logs, in order of machine and date."""
-    grouped: dict[tuple[str, datetime], list[str]] = {}
-    for run in runs:
-        grouped.setdefault((run.machine, run.date), []).append(run.path)
-    return [
-        Session(robot, lossless, columns, machine, date.isoformat(), tuple(paths))
-        for (machine, date), paths in sorted(grouped.items())
-    ]
 
 
 def _drifts(results: Sequence[SessionResult]) -> tuple[tuple[Drift, ...], dict[Quantity, float]]:
@@ -293,7 +361,3 @@ def _drift(
         chance=line.chance,
         drifts=sure,
     )
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

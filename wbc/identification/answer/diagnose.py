@@ -11,20 +11,18 @@ import numpy as np
 
 from wbc.effects import EFFECTS
 from wbc.identification.answer.attainable import Attainable
-from wbc.identification.answer.diagnosis.believed import Answer
-from wbc.identification.answer.diagnosis.correlation import correlation_of
-from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
-from wbc.identification.answer.diagnosis.findings import describe_findings
-from wbc.identification.answer.diagnosis.model_to_use import model_to_use
-from wbc.identification.answer.diagnosis.ranking import rank_hypotheses, with_covariances
-from wbc.identification.answer.diagnosis.verdict import (
+from wbc.identification.answer.diagnosis import Diagnosis, ErrorLevel, OutputLevel, Step
+from wbc.identification.answer.findings import describe_findings
+from wbc.identification.answer.model_to_use import Answer, model_to_use
+from wbc.identification.answer.ranking import correlation_of, rank_hypotheses, with_covariances
+from wbc.identification.answer.remainder import describe, remainders
+from wbc.identification.answer.shown import series_of
+from wbc.identification.answer.verdict import (
     NOTHING_MOVES,
     explained_share,
     next_experiment,
     verdict_of,
 )
-from wbc.identification.answer.remainder import describe, remainders
-from wbc.identification.answer.series import series_of
 from wbc.identification.choice.find_causes import (
     INTERRUPTED,
     SearchResult,

@@ -9,28 +9,26 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from wbc.identification.answer.diagnosis.correlation import Correlation
-from wbc.identification.answer.diagnosis.ranking import Ranked
-from wbc.identification.answer.diagnosis.sentence import (
-    MEANINGS,
-    verdict_sentence,
-)
-from wbc.identification.answer.diagnosis.to_do import what_to_do
-from wbc.identification.answer.numbers import plain, sure, with_interval
+from wbc.files import as_json
+from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
 from wbc.identification.answer.provenance import provenance
-from wbc.identification.answer.series import Series
+from wbc.identification.answer.ranking import Correlation, Ranked
 from wbc.identification.answer.shown import (
+    Series,
     data_frame,
-    html_table,
     on_one_screen,
     torque_figure,
 )
+from wbc.identification.answer.words import MEANINGS, verdict_sentence, what_to_do
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
+from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_RANKED = 5  # rows of a ranking where not all of it is wanted
 
 Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repeatable"]
 
@@ -47,6 +45,12 @@ class Estimate:
     low: float
     high: float
     drawn: float | None = None
+
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """Value, interval and unit as a table has them: the unit of a ratio is not written."""
+        unit = "" if self.unit == "1" else self.unit
+        return (*with_interval(self.value, self.low, self.high), unit)
 
 
 @dataclass(frozen=True)
@@ -162,8 +166,9 @@ class Diagnosis:
     """What is missing from a robot, as far as its logs can tell.
 
     Attributes:
-        verdict: `none` (nothing is missing), `named`, `ambiguous` (several effects explain the
-            same), `unknown` (something is missing that no candidate explains) or
+        verdict: `none` (nothing is missing), `named`, `ambiguous` (what is likely is not
+            certain, or other effects explain the same), `unknown` (something is missing that no
+            candidate explains) or
             `not_repeatable` (repeated runs disagree with one another).
         findings: the effects, in the order added.
         next_experiment: what to record next.
@@ -201,30 +206,75 @@ class Diagnosis:
     silent: tuple[str, ...] = ()
     band: float = np.nan
 
+    def effect_rows(self) -> TextTable:
+        """Return the effects found; one with a single number takes a single line."""
+        cells: list[tuple[str, ...]] = []
+        for finding in self.findings:
+            name = f"{finding.effect.name} at {finding.effect.where}"
+            certainty, alone = sure(finding.probability), len(finding.numbers) == 1
+            if not alone:
+                cells.append((name, "", "", "", certainty))
+            for number, e in finding.numbers.items():
+                first = (name, certainty) if alone else (f"  {number}", "")
+                cells.append((first[0], *e.cells, first[1]))
+                if e.drawn is not None:
+                    cells.append(("  as given" if alone else "    as given", plain(e.drawn)))
+            if finding.alternatives:
+                cells.append(("  or " + ", or ".join(finding.rivals),))
+            cells += [(f"  warning: {warning}",) for warning in finding.warnings]
+        return TextTable.of("~effect at place|>value|90 % interval|unit|is it there?", cells)
+
+    def left_rows(self) -> TextTable:
+        """Return what is left at each output; "after" only where something was found."""
+        found, cells = bool(self.findings), []
+        for o in self.outputs:
+            numbers = (o.before, *((o.after,) if found else ()), o.attainable, o.floor)
+            told_unit = o.unit if o.judged else f"{o.unit}, set aside"
+            cells.append((o.output, *(plain(x, 2) for x in numbers), told_unit))
+        reported = efforts(o.unit for o in self.outputs)
+        return TextTable.of(
+            f"left at|>before|{'>after|' if found else ''}>attainable|>noise floor|",
+            cells,
+            caption=f"rms {reported} that the model does not explain; attainable: what the best "
+            "model of the motion would leave; noise floor: what noise leaves",
+        )
+
+    def step_rows(self) -> TextTable:
+        """Return how the error falls with each effect that is added."""
+        return TextTable.of(
+            "added|where|>held-out error",
+            ((s.added or "(the model as given)", s.where, plain(s.error, 2)) for s in self.steps),
+            caption=f"in noise floors (floor from {self.error.floor_source})",
+        )
+
+    def ranking_rows(self, whole: bool) -> TextTable:
+        """Return the models tried, with what they leave beyond the one found."""
+        tried = [row for row in self.ranking if row.standing != "found"]
+        cells: list[tuple[str, ...]] = [
+            (row.text, plain(row.error, 2), with_deviation(*row.beyond), row.judgement)
+            for row in (tried if whole else tried[:_RANKED])
+        ]
+        if len(tried) > _RANKED and not whole:
+            cells.append((f"and {len(tried) - _RANKED} more (--verbose)",))
+        return TextTable.of(
+            "what else was tried|>error|>beyond it|",
+            cells,
+            caption="most probable first; error: held out, in noise floors; beyond it: minus the "
+            "error of what was found, ± standard error; `wbc list effects` explains the names",
+        )
+
     def __str__(self) -> str:
         """Return the answer as text: a sentence, the causes, what is left per joint, what to do."""
-        lines = [f"verdict: {self.verdict} ({MEANINGS[self.verdict]})", verdict_sentence(self)]
-        for finding in self.findings:
-            numbers = ", ".join(
-                f"{name} {with_interval(e.value, e.low, e.high)[0]} "
-                f"(90 % interval {with_interval(e.value, e.low, e.high)[1]}) {e.unit}".removesuffix(
-                    " 1"
-                )
-                + (f" (as given {plain(e.drawn)})" if e.drawn is not None else "")
-                for name, e in finding.numbers.items()
-            )
-            rivals = f", or {', or '.join(finding.rivals)}" if finding.alternatives else ""
-            lines.append(
-                f"  {finding.effect.name} at {finding.effect.where}{rivals}: {numbers}; "
-                f"{sure(finding.probability)} that it is there"
-            )
-        lines += [
-            f"  {o.output}: {plain(o.before, 2)} -> {plain(o.after, 2)} {o.unit} "
-            f"(attainable {plain(o.attainable, 2)}, noise floor {plain(o.floor, 2)})"
-            + ("" if o.judged else ", set aside")
-            for o in self.outputs
-        ]
-        return "\n".join([*lines, f"do this now: {what_to_do(self)}", *self.warnings])
+        tables = (self.effect_rows(), self.left_rows())
+        return "\n".join(
+            [
+                f"verdict: {self.verdict} ({MEANINGS[self.verdict]})",
+                verdict_sentence(self),
+                *(str(table) for table in tables if table.cells),
+                f"do this now: {what_to_do(self)}",
+                *self.warnings,
+            ]
+        )
 
     def __repr__(self) -> str:
         """Return what `print` shows, cut to one screen."""
@@ -232,22 +282,11 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         """Return the answer as a notebook shows it."""
-        found = [
-            [row["effect"], row["where"], row["parameter"], *with_interval(
-                row["value"], row["low"], row["high"]
-            ), row["unit"], sure(row["probability"])]
-            for row in self.rows()
-        ]  # fmt: skip
-        heads = ("effect", "at", "parameter", "value", "90 % interval", "unit", "is it there?")
-        left = [
-            [o.output, *(plain(x, 2) for x in (o.before, o.after, o.attainable, o.floor)), o.unit]
-            for o in self.outputs
-        ]
+        tables = (self.effect_rows(), self.left_rows())
         return (
             f"<p><b>{escape(verdict_sentence(self))}</b></p>"
             f"<p style='white-space: pre-wrap'>Do this now: {escape(what_to_do(self))}</p>"
-            + (html_table(heads, found) if found else "")
-            + html_table(("left at", "before", "after", "attainable", "noise floor", "unit"), left)
+            + "".join(table.html() for table in tables if table.cells)
         )
 
     def rows(self) -> list[dict[str, Any]]:
@@ -300,73 +339,40 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries with the keys of the log format."""
-        return {
+        rivals: dict[str, list[str]] = {}
+        for finding in self.findings:
+            names = rivals.setdefault(finding.effect.name, [])
+            names.extend(name for name in finding.rivals if name not in names)
+        told = {
             "verdict": self.verdict,
             "effects": [
                 {
                     "effect": f.effect.name,
                     "where": [f.effect.where],
-                    "parameters": {
-                        name: {"value": e.value, "unit": e.unit, "low": e.low, "high": e.high}
-                        for name, e in f.parameters.items()
-                    },
-                    "quantities": {
-                        name: {
-                            "value": e.value,
-                            "unit": e.unit,
-                            "low": e.low,
-                            "high": e.high,
-                            "drawn": e.drawn,
-                        }
-                        for name, e in f.quantities.items()
-                    },
+                    "parameters": f.parameters,
+                    "quantities": f.quantities,
                     "probability": f.probability,
-                    "support": asdict(f.support),
-                    "alternatives": [
-                        {"effect": a.effect, "where": a.where} for a in f.alternatives
-                    ],
+                    "support": f.support,
+                    "alternatives": f.alternatives,
                     "explanation": f.effect.explanation,
-                    "warnings": list(f.warnings),
+                    "warnings": f.warnings,
                 }
                 for f in self.findings
             ],
-            "alternatives": {f.effect.name: [] for f in self.findings}
-            | self._alternatives_by_name(),
+            "alternatives": rivals,
             "next_experiment": self.next_experiment,
-            "band": None if np.isnan(self.band) else self.band,
-            "error": {
-                "before": self.error.before,
-                "after": self.error.after,
-                "floor": self.error.floor,
-                "floor_source": self.error.floor_source,
-            },
+            "band": self.band,
+            "error": self.error,
             "explained": self.explained,
-            "joints": {
-                o.output: {
-                    "unit": o.unit,
-                    "before": o.before,
-                    "after": o.after,
-                    "attainable": o.attainable,
-                    "floor": o.floor,
-                    "judged": o.judged,
-                    "excess": o.excess,
-                }
-                for o in self.outputs
-            },
-            "steps": [{"added": s.added, "where": s.where, "error": s.error} for s in self.steps],
+            "joints": {o.output: o for o in self.outputs},
+            "steps": self.steps,
             "remainder": self.remainder,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
             "ranking": [row.to_json() for row in self.ranking],
             "correlation": {
-                "parameters": [list(name) for name in self.correlation.names],
-                "matrix": self.correlation.matrix.tolist(),
+                "parameters": self.correlation.names,
+                "matrix": self.correlation.matrix,
             },
             "provenance": provenance(self.sources),
         }
-
-    def _alternatives_by_name(self) -> dict[str, list[str]]:
-        merged: dict[str, list[str]] = {}
-        for finding in self.findings:
-            names = merged.setdefault(finding.effect.name, [])
-            names.extend(name for name in finding.rivals if name not in names)
-        return merged
+        return dict(as_json(told))

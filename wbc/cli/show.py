@@ -1,9 +1,11 @@
-"""`wbc look`: every column of files over time, before anybody maps them, as one offline page."""
+"""`wbc look` and `wbc play`: every column of files over time, and a recording in motion."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import tempfile
+import webbrowser
+from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -11,9 +13,14 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from wbc import view
 from wbc.arrays import FloatArray, IntArray
-from wbc.cli.outputs import Outcome
+from wbc.cli.inputs import read_logs
+from wbc.cli.outputs import Outcome, working
+from wbc.effects import load_robot
+from wbc.errors import ViewError
 from wbc.files import write_text
+from wbc.measurement import Log
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.filters import jumps
@@ -22,6 +29,7 @@ from wbc.measurement.names import guess_name
 from wbc.measurement.read import split_path
 from wbc.measurement.schema import TIME
 from wbc.measurement.tables import Table, open_table
+from wbc.robot import Robot
 
 _WIDTH, _HEIGHT, _BINS = 640, 54, 320
 _KINDS = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
@@ -38,9 +46,10 @@ _LEGEND = (
     "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
     "the clock starts again. Red dots: jumps. To the right: range, step, and what is odd about it."
 )
+_GROUND_WIDTH = 2.0
 
 
-def run(options: argparse.Namespace, console: Console) -> Outcome:
+def run_look(options: argparse.Namespace, console: Console) -> Outcome:
     """Draw the columns of files, and write the page."""
     rows = read_table(options.columns).get("rows", {})
     parts = []
@@ -168,3 +177,72 @@ def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntA
         marks += f"<circle class='mark' cx='{a:.1f}' cy='{b:.1f}' r='2'/>"
     size = f"width='{_WIDTH}' height='{_HEIGHT}'"
     return f"<svg {size}>{marks}<polygon class='line' points='{points}'/></svg>"
+
+
+def run_play(options: argparse.Namespace, console: Console) -> Outcome:
+    """Write what was asked for; without any, open the page in the browser."""
+    robot = load_robot(options.robot)
+    log = _one_log(options, robot)
+    for option, instant in (("at", options.at), ("from", options.start), ("to", options.stop)):
+        if instant is not None and not log.time[0] <= instant <= log.time[-1]:
+            raise ViewError(
+                f"--{option} {instant:g} lies outside the log, which runs from {log.time[0]:g} s "
+                f"to {log.time[-1]:g} s."
+            )
+    ghost = None
+    if options.ghost:
+        ghost = view.model_ghost(load_robot(options.ghost), log, label=Path(options.ghost).stem)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(options.html) if options.html else Path(folder) / "playback.html"
+        with working(console, "drawing"):
+            view.write_playback(
+                page, robot, log, ghost=ghost, ground=_ground(options), at=options.at
+            )
+        absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+        if absent:
+            more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
+            console.print(f"no position of {', '.join(absent[:4])}{more} in the log: shown at rest")
+        written = [page] if options.html else []
+        written += _pictures(options, page, log, console)
+        for path in written:
+            console.print(f"wrote {path}")
+        if not written:
+            if not webbrowser.open(page.resolve().as_uri()):
+                raise ViewError("no browser to open the page in; write it with --html FILE.")
+            console.input("Enter closes the page's file.")
+    return 0, {}
+
+
+def _one_log(options: argparse.Namespace, robot: Robot) -> Log:
+    logs = read_logs([options.run_file], options.columns, robot)
+    if len(logs) != 1:
+        names = ", ".join(log.source.part for log in logs)
+        raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
+    return logs[0]
+
+
+def _ground(options: argparse.Namespace) -> tuple[view.GroundSlab, ...] | None:
+    if options.ground is None:
+        return None
+    try:
+        pairs = [point.split(",") for point in options.ground.split()]
+        points = [(float(x), float(z)) for x, z in pairs]
+    except ValueError as cause:
+        raise ViewError(
+            f"--ground '{options.ground}' is not a profile X,Z X,Z ...; for a step of 10 cm: "
+            '--ground "-1,0 0,0 0,0.1 1,0.1".'
+        ) from cause
+    return view.profile_ground(points, _GROUND_WIDTH)
+
+
+def _pictures(
+    options: argparse.Namespace, page: Path, log: Log, console: Console
+) -> Iterator[Path]:
+    if options.png:
+        at = float(log.time[0]) if options.at is None else options.at
+        with working(console, "taking a picture"):
+            yield view.write_picture(options.png, page, at, theme=options.theme)
+    if options.gif:
+        with working(console, "taking pictures") as progress:
+            chosen = {k: getattr(options, k) for k in ("start", "stop", "speed", "theme")}
+            yield view.write_animation(options.gif, page, progress=progress, **chosen)

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import csv
+import hashlib
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
 
 from wbc.effects import load_robot
 from wbc.errors import LogError, failure_text
-from wbc.identification.answer.diagnosis.diagnosis import Estimate
+from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.records.outputs import output_names, output_units
 from wbc.measurement import Log, load_logs
+from wbc.results import Column
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
+from wbc.robot.fingerprint import fingerprint
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
@@ -29,6 +35,23 @@ DEVIATIONS = float(norm.ppf(0.5 + 0.5 * LEVEL))
 
 Quantity = tuple[str, str, str]
 """(effect, place, parameter); the effect is empty for the error of an output."""
+_TEXT = Column(kind="text")
+_NUMBER = Column("see the column unit")
+
+SESSION_COLUMNS = {
+    "machine": _TEXT,
+    "date": _TEXT,
+    "effect": _TEXT,
+    "where": _TEXT,
+    "parameter": _TEXT,
+    "value": _NUMBER,
+    "low": _NUMBER,
+    "high": _NUMBER,
+    "unit": _TEXT,
+    "failure": _TEXT,
+    "warnings": _TEXT,
+}
+"""A row per session and quantity; a session that failed has one row, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +94,19 @@ class SessionResult:
     values: Mapping[Quantity, Estimate] = field(default_factory=dict)
     failure: str = ""
     warnings: tuple[str, ...] = ()
+
+
+def sessions_of(
+    robot: str, runs: Sequence[Run], columns: str | None, lossless: bool
+) -> list[Session]:
+    """Return the sessions of logs, in order of machine and date."""
+    grouped: dict[tuple[str, datetime], list[str]] = {}
+    for run in runs:
+        grouped.setdefault((run.machine, run.date), []).append(run.path)
+    return [
+        Session(robot, lossless, columns, machine, date.isoformat(), tuple(paths))
+        for (machine, date), paths in sorted(grouped.items())
+    ]
 
 
 def measure_session(session: Session) -> SessionResult:
@@ -212,3 +248,82 @@ def _listed(row: dict[str, str], place: Path, line: int) -> Run:
             "2026-03-01T14:30."
         ) from cause
     return Run(str(place.parent / row["log"].strip()), row["machine"].strip(), date)
+
+
+def work_key(work: str, sessions: Sequence[Session], **settings: Any) -> dict[str, Any]:
+    """Return what the results of all sessions depend on; see `work_names` for their logs.
+
+    The column map enters by path, size and time of the last change.
+    """
+    first = sessions[0]
+    return {
+        "work": work,
+        "robot": fingerprint(load_robot(first.robot)),
+        "lossless": first.lossless,
+        "columns": _stamp(first.columns) if first.columns else None,
+        "version": version("wbc"),
+        **settings,
+    }
+
+
+def work_names(sessions: Sequence[Session]) -> tuple[str, ...]:
+    """Return a name for the part of every session: which one it is, and of which logs.
+
+    Logs enter by path, size and time of the last change, not by content: reading all logs of a
+    fleet would take as long as the work.
+    """
+    return tuple(
+        f"{_digest([s.machine, s.date])}-{_digest([_stamp(path) for path in s.paths])}"
+        for s in sessions
+    )
+
+
+def _digest(what: Sequence[Any]) -> str:
+    return hashlib.sha256(json.dumps(what).encode("utf-8")).hexdigest()[:24]
+
+
+def _stamp(path: str) -> list[str | int]:
+    file = Path(path.partition("#")[0])
+    try:
+        found = file.stat()
+    except OSError:
+        return [path]
+    return [path, found.st_size, found.st_mtime_ns]
+
+
+def measured_rows(session: Session) -> dict[str, Any]:
+    """Return the rows of one session; what a worker runs."""
+    result = measure_session(session)
+    nothing = {("", "", ""): Estimate(np.nan, "1", np.nan, np.nan)}
+    found = result.values or nothing
+    columns = dict(zip(("effect", "where", "parameter"), zip(*found, strict=True), strict=True))
+    for name in ("value", "low", "high", "unit"):
+        columns[name] = tuple(getattr(estimate, name) for estimate in found.values())
+    shared = {"machine": result.machine, "date": result.date, "failure": result.failure}
+    shared["warnings"] = "\n".join(result.warnings)
+    return columns | {name: (text,) * len(found) for name, text in shared.items()}
+
+
+def stored_sessions(columns: Mapping[str, Any], sessions: Sequence[Session]) -> list[SessionResult]:
+    """Return the sessions of a table."""
+    values: list[dict[Quantity, Estimate]] = [{} for _ in sessions]
+    failures, warnings = [""] * len(sessions), [""] * len(sessions)
+    numbers = {(s.machine, s.date): number for number, s in enumerate(sessions)}
+    for row, session in enumerate(zip(columns["machine"], columns["date"], strict=True)):
+        number = numbers[session]
+        failures[number] = columns["failure"][row]
+        warnings[number] = columns["warnings"][row]
+        if failures[number]:
+            continue
+        effect, where, parameter = (columns[name][row] for name in ("effect", "where", "parameter"))
+        value, low, high = (float(columns[name][row]) for name in ("value", "low", "high"))
+        values[number][effect, where, parameter] = Estimate(value, columns["unit"][row], low, high)
+    return [
+        SessionResult(s.machine, s.date, s.paths, values[k], failures[k], lines_of(warnings[k]))
+        for k, s in enumerate(sessions)
+    ]
+
+
+def lines_of(text: str) -> tuple[str, ...]:
+    """Return the texts that a cell of a table holds."""
+    return tuple(text.split("\n")) if text else ()

@@ -1,16 +1,17 @@
-"""Base parameters, rotor inertias, friction and offsets by weighted least squares."""
+"""Which parameters of a linear model its logs tell, and what each stands for."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.dynamics import inertial_parameters
+from wbc.files import as_json
 from wbc.identification.choice.plain_models import JOINTS
-from wbc.identification.classic.base_parameters import base_columns, combination, link_names
 from wbc.identification.model.derivatives import derivatives, evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.inertial_columns import inertial_columns
@@ -20,6 +21,63 @@ from wbc.identification.records.outputs import output_names
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
+
+_DEPENDENT = 1e-5  # of a column, that must be left beside those before it
+_NOTHING = 1e-6  # coefficients between columns of one length, that rounding makes
+_SHOWN = 1e-3  # coefficients that are written out
+_LONGEST = 3  # terms of a combination that are written out
+
+# In pinocchio's order of a link's ten parameters.
+_LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_UNITS = ("kg", *["kg m"] * 3, *["kg m^2"] * 6)
+
+
+def link_names(robot: Robot) -> list[tuple[str, str, float]]:
+    """Return name, unit and value as drawn of all parameters of the links, in order."""
+    values = inertial_parameters(robot)
+    names = [
+        (f"{name} {body}", unit)
+        for body in robot.bodies
+        for name, unit in zip(_LINK, _UNITS, strict=True)
+    ]
+    return [(*name, float(value)) for name, value in zip(names, values, strict=True)]
+
+
+def base_columns(matrix: FloatArray) -> tuple[list[int], FloatArray]:
+    """Return the columns that do not depend on those before, and what the others are of them.
+
+    Args:
+        matrix: (rows, n).
+
+    Returns:
+        numbers of the k independent columns, and (k, n - k) coefficients: each other column is
+        the sum of these with the coefficients of its own.
+    """
+    size = np.sqrt(np.sum(matrix**2, axis=0))
+    felt = size > 1e-9 * size.max(initial=1e-300)
+    scaled = matrix / np.where(felt, size, 1.0)
+    basis = np.zeros((len(matrix), 0))
+    kept = []
+    for k in np.flatnonzero(felt):
+        rest = scaled[:, k] - basis @ (basis.T @ scaled[:, k])
+        rest -= basis @ (basis.T @ rest)  # twice is enough
+        length = float(np.linalg.norm(rest))
+        if length > _DEPENDENT:
+            kept.append(int(k))
+            basis = np.column_stack([basis, rest / length])
+    others = [k for k in range(matrix.shape[1]) if k not in kept]
+    mixing = np.linalg.lstsq(scaled[:, kept], scaled[:, others], rcond=None)[0]
+    mixing[np.abs(mixing) < _NOTHING] = 0.0
+    mixing = mixing * np.where(felt[others], size[others], 0.0) / size[kept][:, None]
+    return kept, np.asarray(mixing)
+
+
+def combination(coefficients: FloatArray, names: Sequence[str]) -> str:
+    """Return the terms of a combination as text, the largest first."""
+    order = np.argsort(-np.abs(coefficients))
+    terms = [f"{coefficients[k]:+.3g} {names[k]}" for k in order if abs(coefficients[k]) > _SHOWN]
+    more = [f"and {len(terms) - _LONGEST} more"] if len(terms) > _LONGEST else []
+    return " ".join([*terms[:_LONGEST], *more])
 
 
 @dataclass(frozen=True)
@@ -67,12 +125,10 @@ class ClassicFit:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""
-        rows = zip(self.joints, self.before.tolist(), self.left.tolist(), strict=True)
-        return {
-            "parameters": [asdict(parameter) for parameter in self.parameters],
-            "joints": {joint: {"before": one, "after": other} for joint, one, other in rows},
-            "warnings": list(self.warnings),
-        }
+        rows = zip(self.joints, self.before, self.left, strict=True)
+        joints = {joint: {"before": one, "after": other} for joint, one, other in rows}
+        told = {"parameters": self.parameters, "joints": joints, "warnings": self.warnings}
+        return dict(as_json(told))
 
 
 def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:

@@ -1,4 +1,4 @@
-"""What a diagnosis says, in a sentence that a person would say."""
+"""What a diagnosis says, as a person would, and what to do after it."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN
 from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
-    from wbc.identification.answer.diagnosis.diagnosis import Diagnosis, Finding, OutputLevel
+    from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
+import shlex
+from dataclasses import dataclass
+
+if TYPE_CHECKING:
+    from wbc.identification.answer.diagnosis import Diagnosis
 
 TITLES = {
     "named": "cause found",
-    "ambiguous": "likely causes",
+    "ambiguous": "likely, not certain",
     "partial": "part of the cause found",
     "unknown": "cause not found",
     "none": "nothing missing",
@@ -23,7 +28,7 @@ TITLES = {
 """A verdict in words that need no explanation."""
 MEANINGS = {
     "named": "these logs tell which effects the model lacks",
-    "ambiguous": "these logs point to causes, but do not tell them from others",
+    "ambiguous": "what these logs point to is likely, but its name is not certain",
     "partial": "some missing effects are certain, and more is missing",
     "unknown": "something is missing, and no cause of it is certain",
     "none": "the model explains these logs as far as their noise allows",
@@ -36,6 +41,16 @@ _MANY = 3
 """Places from which on an effect is said once: the tables that follow name them all."""
 _CAUSES = 4
 """Causes of one sentence; the table of what was found has all."""
+COMMAND = "    "
+"""Begins every line of advice that is a command to copy."""
+_USE = "Use the corrected model."
+_RECORD = "Change neither the robot nor its model yet."
+_DOUBTED = (
+    "Use the corrected model: it predicts best. Change nothing on the robot by a doubtful name."
+)
+_SAVED = "fitted.toml"
+_NEW_LOG = "new.csv"
+_NEW_RUNS = ("new1.csv", "new2.csv")
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -242,3 +257,112 @@ def joined(parts: Sequence[str]) -> str:
     if len(parts) < 2:
         return "".join(parts)
     return ", ".join(parts[:-1]) + " and " + parts[-1]
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Command lines that go on from a diagnosis, made of what `wbc diagnose` was given.
+
+    Attributes:
+        logs: files, as the command line takes them.
+        robot: name or file.
+        saved: file in which the corrected robot is; None if in none.
+        lossless: the robot was taken with perfect gears.
+        columns: column map.
+        add: effects to consider.
+    """
+
+    logs: Sequence[str]
+    robot: str
+    saved: str | None = None
+    lossless: bool = False
+    columns: str | None = None
+    add: str = "auto"
+
+    @property
+    def target(self) -> str:
+        """File of the corrected robot."""
+        return self.saved or _SAVED
+
+    def diagnose(self, *logs: str, save: str = "") -> str:
+        """Return the command that diagnoses logs; it writes the corrected robot where asked to."""
+        given = ["--robot", self.robot, *(["--lossless"] if self.lossless else []), *self._mapped]
+        chosen = [] if self.add == "auto" else ["--add", self.add]
+        return shlex.join(
+            ["wbc", "diagnose", *logs, *given, *chosen, *(["--save", save] if save else [])]
+        )
+
+    @property
+    def use(self) -> str:
+        """What shows what the corrected robot leaves on the same logs; empty where none can."""
+        if self.lossless and any("@" in log for log in self.logs):
+            # The losses of logs of other machines would come back beside a robot with its own.
+            return ""
+        # Perfect gears would take the losses found out again: no --lossless here.
+        return shlex.join(["wbc", "compare", *self.logs, "--robot", self.target, *self._mapped])
+
+    @property
+    def _mapped(self) -> list[str]:
+        return ["--columns", self.columns] if self.columns else []
+
+
+def what_to_do(diagnosis: Diagnosis, commands: Commands | None = None) -> str:
+    """Return what to do now; lines that begin with four spaces are commands to copy.
+
+    Args:
+        diagnosis: the answer.
+        commands: how to go on from it on the command line; in Python when left out.
+    """
+    match diagnosis.verdict:
+        case "named":
+            return f"{_USE} {_use(commands)}"
+        case "partial":
+            more = f"To find the rest: {_lowered(diagnosis.next_experiment)}"
+            return f"{_USE} {_use(commands)}\n{more}{_again(commands)}"
+        case "none":
+            return (
+                "Neither the robot nor its model needs a change. Faster or loaded motions would "
+                "show more."
+            )
+        case "not_repeatable":
+            return f"Look at the robot first. {diagnosis.next_experiment}{_anew(commands)}"
+        case _ if diagnosis.findings:
+            more = f"To find out more: {_lowered(diagnosis.next_experiment)}"
+            return f"{_DOUBTED} {_use(commands)}\n{more}{_again(commands)}"
+        case _:
+            return f"{_RECORD} {diagnosis.next_experiment}{_again(commands)}"
+
+
+def _use(commands: Commands | None) -> str:
+    if commands is None:
+        save = f'from wbc import save_robot; save_robot(found.robot, "{_SAVED}")'
+        return f"Save it (`found` is this diagnosis):\n{COMMAND}{save}"
+    save = "" if commands.saved else commands.diagnose(*commands.logs, save=_SAVED)
+    shown = [f"{COMMAND}{line}" for line in (save, commands.use) if line]
+    if save:
+        look = " and see what it leaves" if commands.use else ""
+        start = f"Save it{look}:"
+    else:
+        look = ". See what it leaves:" if commands.use else "."
+        start = f"It is in {commands.target}{look}"
+    return "\n".join([start, *shown, f"Then use {commands.target} in place of {commands.robot}."])
+
+
+def _again(commands: Commands | None) -> str:
+    """Return how to ask again with what was recorded."""
+    if commands is None:
+        return " Then diagnose all logs together."
+    again = f"Then give all logs together (with the name of the new log for {_NEW_LOG}):"
+    return f"\n{again}\n{COMMAND}{commands.diagnose(*commands.logs, _NEW_LOG)}"
+
+
+def _anew(commands: Commands | None) -> str:
+    """Return how to ask about runs that repeat one another, without those that do not."""
+    if commands is None:
+        return " Then diagnose the new runs alone."
+    alone = f"Then diagnose the new runs alone (with their names for {' and '.join(_NEW_RUNS)}):"
+    return f"\n{alone}\n{COMMAND}{commands.diagnose(*_NEW_RUNS)}"
+
+
+def _lowered(text: str) -> str:
+    return text[:1].lower() + text[1:]

@@ -7,9 +7,9 @@ from itertools import permutations
 
 import numpy as np
 
-from wbc.identification.answer.diagnosis.diagnosis import Finding, Verdict
-from wbc.identification.answer.diagnosis.sentence import joined, only_noise
+from wbc.identification.answer.diagnosis import Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
+from wbc.identification.answer.words import joined, only_noise
 from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.estimation_problem import EstimationProblem

@@ -1,4 +1,7 @@
-"""What was found beside what was tried: evidence, and paired differences on held-out data."""
+"""What was found beside what was tried, and its numbers beside one another.
+
+Of hypotheses: evidence, and paired differences on held-out data. Of numbers: correlations.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,13 @@ from typing import Any, Literal
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.files import as_json
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.odds import TIED, Odds
 from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.intervals import parameter_covariance
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import bootstrap_steps, parameter_covariance
 from wbc.robot import Effect
 from wbc.robot.effect import spoken
 
@@ -20,6 +26,7 @@ _MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could 
 RIVALS = 3
 """Rivals of what was found whose covariance is kept: as many as an experiment is planned for."""
 Standing = Literal["found", "better", "worse", "not distinguishable"]
+_BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,20 +104,14 @@ class Ranked:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""
-        return {
-            "added": [{"effect": name, "where": where} for name, where in self.added],
-            "removed": [{"effect": name, "where": where} for name, where in self.removed],
-            "error": self.error,
-            "difference": self.difference,
-            "deviation": self.deviation,
-            "evidence": self.evidence,
-            "standing": self.standing,
-            "effects": [
-                {"effect": effect.name, "where": effect.where, "parameters": effect.values}
-                for effect in self.effects
-            ],
-            "covariance": None if self.covariance is None else self.covariance.tolist(),
-        }
+        lists = {"added": self.added, "removed": self.removed}
+        keys = {k: [{"effect": n, "where": at} for n, at in own] for k, own in lists.items()}
+        return dict(as_json(self)) | keys | {"effects": [effect_entry(e) for e in self.effects]}
+
+
+def effect_entry(effect: Effect) -> dict[str, Any]:
+    """Return an effect as JSON has it."""
+    return {"effect": effect.name, "where": effect.where, "parameters": effect.values}
 
 
 def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
@@ -181,3 +182,30 @@ def _beside(h: Hypothesis, found: Hypothesis, evidence: float) -> Ranked:
 
 def _spoken(keys: tuple[Key, ...]) -> str:
     return " and ".join(f"{spoken(name)} at {where}" for name, where in keys)
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """Correlations of the parameters found, over refits on blocks drawn from the logs.
+
+    Attributes:
+        names: (effect, where, parameter) of each.
+        matrix: (p, p), ones on the diagonal; zero beside a parameter that no refit moves. Empty
+            where there are too few blocks to tell.
+    """
+
+    names: tuple[tuple[str, str, str], ...]
+    matrix: FloatArray
+
+
+def correlation_of(problem: EstimationProblem, fit: Fit) -> Correlation:
+    """Return how the parameters of a fit move together."""
+    names = tuple((*fit.effects[k].key, parameter.name) for k, parameter in fit.parameters)
+    count = len(names)
+    if count < 2 or np.unique(problem.blocks).size < _BLOCKS_PER_PARAMETER * count:
+        return Correlation(names, np.zeros((0, 0)))
+    steps = bootstrap_steps(fit, problem.blocks)
+    moving = np.std(steps, axis=0) > 0.0
+    matrix = np.eye(count)
+    matrix[np.ix_(moving, moving)] = np.atleast_2d(np.corrcoef(steps[:, moving].T))
+    return Correlation(names, matrix)

@@ -1,0 +1,341 @@
+"""`wbc compare`, `diagnose`, `identify`, `rollout`: a robot held against its logs."""
+
+from __future__ import annotations
+
+import argparse
+import time
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from rich.console import Console, RenderableType
+from rich.text import Text
+
+from wbc.cli.fleet import require_no_fleet, run_fleet
+from wbc.cli.inputs import robot_and_logs
+from wbc.cli.outputs import Outcome, command_line, working
+from wbc.cli.printout import Part, Spoken, print_out, table
+from wbc.effects import effect_class, load_robot, save_robot
+from wbc.errors import EffectError
+from wbc.files import write_text
+from wbc.identification import Comparison, Diagnosis, compare, diagnose, rank_robots
+from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
+from wbc.identification.classic import identify
+from wbc.identification.formulas import Discovery, discover
+from wbc.identification.open_loop import OpenLoop, open_loop
+from wbc.identification.servo.servo_models import UNITS, Rollouts, fit_rollouts
+from wbc.measurement import Log
+from wbc.measurement.guess import guessed_numbers
+from wbc.robot import Effect, Robot
+from wbc.view.rows import (
+    contest_rows,
+    fit_rows,
+    formula_rows,
+    open_loop_rows,
+    parameter_rows,
+    servo_model_rows,
+    servo_number_rows,
+)
+
+EXIT_ABOVE = 3
+"""Exit code of an error above --fail-above."""
+
+Simulated = Callable[[], Sequence[OpenLoop]]
+"""Returns the open-loop errors of robots, simulating when it is first called."""
+_Intervals = Mapping[tuple[str, str, str], tuple[float, float]]
+_LEGEND = (
+    "m is a mass, mx a mass times its centre, Ixx an inertia about the joint's origin. 'with': the "
+    "logs tell only the sum of the number and this. What is left is the rms [N m] on parts of the "
+    "logs that the fit did not see."
+)
+_GEAR = ("torque_constant", "resistance", "rotor_inertia")
+
+
+def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
+    """Compare, print, write."""
+    robot, logs = robot_and_logs(options)
+    with working(console, "comparing"):
+        comparison = compare(robot, logs)
+    simulated = simulated_later((robot,), logs, console)
+    content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
+    parts = []
+    if options.against:
+        given = f"{options.robot} (lossless)" if options.lossless else options.robot
+        robots = {given: robot, **{name: load_robot(name) for name in options.against}}
+        ranked = rank_robots(robots, logs)
+        parts.append(Part("the robots", table(contest_rows(ranked))))
+        content["robots"] = [contestant.to_json() for contestant in ranked]
+    parts.append(Part("the error of every output", table(comparison.error_rows())))
+    parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
+    if comparison.warnings:
+        parts.append(Part("warnings", Spoken("\n".join(comparison.warnings))))
+    parts.append(Part("where it fails", table(comparison.where_rows())))
+    answer = [comparison.sentence]
+    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    if options.json:
+        content["open_loop"] = simulated()[0].to_json()
+    _write_report(options, console, robot, logs, simulated)
+    return _judged(options.fail_above, comparison, console), content
+
+
+def _write_report(
+    options: argparse.Namespace,
+    console: Console,
+    robot: Robot,
+    logs: Sequence[Log],
+    simulated: Simulated,
+    **found: Any,
+) -> None:
+    """Write the report if it is asked for."""
+    if not options.report:
+        return
+    # Plotly, matplotlib and meshcat take a second to import; only a report needs them.
+    from wbc.view.report import write_report
+
+    with working(console, "writing the report"):
+        target, command = options.report, command_line()
+        path = write_report(target, robot, logs, command=command, simulated=simulated(), **found)
+    console.print(f"wrote {path}")
+
+
+def _judged(limit: tuple[float, str] | None, comparison: Comparison, console: Console) -> int:
+    """Return the exit code: 3 where the error is above the limit, and say where."""
+    if limit is None:
+        return 0
+    size, unit = limit
+    if not unit:
+        above = comparison.error > size
+        error = f"{comparison.error:.3g} noise floors"
+    else:
+        worst = max(comparison.outputs, key=lambda output: output.rms)
+        above = worst.rms > size
+        error = f"{worst.rms:.3g} {worst.unit} at {worst.output}"
+    named = f"{size:g} {unit or 'noise floors'}"
+    console.print(f"{'above' if above else 'not above'} {named}: {error}")
+    return EXIT_ABOVE if above else 0
+
+
+def simulated_later(robots: Sequence[Robot], logs: Sequence[Log], console: Console) -> Simulated:
+    """Return a function that simulates the logs once, when their errors are first wanted.
+
+    The first simulation after the installation waits about a minute for the compiler. The answer of
+    a command does not need it, so it is printed before.
+    """
+
+    @cache
+    def simulated() -> Sequence[OpenLoop]:
+        what = "simulating the logs (the first time, the simulator is compiled: about a minute)"
+        with working(console, what):
+            return tuple(open_loop(robot, logs) for robot in robots)
+
+    return simulated
+
+
+def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
+    """Return position errors after each horizon, or why there are none."""
+    reason = simulated[-1].reason
+    if reason:
+        return Text(f"open loop: nothing was simulated: {reason}")
+    return table(open_loop_rows(simulated))
+
+
+def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
+    """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
+    begun = time.monotonic()
+    if options.fleet:
+        return run_fleet(options, console)
+    require_no_fleet(options)
+    candidates = _candidates(options.add)
+    robot, logs = robot_and_logs(options)
+    with working(console, "diagnosing") as progress:
+        left = begun + options.budget - time.monotonic()
+        diagnosis = diagnose(robot, logs, candidates, progress, left)
+    diagnosis = _with_guesses(diagnosis, options.robot)
+    if options.save and not options.discover:
+        # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
+        _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
+    robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
+    simulated = simulated_later(robots, logs, console)
+    given = {name: getattr(options, name) for name in ("lossless", "columns", "add")}
+    commands = Commands(options.logs, options.robot, saved=options.save, **given)
+    shown = {"quiet": options.quiet, "verbose": options.verbose}
+    print_diagnosis(console, diagnosis, commands, simulated, **shown)
+    content, discovery = diagnosis.to_json(), None
+    if options.discover:
+        with working(console, "discovering") as progress:
+            discovery = discover(robot, logs, progress, diagnosis.effects)
+        _print_discovery(console, discovery)
+        content["discovery"] = discovery.to_json()
+        if options.save:
+            found = discovery if discovery.proposals else diagnosis
+            known = discovery.intervals if discovery.proposals else diagnosis.intervals()
+            _save(options.save, found.robot, known, logs)
+    if options.save:
+        something = diagnosis.effects or (discovery is not None and discovery.proposals)
+        as_it_was = "" if something else ": the robot as given, no effect was added"
+        console.print(f"wrote {options.save}{as_it_was}", soft_wrap=True)
+    if options.json:
+        before, *after = (one.to_json() for one in simulated())
+        content["open_loop"] = {"before": before, "after": after[0] if after else before}
+        content["provenance"] = provenance(diagnosis.sources, command_line())
+    told = {"diagnosis": diagnosis, "discovery": discovery, "commands": commands}
+    _write_report(options, console, robot, logs, simulated, **told)
+    return int(diagnosis.verdict in ("unknown", "not_repeatable")), content
+
+
+def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:
+    """Write a robot with the effects found, and what they come from."""
+    facts = {
+        "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
+        "command": command_line(),
+    }
+    save_robot(robot, path, intervals, facts)
+
+
+def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
+    """Return a diagnosis that says which numbers of the robot nobody has looked up yet."""
+    guessed = guessed_numbers(robot)
+    if not guessed:
+        return diagnosis
+    first = (
+        f"Look up {', '.join(guessed)} in {robot}: they are still guesses of `wbc init`, and every "
+        "answer rests on them."
+    )
+    # What to do now is printed for every verdict, but for these two it is not the next experiment.
+    if diagnosis.verdict in ("named", "none"):
+        return replace(diagnosis, warnings=(first, *diagnosis.warnings))
+    return replace(diagnosis, next_experiment=f"{first} {diagnosis.next_experiment}")
+
+
+def _candidates(choice: str) -> list[type[Effect]] | None:
+    if choice == "auto":
+        return None
+    names = [name.strip() for name in choice.split(",") if name.strip()]
+    if not names:
+        raise EffectError("--add names no effect; 'auto' considers all (wbc list effects).")
+    return [effect_class(name) for name in names]
+
+
+def print_diagnosis(
+    console: Console,
+    diagnosis: Diagnosis,
+    commands: Commands | None = None,
+    simulated: Simulated | None = None,
+    *,
+    quiet: bool = False,
+    verbose: bool = False,
+) -> None:
+    """Print the answer in a sentence, what to do now, then as much of the detail as fits.
+
+    Args:
+        console: where.
+        diagnosis: the answer.
+        commands: how to go on from it on the command line.
+        simulated: returns the open-loop errors of the robot as given and with the effects found.
+        quiet: print the answer alone.
+        verbose: print all of the detail.
+    """
+    answer: list[RenderableType] = [
+        Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
+        verdict_sentence(diagnosis),
+        Spoken(f"do this now: {what_to_do(diagnosis, commands)}"),
+    ]
+    parts = [Part("what is left", table(diagnosis.left_rows()))]
+    if diagnosis.findings:
+        parts.insert(0, Part("what was found", table(diagnosis.effect_rows())))
+    for name, text in (
+        ("what the rest looks like", diagnosis.remainder),
+        ("warnings", "\n".join(diagnosis.warnings)),
+    ):
+        parts += [Part(name, Spoken(text))] if text else []
+    if simulated:
+        parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
+    if diagnosis.findings:
+        parts.append(Part("how the error falls", table(diagnosis.step_rows())))
+    if len(diagnosis.ranking) > 1:
+        parts.append(Part("what else was tried", table(diagnosis.ranking_rows(verbose))))
+    print_out(console, answer, parts, quiet=quiet, verbose=verbose)
+
+
+def _print_discovery(console: Console, discovery: Discovery) -> None:
+    """Print the proposals with what they remove, and how far to believe them."""
+    console.print("discovery: formulas proposed by regression, not causes", style="bold")
+    if discovery.proposals:
+        console.print(table(formula_rows(discovery)))
+    for proposal in discovery.proposals:
+        console.print(proposal.formula)
+        for name, rivals in proposal.rivals.items():
+            if rivals:
+                console.print(f"  instead of {name} as well: {', '.join(rivals)}")
+        for warning in proposal.warnings:
+            console.print(f"  warning: {warning}")
+    for name, where in discovery.dropped:
+        console.print(f"{name} at {where} is not needed beside the formulas")
+    error = discovery.error
+    console.print(f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors")
+    console.print(discovery.summary)
+    if discovery.proposals and discovery.remainder:
+        console.print(discovery.remainder)
+
+
+def run_identify(options: argparse.Namespace, console: Console) -> Outcome:
+    """Fit, print, write."""
+    robot, logs = robot_and_logs(options)
+    with working(console, "identifying"):
+        fit = identify(robot, logs)
+    console.print(table(parameter_rows(fit)))
+    console.print(_LEGEND)
+    console.print(table(fit_rows(fit)))
+    for warning in fit.warnings:
+        console.print(Spoken(warning), crop=False)
+    return 0, fit.to_json()
+
+
+def run_rollout(options: argparse.Namespace, console: Console) -> Outcome:
+    """Fit, print, write."""
+    robot, logs = robot_and_logs(options)
+    with working(console, "simulating") as progress:
+        found = fit_rollouts(robot, logs, progress)
+    console.print(_sentence(found))
+    console.print(table(servo_model_rows(found)))
+    console.print(table(servo_number_rows(found)))
+    if options.save:
+        console.print(f"wrote {_save_servo(found, options.save)}", soft_wrap=True)
+        if "source_resistance" in found.chosen.fit.values:
+            console.print(
+                "not in the file, because a robot file has no such number: source_resistance"
+            )
+    return 0, found.to_json()
+
+
+def _sentence(found: Rollouts) -> str:
+    chosen = found.chosen
+    needs = [model.name.removeprefix("and ") for model in found.models[: found.best + 1]]
+    return (
+        f"The servo as given misses its logs by {plain(1e3 * found.given, 2)} mrad; fitted, by "
+        f"{plain(1e3 * chosen.seen, 2)} mrad, and by {plain(1e3 * chosen.error, 2)} mrad on logs "
+        f"that the fit has not seen. It needs: {', '.join(needs)}."
+    )
+
+
+def _save_servo(found: Rollouts, target: str) -> Path:
+    """Write the given robot with the fitted numbers of its motor, and the effects."""
+    known = {effect.key for effect in found.effects}
+    kept = [effect for effect in found.robot.effects if effect.key not in known]
+    base = found.robot.without_effects()
+    path = save_robot(
+        base.with_effects(*kept, *found.effects), target, provenance={"command": command_line()}
+    )
+    written = tomllib.loads(path.read_text(encoding="utf-8"))
+    fitted = found.chosen.fit.robot.transmission
+    numbers = {name: float(getattr(fitted, name)[0]) for name in _GEAR}
+    source = {"source": "wbc rollout"}
+    table = {name: {"value": x, "unit": UNITS[name]} | source for name, x in numbers.items()}
+    written["gears"] = {fitted.joints[0]: table}
+    return write_text(path, tomli_w.dumps(written))

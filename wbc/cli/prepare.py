@@ -1,0 +1,225 @@
+"""`wbc check` and `wbc init`: what a log is good for; a first description of a robot."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from wbc.cli.inputs import read_logs, robot_from, write_fix
+from wbc.cli.outputs import Outcome
+from wbc.cli.printout import Part, Spoken, print_out, table
+from wbc.effects import load_robot
+from wbc.errors import WbcError
+from wbc.files import as_json
+from wbc.measurement import LogFinding, LogQuality, check_logs, find_repeats, read_table, write_map
+from wbc.measurement import read_logs as read_suspicious
+from wbc.measurement.guess import (
+    MapGuess,
+    guess_map,
+    guess_names,
+    guess_ratios,
+    guessed_numbers,
+    model_joints,
+    not_found,
+    write_robot,
+)
+from wbc.measurement.robot_checks import told_by_rows
+from wbc.robot.loading.model_file import left_out
+from wbc.view.rows import clock_rows, joint_rows, short_label
+
+_NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
+
+_LOGS = 4  # that tell whose columns are whose
+
+
+def run_check(options: argparse.Namespace, console: Console) -> Outcome:
+    """Print the quality of every log; exit code 1 if one of them would give wrong results."""
+    robot = robot_from(options)
+    logs = read_logs(options.logs, options.columns, robot, read_suspicious)
+    qualities = check_logs(logs, robot)
+    said = _remarks(qualities)
+    guessed = guessed_numbers(options.robot)
+    if guessed:
+        said.append(
+            f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
+            + ", ".join(guessed)
+        )
+    told = told_by_rows(robot, logs[:_LOGS]) if robot is not None else {}
+    if strange := [joint for joint, (own, _) in told.items() if own < 0.5]:
+        said.append(
+            f"warning: motion and torque of {', '.join(strange)} fit the columns of other joints "
+            "better: compare the column map with the names that the maker of the file gives."
+        )
+    answer = [_answer(qualities, len(said), options.quiet)]
+    parts = [Part("remarks", Spoken(text, 2)) for text in said]
+    for group in find_repeats(logs):
+        names = ", ".join(short_label(qualities[k].label) for k in group)
+        parts.append(Part("repeats", f"repeats of one run: {names}"))
+    parts += [Part("the joints", table(joint_rows(told)))] if told else []
+    parts.append(Part("the clocks", table(clock_rows(qualities))))
+    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
+    write_fix(options, list(wrong.values()), console)
+    content = {"logs": {quality.label: as_json(quality) for quality in qualities}}
+    return int(not all(quality.usable for quality in qualities)), content
+
+
+def _remarks(qualities: Sequence[LogQuality]) -> list[str]:
+    """Return every remark once, with the logs and columns that it is about."""
+    alike: dict[tuple[str, ...], list[tuple[str, LogFinding]]] = {}
+    for quality in qualities:
+        for finding in quality.findings:
+            said = (finding.text, finding.way_out)
+            blank = [_NUMBER.sub("#", text.replace(finding.column or "*", "*")) for text in said]
+            key = (finding.severity, finding.kind, *blank)
+            alike.setdefault(key, []).append((short_label(quality.label), finding))
+    return [_joined(group, len(qualities)) for group in alike.values()]
+
+
+def _joined(group: Sequence[tuple[str, LogFinding]], logs: int) -> str:
+    """Return one remark of findings that differ in logs, columns and numbers alone."""
+    where = list(dict.fromkeys(label for label, _ in group))
+    first = group[0][1]
+    columns = list(dict.fromkeys(finding.column for _, finding in group))
+    ways = []
+    for line in first.way_out.splitlines():
+        own = columns if first.column and first.column in line else columns[:1]
+        ways += [line.replace(first.column, column) if own is columns else line for column in own]
+    text = _in_ranges([finding.text for _, finding in group])
+    said = replace(first, column=", ".join(columns), text=text, way_out="\n".join(ways))
+    if logs == 1:
+        return str(said)
+    return f"{f'all {logs} logs' if len(where) == logs else ', '.join(where)}: {said}"
+
+
+def _in_ranges(texts: Sequence[str]) -> str:
+    """Return a text whose numbers run from the least to the most of those in several."""
+    parts = [_NUMBER.split(text) for text in texts]
+    ranges = [
+        sorted(dict.fromkeys(each), key=float)
+        for each in zip(*(p[1::2] for p in parts), strict=True)
+    ]
+    numbers = [each[0] if len(each) == 1 else f"{each[0]} to {each[-1]}" for each in ranges]
+    return "".join(sum(zip(parts[0][::2], [*numbers, ""], strict=True), ()))
+
+
+def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
+    """Return in a sentence whether the logs can be used."""
+    wrong = [short_label(quality.label) for quality in qualities if not quality.usable]
+    if wrong:
+        why = " Why: the same command without --quiet." if quiet else ""
+        return f"do not use yet: {', '.join(wrong)} would give wrong results.{why}"
+    if remarks and quiet:
+        many = "one remark" if remarks == 1 else f"{remarks} remarks"
+        return f"these logs can be used, with {many} (printed without --quiet)."
+    if remarks:
+        return "these logs can be used, with the remarks below."
+    return "nothing to complain about"
+
+
+def run_init(options: argparse.Namespace, console: Console) -> Outcome:
+    """Guess, write, and say what to do next."""
+    folder, model = Path(options.folder), Path(options.robot)
+    described = model.suffix not in (".urdf", ".xml")
+    files = [folder / "columns.toml"] if options.logs else []
+    files += [] if described else [folder / "robot.toml"]
+    if not files:
+        raise WbcError(f"'{model}' is described already: give logs, or a URDF or MJCF file.")
+    for target in files:
+        if target.exists():
+            raise WbcError(f"'{target}' is there already; choose another folder with --out.")
+    if options.rate is not None and not options.rate > 0.0:
+        raise WbcError("--rate must be > 0.")
+    say = partial(console.print, soft_wrap=True)
+    if not options.logs:
+        return _without_logs(model, options.base, files[0], say)
+    known = read_table(options.columns)
+    first = Path(str(options.logs[0]).partition("#")[0])
+    name, robot = options.robot, load_robot(options.robot) if described else None
+    joints = model_joints(model, options.base) if robot is None else robot.single_joints
+    start = guess_names(first, joints, options.rate, known)
+    if robot is None:
+        name = _with_logs(model, options.base, files[1], joints, start, first, known, say)
+        robot = load_robot(name)
+    guess = guess_map(robot, options.logs, start)
+    reasons = [f"guess: {reason}" for reason in guess.reasons]
+    told = ["Written by `wbc init`; every line is a guess.", *reasons]
+    path = write_map(files[0], guess.table, told)
+    for reason in reasons:
+        say(f"  {reason}")
+    for joint, (own, share) in guess.told.items():
+        say(
+            f"  {joint}: motion and torque alone tell its columns with {100.0 * own:.0f} %, and "
+            f"explain {100.0 * share:.0f} % of its torque"
+        )
+    console.print(f"wrote {path}")
+    for finding in not_found(robot, options.logs, guess.table):
+        console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
+    say(f"next: wbc check {shlex.join(options.logs)} --robot {name} --columns {path}")
+    return 0, {}
+
+
+def _with_logs(
+    model: Path,
+    base: str,
+    target: Path,
+    joints: Sequence[str],
+    start: MapGuess,
+    log: Path,
+    known: Mapping[str, Any],
+    say: Callable[[str], None],
+) -> str:
+    """Describe a model with the drives that a log shows; return the name of the file."""
+    # Where other drives report a torque, a joint with a target alone has no drive.
+    targets = () if start.driven else start.targets
+    driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
+    if start.driven and start.targets:
+        say(
+            f"targets and no torque of {', '.join(start.targets)}, while other drives report "
+            "theirs: taken for a joint without a drive, which gets no gear; if it has one, add "
+            f"[gears.{start.targets[0]}] with kp and kd"
+        )
+    elif targets:
+        say("no torque but targets: replace the guessed drive gains kp and kd in robot.toml")
+    elif not start.driven:
+        say("no column looks like a torque or current: every joint gets a gear")
+    held = [joint for joint in start.unseen if joint not in driven]
+    title, ratios = model.resolve().stem, guess_ratios(log, driven, known)
+    name = str(write_robot(target, model, base, driven, title, targets, held, ratios))
+    _say_written(name, model, say)
+    if held:
+        say(
+            f"no column with the position of {', '.join(held)}: lock in {name} holds them at "
+            "zero; if they moved, record their positions"
+        )
+    return name
+
+
+def _without_logs(model: Path, base: str, target: Path, say: Callable[[str], None]) -> Outcome:
+    """Describe a model whose gears are all alike, as far as nobody says more."""
+    joints = model_joints(model, base)
+    name = str(write_robot(target, model, base, joints, model.resolve().stem, shared=True))
+    _say_written(name, model, say)
+    say(
+        f"{len(joints)} gears share one table; a joint with another gear gets its own, for "
+        f"example [gears.{joints[0]}]"
+    )
+    say(f'next: wbc.load_robot("{name}") for wbc.control and wbc.sim')
+    return 0, {}
+
+
+def _say_written(name: str, model: Path, say: Callable[[str], None]) -> None:
+    """Name the robot.toml, what of the model file it leaves out, and its guesses."""
+    say(f"wrote {name}")
+    for note in left_out(model):
+        say(f"note: {note}")
+    if guessed := guessed_numbers(name):
+        say(f"look up in {name}: {', '.join(guessed)}")

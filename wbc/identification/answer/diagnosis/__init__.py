@@ -1,1 +1,0 @@
-"""From logs to causes: findings, verdict, ranking, and how they are said."""

@@ -1,0 +1,64 @@
+"""Tables of texts: terminal, page and notebook show the same ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table.
+
+    Attributes:
+        heads: of the columns; numbers stand under a head that begins with ">", at the right, and
+            the texts under one that begins with "~" may be broken anywhere.
+        cells: texts by row; missing ones at the end of a row are empty.
+        title: above the table.
+        caption: what its columns are.
+        whole: whether no cell is broken but those under "~".
+    """
+
+    heads: tuple[str, ...]
+    cells: tuple[tuple[str, ...], ...]
+    title: str = ""
+    caption: str = ""
+    whole: bool = False
+
+    @classmethod
+    def of(
+        cls, heads: str, cells: Iterable[Sequence[str]], title: str = "", caption: str = ""
+    ) -> TextTable:
+        """Return a table; its heads are separated by a bar."""
+        return cls(tuple(heads.split("|")), tuple(map(tuple, cells)), title, caption)
+
+    @property
+    def names(self) -> list[str]:
+        """The heads as they are read."""
+        return [head.lstrip(">~") for head in self.heads]
+
+    def __str__(self) -> str:
+        """Return the table as lines of text."""
+        rows = [[*row, *[""] * (len(self.heads) - len(row))] for row in (self.names, *self.cells)]
+        # A text that stands alone in its row takes what room it needs.
+        own = [[cell if any(row[1:]) else "" for cell in row] for row in rows]
+        widths = [max(map(len, column)) for column in zip(*own, strict=True)]
+        right = [head.startswith(">") for head in self.heads]
+        lines = (
+            "  ".join(
+                cell.rjust(width) if r else cell.ljust(width)
+                for cell, width, r in zip(row, widths, right, strict=True)
+            ).rstrip()
+            for row in rows
+        )
+        return "\n".join(f"  {line}" for line in lines)
+
+    def html(self) -> str:
+        """Return the table as HTML; every cell is escaped."""
+        head = "".join(f"<th>{escape(name)}</th>" for name in self.names)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in self.cells
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
