@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, sosfiltfilt
 
+from wbc.effects import JointCompliance
 from wbc.identification.choice.gears import best_gears
 from wbc.links import LinkResponse, deflections
 from wbc.transmission import Flanks
@@ -98,3 +99,13 @@ def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> No
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
     assert best_gears([response], has_play=False, count=1) == []
     assert best_gears([response], has_play=True, count=1) == []
+
+
+def test_no_spring_is_offered_that_a_gear_cannot_state() -> None:
+    """A wrist of 2 g m^2 that swings at 2 Hz: the diagnosis of a recorded arm ended in an error."""
+    response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.002)
+    response = replace(response, load=0.01 * response.load)
+    found = best_gears([response], has_play=False, count=300)
+    assert found
+    for _, flanks in found:
+        assert JointCompliance.having("wrist", flanks).stiffness == flanks.stiffness

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from wbc.effects.gear.joint_compliance import JointCompliance
 from wbc.effects.gear.yielding_gear import Side, YieldingGear
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.model.derivatives import evaluate
@@ -45,6 +46,7 @@ _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
 _ALONE = 0.5  # of those above the noise, for a gear that stands for several known causes
+_SOFTEST = next(p.low for p in JointCompliance.parameters if p.name == "stiffness")
 _COUNT = 2  # gears offered per joint, kind and side of friction
 _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
 
@@ -149,6 +151,7 @@ def best_gears(
 
     def try_all(gears: Sequence[Flanks]) -> list[Flanks]:
         new = [g for g in gears if g not in known and plays(g, load) == has_play]
+        new = [g for g in new if g.stiffness >= _SOFTEST]
         known.update((gear, _left(responses, gear)) for gear in new)
         return sorted(known, key=lambda gear: known[gear])
 
