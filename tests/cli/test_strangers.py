@@ -149,6 +149,19 @@ def test_a_held_robot_of_a_file_with_a_free_joint_is_held(told: Told, tmp_path: 
     assert "base" not in said
 
 
+def test_a_torque_of_another_ratio_is_asked_about_with_its_factor(told: Told) -> None:
+    """Reported over 1.917: a gear ratio, a torque constant or masses, the check cannot tell."""
+    files = stranger("14_missing_knee_ratio")
+    runs = sorted(files.glob("run*.csv"))
+    read = ["--robot", files / "robot.toml", "--columns", files / "columns.toml"]
+    code, said = told("check", *runs, *read)
+    assert code == 0
+    assert "all 3 logs: warning: torques of elbow are 0.5" in said
+    factor = float(said.partition("torques of elbow are ")[2].partition(" times")[0])
+    assert factor == pytest.approx(1.0 / 1.917, rel=0.1)
+    assert "Check gear_ratio and torque constant in robot.toml" in said
+
+
 def test_an_inertia_that_no_body_has_is_an_error(told: Told) -> None:
     files = stranger("15_impossible_inertia")
     runs = sorted(files.glob("run*.csv"))
@@ -364,3 +377,33 @@ def test_init_says_that_a_joint_mimics_another(told: Told, tmp_path: Path) -> No
     code, said = told("init", mimic, *runs, "--out", tmp_path / "out")
     assert code == 0
     assert "joint 'elbow' mimics 'shoulder'" in said
+
+
+def shortened(table: np.ndarray) -> np.ndarray:
+    return table[:40]
+
+
+def with_losses(table: np.ndarray) -> np.ndarray:
+    """Of every second 0.6 s are missing."""
+    return table[table[:, 0] % 1.0 < 0.4]
+
+
+def beyond_its_stops(table: np.ndarray) -> np.ndarray:
+    table[:, 3] += 60.0
+    return table
+
+
+def of_noise(table: np.ndarray) -> np.ndarray:
+    table[:, 6] = np.random.default_rng(0).normal(0.0, table[:, 6].std(), len(table))
+    return table
+
+
+@pytest.mark.parametrize("change", [shortened, with_losses, beyond_its_stops, of_noise])
+def test_what_a_comparison_refuses_the_check_does_not_approve(
+    change: Callable[[np.ndarray], np.ndarray], told: Told, tmp_path: Path
+) -> None:
+    runs = arm_runs(tmp_path, change)
+    read = ["--robot", stranger("14_missing_knee_ratio") / "robot.toml"]
+    code, said = told("check", *runs, *read)
+    assert code == 1, said
+    assert told("compare", *runs, *read)[0] == 2

@@ -15,11 +15,14 @@ from wbc.dynamics import link_torque
 from wbc.effects import load_robot
 from wbc.measurement import (
     Log,
+    SuspiciousLogError,
+    check_logs,
     find_suspicions,
     load_logs,
     mended,
     read_logs,
     suspicions,
+    together,
 )
 from wbc.robot import Motion, Robot
 from wbc.robot.loading.library import robots_directory
@@ -242,3 +245,70 @@ def test_a_torque_of_another_scale_is_asked_about_and_not_mended(
     assert finding.text.startswith(f"torques of {', '.join(joints)} are ")
     assert float(finding.text.split("are ")[1].split(" times")[0]) == pytest.approx(factor, rel=0.1)
     assert not finding.likeliest
+
+
+@pytest.mark.parametrize("constant", [0.02, 0.05])
+def test_a_torque_that_is_late_in_one_joint_alone_is_measured(
+    constant: float, arm: tuple[Robot, tuple[Log, ...]]
+) -> None:
+    robot, logs = arm
+    name = "elbow.motor_torque"
+    wrong = [
+        log.with_columns({name: np.interp(log.time - constant, log.time, log.column(name))})
+        for log in logs
+    ]
+    (finding,) = find_suspicions(wrong, robot)[0]
+    assert (finding.kind, finding.severity) == ("torque_late", "warning")
+    assert list(finding.likeliest["columns"]) == [name]
+    # The links and frictions that the description lacks look like a lag of 7 ms by themselves.
+    assert finding.likeliest["columns"][name]["lag"] == pytest.approx(constant, abs=0.011)
+
+
+def test_a_torque_that_nobody_understands_is_refused(arm: tuple[Robot, tuple[Log, ...]]) -> None:
+    """A column of noise: no reading mends it, and the check approved it."""
+    robot, logs = arm
+    random, name = np.random.default_rng(0), "elbow.motor_torque"
+    wrong = [
+        log.with_columns({name: random.normal(0.0, log.column(name).std(), len(log))})
+        for log in logs
+    ]
+    (finding,) = find_suspicions(wrong, robot)[0]
+    assert (finding.kind, finding.severity) == ("torque_foreign", "error")
+    assert "torque of elbow" in finding.text
+    assert not check_logs(wrong, robot)[0].usable
+    with pytest.raises(SuspiciousLogError, match="elbow does not follow"):
+        suspicions(robot, wrong)
+
+
+@pytest.mark.parametrize("degrees", [90.0, 180.0])
+def test_the_zero_of_a_last_joint_is_asked_and_not_mended(
+    degrees: float, arm: tuple[Robot, tuple[Log, ...]]
+) -> None:
+    """A link that is turned needs the same torque."""
+    robot, logs = arm
+    name = "elbow.position"
+    turned = [log.with_columns({name: log.column(name) + np.radians(degrees)}) for log in logs]
+    finding = find_suspicions(turned, robot)[0][0]
+    assert finding.severity == "warning"
+    assert "the zero of elbow.position is off by" in finding.text
+
+
+def test_three_wrists_in_a_wrong_order_are_put_back() -> None:
+    """One exchange was found, and the check approved the rest: exchanged wrists explain 99 %."""
+    folder = outside("foreign/27_ur5_null")
+    robot = load_robot(folder / "robot.toml")
+    logs = read_logs([folder / f"run{k}.csv" for k in (1, 2)], folder / "columns.toml")
+    wrists = robot.transmission.joints[3:]
+    order = dict(zip(wrists, (*wrists[1:], wrists[0]), strict=True))
+    moved = {
+        f"{ours}.{name.removeprefix(f'{theirs}.')}": {"from": name}
+        for ours, theirs in order.items()
+        for name in logs[0].columns
+        if name.startswith(f"{theirs}.")
+    }
+    wrong = [mended(log, {"columns": moved}) for log in logs]
+    found = find_suspicions(wrong, robot)[0]
+    assert [(f.kind, f.severity) for f in found] == [("exchanged", "error")] * 2
+    back = mended(wrong[0], together(finding.mend for finding in found))
+    for name, values in logs[0].columns.items():
+        np.testing.assert_array_equal(back.column(name), values)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wbc.effects import load_robot
-from wbc.errors import IdentificationError
+from wbc.errors import LogError
 from wbc.identification.arguments import require_readable
 from wbc.measurement import Log, check_log, in_degrees, load_log
 from wbc.measurement.findings import lines
@@ -28,6 +28,8 @@ def test_a_torque_in_any_spelling_of_its_unit(unit: str, factor: float, tmp_path
     np.testing.assert_allclose(mapped, [100.0 * factor, 200.0 * factor])
     path.write_text(f"time,hip.rotor_torque\n[s],[{unit}]\n0,100\n0.1,200\n")
     np.testing.assert_allclose(load_log(path).column("hip.rotor_torque"), mapped)
+    path.write_text(f"time,hip.rotor_torque\n[ms],[{unit}]\n0,100\n100,200\n")
+    np.testing.assert_allclose(load_log(path).time, [0.0, 0.1])
 
 
 @pytest.mark.parametrize(
@@ -68,7 +70,7 @@ def test_every_message_about_degrees_prints_the_same_lines() -> None:
     mend = in_degrees(log.columns, ["hip"])
     assert list(mend["columns"]) == [f"hip.{quantity}" for quantity in hip]
     (range_,) = check_log(log, robot).of_kind("range")
-    with pytest.raises(IdentificationError) as caught:
+    with pytest.raises(LogError) as caught:
         require_readable(robot, log)
     for line in lines(mend):
         assert line in range_.way_out

@@ -25,10 +25,11 @@ from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.filters import jumps
 from wbc.measurement.findings import read_table
+from wbc.measurement.formats import open_table
 from wbc.measurement.names import guess_name
 from wbc.measurement.read import split_path
 from wbc.measurement.schema import TIME
-from wbc.measurement.tables import Table, open_table
+from wbc.measurement.tables import Table
 from wbc.robot import Robot
 
 _WIDTH, _HEIGHT, _BINS = 640, 54, 320

@@ -5,20 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from wbc.errors import IdentificationError
-from wbc.measurement import (
-    Log,
-    SuspiciousLogError,
-    in_degrees,
-    say_so,
-    unknown_base,
-    unknown_joints,
-)
+from wbc.measurement import Log, SuspiciousLogError, refusal
 from wbc.robot import Robot
-
-_BEYOND = 3.0  # times the limit of a joint
 
 
 def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
@@ -62,41 +51,18 @@ def require_logs(logs: Sequence[Log]) -> None:
             )
 
 
-def long_enough(log: Log) -> bool:
-    """Return whether a log is long enough to say anything: half a second and 50 rows."""
-    return log.duration >= 0.5 and len(log) >= 50
-
-
 def require_readable(robot: Robot, log: Log) -> None:
-    """Check that a log is long enough, and holds every joint's position in the right unit.
+    """Check that something can be said of a robot from a log, see `wbc.measurement.refusal`.
 
     Raises:
-        IdentificationError: too short a log, or a position far beyond the joint's limits.
-        SuspiciousLogError: a joint without position; the message says what to do.
+        IdentificationError: too short a log.
+        SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
+            joint's limits; the message says what to do.
     """
-    if not long_enough(log):
-        raise IdentificationError(
-            f"{log.source.label}: {log.duration:g} s with {len(log)} rows are too short to say "
-            "anything; record at least a few seconds of motion."
-        )
-    _require_reachable(robot, log)
-    unknown = unknown_joints(log, robot) or unknown_base(log, robot)
-    if unknown is not None:
-        raise SuspiciousLogError(f"{log.source.label}: {unknown.text} {unknown.way_out}", [unknown])
-
-
-def _require_reachable(robot: Robot, log: Log) -> None:
-    """Raise where a joint stands so far beyond its limits that the unit must be another."""
-    for name in robot.single_joints:
-        row = robot.position_index(name)
-        low = float(robot.model.lowerPositionLimit[row])
-        high = float(robot.model.upperPositionLimit[row])
-        seen = log.column(f"{name}.position") if log.has(f"{name}.position") else np.zeros(1)
-        farthest = float(seen[np.argmax(np.abs(seen))])
-        if high > low and abs(farthest) > _BEYOND * max(abs(low), abs(high)):
-            raise IdentificationError(
-                f"{log.source.label}: '{name}.position' reaches {farthest:.3g}, and the joint of "
-                f"'{robot.name}' ends at {low:g} and {high:g} rad or m. If the joint turns on, "
-                f"widen its limits in the URDF. If the log holds degrees, "
-                + say_so(in_degrees(log.columns, [name]))
-            )
+    found = refusal(log, robot)
+    if found is not None and found.kind == "short":
+        raise IdentificationError(f"{log.source.label}: {found.text} {found.way_out}")
+    if found is not None:
+        column = f"{found.column}: " if found.column else ""
+        message = f"{log.source.label}: {column}{found.text} {found.way_out}"
+        raise SuspiciousLogError(message, [found])

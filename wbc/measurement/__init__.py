@@ -4,15 +4,12 @@ from wbc.measurement.checks import check_log, check_logs
 from wbc.measurement.clocks import cut_at_gaps, find_duplicates, find_repeats
 from wbc.measurement.column_map import (
     ColumnMap,
-    ColumnRule,
-    RowChoice,
-    TimeRule,
     parse_column_map,
     read_column_map,
 )
+from wbc.measurement.column_mistakes import require_plausible_units
 from wbc.measurement.filters import (
     WINDOW_SAMPLES,
-    VelocityFit,
     align_velocity,
     derivative,
     differentiate,
@@ -25,6 +22,7 @@ from wbc.measurement.filters import (
 from wbc.measurement.findings import (
     LogFinding,
     LogQuality,
+    SuspiciousLogError,
     in_degrees,
     merged,
     read_table,
@@ -32,45 +30,31 @@ from wbc.measurement.findings import (
     together,
     write_map,
 )
-from wbc.measurement.log import Log, LogSource
-from wbc.measurement.mistakes import (
-    SuspiciousLogError,
-    find_suspicions,
-    require_plausible_units,
-    suspicions,
-)
-from wbc.measurement.read import MAX_ROWS, load_log, load_logs, mended, read_logs
-from wbc.measurement.robot_checks import check_robot, unknown_base, unknown_joints
-from wbc.measurement.tables import save_log
+from wbc.measurement.formats import save_log
+from wbc.measurement.log import Log, LogSource, Machine, loaded
+from wbc.measurement.mistakes import find_suspicions, suspicions
+from wbc.measurement.read import load_log, load_logs, mended, read_logs
+from wbc.measurement.robot_checks import check_robot, moving_contact, refusal
 from wbc.measurement.torque import (
-    Machine,
     feedback_torques,
     joint_position,
-    loaded,
     makes_torque,
-    placeless_joints,
     reports_current,
     reports_torque,
     rotor_torques,
-    torque_quantity,
     with_machine,
     without_position,
 )
 
 __all__ = [
-    "MAX_ROWS",
     "WINDOW_SAMPLES",
     "ColumnMap",
-    "ColumnRule",
     "Log",
     "LogFinding",
     "LogQuality",
     "LogSource",
     "Machine",
-    "RowChoice",
     "SuspiciousLogError",
-    "TimeRule",
-    "VelocityFit",
     "align_velocity",
     "check_log",
     "check_logs",
@@ -93,11 +77,12 @@ __all__ = [
     "makes_torque",
     "mended",
     "merged",
+    "moving_contact",
     "parse_column_map",
-    "placeless_joints",
     "read_column_map",
     "read_logs",
     "read_table",
+    "refusal",
     "reports_current",
     "reports_torque",
     "require_plausible_units",
@@ -107,9 +92,6 @@ __all__ = [
     "say_so",
     "suspicions",
     "together",
-    "torque_quantity",
-    "unknown_base",
-    "unknown_joints",
     "unsmooth",
     "with_machine",
     "without_position",

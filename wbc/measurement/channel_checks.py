@@ -70,16 +70,12 @@ def _saturation(log: Log, joint: str, name: str) -> list[LogFinding]:
     low, high, share, runs = plateau(values, position)
     if share < _SATURATED_SHARE or (runs < 3 and not full):
         return []
-    return [
-        LogFinding(
-            "warning",
-            "saturation",
-            name,
-            f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g}).",
-            "The drive or its sensor is at its limit: what it really did there is unknown. Leave "
-            "those times out, or excite less.",
-        )
-    ]
+    text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
+    way = (
+        "The drive or its sensor is at its limit: what it really did there is unknown. Leave "
+        "those times out, or excite less."
+    )
+    return [LogFinding("warning", "saturation", name, text, way)]
 
 
 def _coarse(name: str, values: FloatArray) -> list[LogFinding]:
@@ -87,15 +83,9 @@ def _coarse(name: str, values: FloatArray) -> list[LogFinding]:
     spread = float(np.std(values))
     if step <= _COARSE_SHARE * spread:
         return []
-    return [
-        LogFinding(
-            "warning",
-            "coarse",
-            name,
-            f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's spread.",
-            "Excite more, or read the value with more bits.",
-        )
-    ]
+    text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's spread."
+    way = "Excite more, or read the value with more bits."
+    return [LogFinding("warning", "coarse", name, text, way)]
 
 
 def resting_joints(log: Log) -> frozenset[str]:
@@ -129,16 +119,11 @@ def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
             if np.ptp(position) == 0.0
             else f"the joint stands still (within {np.ptp(position):.2g} of {position.mean():.4g})."
         )
-        findings.append(
-            LogFinding(
-                "warning",
-                "constant_joint",
-                f"{joint}.position",
-                where,
-                "This log tells nothing of the joint but a static torque: move it in another log, "
-                "or lock it in the robot.",
-            )
+        way = (
+            "This log tells nothing of the joint but a static torque: move it in another log, "
+            "or lock it in the robot."
         )
+        findings.append(LogFinding("warning", "constant_joint", f"{joint}.position", where, way))
     return findings
 
 
@@ -185,7 +170,9 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         if np.ptp(position) == 0.0 or np.ptp(velocity) == 0.0:
             continue
         for name, values in ((f"{joint}.position", position), (f"{joint}.velocity", velocity)):
-            start, length = longest_true_run(np.diff(values) == 0.0)
+            starts, ends = true_runs(np.diff(values) == 0.0)
+            length = int(np.max(ends - starts, initial=0))
+            start = int(starts[np.argmax(ends - starts)]) if length else 0
             seconds = float(log.time[start + length] - log.time[start])
             if length < _SAMPLES or seconds < _SECONDS:
                 continue
@@ -200,7 +187,12 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
                 held = held and seen > 2.0 * _usual_step(position)
             lost = abs(seen) > _END_SHARE * np.ptp(position)
             if held if rows.stop < len(log) else lost:
-                findings.append(_stuck(name, float(log.time[start]), seconds))
+                text = (
+                    f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
+                    "joint moves."
+                )
+                way = "The sensor or its link dropped out: leave that time out (log.between)."
+                findings.append(LogFinding("error", "stuck", name, text, way))
     return findings
 
 
@@ -216,27 +208,13 @@ def _usual_step(values: FloatArray) -> float:
     return float(np.median(steps[steps > 0.0]))
 
 
-def _stuck(name: str, start: float, seconds: float) -> LogFinding:
-    return LogFinding(
-        "error",
-        "stuck",
-        name,
-        f"one value for {seconds:.3f} s from {start:.3f} s on, while the joint moves.",
-        "The sensor or its link dropped out: leave that time out (log.between).",
-    )
-
-
 _SAMPLE_ROWS = 200_000
 
 
-def longest_true_run(mask: BoolArray) -> tuple[int, int]:
-    """Return (start, length) of the longest run of True; length 0 if there is none."""
+def true_runs(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first rows of all runs of True, and the rows after their last ones."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    if not edges.size:
-        return 0, 0
-    lengths = edges[1::2] - edges[::2]
-    best = int(np.argmax(lengths))
-    return int(edges[2 * best]), int(lengths[best])
+    return edges[::2], edges[1::2]
 
 
 def resolution(values: FloatArray) -> float:
@@ -277,29 +255,15 @@ def plateau(
     """
     low, high = float(values.min()), float(values.max())
     share, runs = 0.0, 0
+    # What a joint at rest may seem to travel: its resolution, a thousandth of its range.
+    least = 0.0 if position is None else max(2.0 * resolution(position), 1e-3 * np.ptp(position))
     for extreme in {low, high} - {0.0}:
-        mask = np.concatenate([[False], values == extreme, [False]])
-        edges = np.flatnonzero(np.diff(mask.astype(np.int8)))
-        starts, ends = edges[::2], edges[1::2]
-        counted = ends - starts >= 3
-        if position is not None and counted.any():
-            long = np.flatnonzero(counted)
-            counted[long] = _travel(position, starts[long], ends[long]) > _least_travel(position)
-        share += float(np.sum((ends - starts)[counted])) / values.size
-        runs += int(np.count_nonzero(counted))
+        starts, ends = true_runs(values == extreme)
+        for start, end in zip(starts, ends, strict=True):
+            if end - start < 3 or (
+                position is not None and np.ptp(position[start + 1 : end]) <= least
+            ):
+                continue
+            share += float(end - start) / values.size
+            runs += 1
     return low, high, share, runs
-
-
-def _travel(position: FloatArray, starts: IntArray, ends: IntArray) -> FloatArray:
-    """Return the range of a position within runs of three rows or more (the first left out)."""
-    bounds = np.stack([starts + 1, ends], axis=1).ravel()
-    if bounds[-1] == position.size:
-        bounds = bounds[:-1]
-    highest = np.maximum.reduceat(position, bounds)[::2]
-    lowest = np.minimum.reduceat(position, bounds)[::2]
-    return np.asarray(highest - lowest)
-
-
-def _least_travel(position: FloatArray) -> float:
-    """Return what a joint at rest may seem to travel: its resolution, a thousandth of its range."""
-    return float(max(2.0 * resolution(position), 1e-3 * np.ptp(position)))

@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
 from wbc.measurement.filters import residual_noise
-from wbc.measurement.findings import Mend, say_so
+from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 
 GAP_STEPS = 5.0
@@ -22,6 +22,7 @@ CUT_FROM = 0.02
 """Logs are cut at gaps longer than this [s]: a straight line bridges shorter ones well enough."""
 
 _LEAST_ROWS, _LEAST_DURATION = 50, 1.0  # of a piece [s]
+_SHORTEST = 0.5  # [s] of a log
 _FAR = 0.1  # [s] between stamps, beyond which nobody can tell where a robot was between them
 
 
@@ -90,6 +91,14 @@ def _described(log: Log, rows: IntArray) -> str:
 
 def _span(log: Log) -> str:
     return f"{log.time[0]:.3f}..{log.time[-1]:.3f} s"
+
+
+def too_short(log: Log) -> LogFinding | None:
+    """Return that a log is too short to say anything, None for a longer one."""
+    if log.duration >= _SHORTEST and len(log) >= _LEAST_ROWS:
+        return None
+    text = f"{log.duration:g} s with {len(log)} rows are too short to say anything."
+    return LogFinding("error", "short", "", text, "Record at least a few seconds of motion.")
 
 
 def restarts(time: FloatArray) -> IntArray:

@@ -39,7 +39,7 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import translate
 from math import inf
@@ -50,7 +50,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.findings import RULE_KEYS, column_entries, read_table
+from wbc.measurement.findings import ENCODER_UNITS, RULE_KEYS, column_entries, read_table
 from wbc.measurement.schema import (
     TIME,
     column_units,
@@ -65,15 +65,14 @@ _REPEATED = ("error", "first", "spread")
 _MISSING = ("when_needed", "error", "omit", "drop_rows")
 _SECTIONS = ("rows", "time", "columns", "trusted")
 _SIDES = ("rotor", "motor", "joint")
-_OUTPUT_MOTION = (
-    "position",
-    "velocity",
-    "acceleration",
-    "target_position",
-    "target_velocity",
-    "goal_position",
-)
-_ROTOR_MOTION = ("rotor_position", "rotor_velocity")
+_AFTER = (*ENCODER_UNITS, "goal_position")
+_POWERS = {
+    **dict.fromkeys(_AFTER, -1),
+    **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
+    "motor_torque": 1,
+}
+"""Quantity of a log -> power of N by which a value on the rotor becomes it: psi = phi / N and
+motor torque = N rotor torque."""
 
 
 @dataclass(frozen=True)
@@ -159,10 +158,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         if target.partition(".")[0] in _SECTIONS:
             hint = " Lines of other sections stand above the first [heading]."
         raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
-    table: Mapping[str, Any] = {"from": entry} if isinstance(entry, str) else entry
-    for key in table:
-        if key not in RULE_KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, RULE_KEYS))
+    table = _section({"from": entry} if isinstance(entry, str) else entry, RULE_KEYS, place)
     sources = _names(table.get("from", target), f"{place}.from")
     factor = _number(table, "scale", 1.0, place) * _number(table, "sign", 1.0, place)
     if factor == 0.0:
@@ -177,9 +173,6 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         sides = np.array([_side_factor(str(table["side"]), parts[1], N, place) for N in gears])
     elif "gear_ratio" in table:
         raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
-    missing = str(table.get("missing", "when_needed"))
-    if missing not in _MISSING:
-        raise LogError(f"{place}.missing: " + unknown_name("choice", missing, _MISSING))
     return ColumnRule(
         target=target,
         sources=sources,
@@ -189,10 +182,35 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         sign_bit=int(_number(table, "sign_bit", 0.0, place)),
         lag=_number(table, "lag", 0.0, place),
         empty=_number(table, "empty", 0.0, place) if "empty" in table else None,
-        missing=missing,
+        missing=_choice(table, "missing", _MISSING, place),
         optional=bool(table.get("optional", False)),
         implied="from" not in table,
     )
+
+
+def _section(table: Any, keys: Sequence[str], place: str, example: str = "") -> Mapping[str, Any]:
+    """Return a table after checking that it is one and that its keys are known."""
+    if not isinstance(table, Mapping):
+        raise LogError(f"{place}: a table is expected, such as {example}.")
+    for key in table:
+        if key not in keys:
+            raise LogError(f"{place}: " + unknown_name("key", key, keys))
+    return table
+
+
+def _choice(table: Mapping[str, Any], key: str, choices: Sequence[str], place: str) -> str:
+    """Return one of some words, the first where the table does not say."""
+    word = str(table.get(key, choices[0]))
+    if word not in choices:
+        raise LogError(f"{place}.{key}: " + unknown_name("choice", word, choices))
+    return word
+
+
+def _flag(table: Mapping[str, Any], key: str, place: str) -> bool:
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        raise LogError(f"{place}{key}: true or false expected, got {value!r}.")
+    return value
 
 
 def _names(value: Any, place: str) -> tuple[str, ...]:
@@ -230,33 +248,21 @@ def _per_source(
 def _side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> float:
     """Return by what to multiply a value on `side` to get `quantity` of a log.
 
-    psi = phi / N and motor torque = N rotor torque. `motor` and `joint` are one side here: where a
-    topology D mixes motors into joints, name the columns of all of them with `weights`.
-
-    Args:
-        side: `rotor` (before the reduction), `motor` or `joint` (after it).
-        quantity: quantity of the target column.
-        gear_ratio: N, not zero.
-        place: map file and key, for messages.
+    `motor` and `joint` are one side here: where a topology D mixes motors into joints, name the
+    columns of all of them with `weights`.
 
     Raises:
         LogError: an unknown side, or a quantity for which a side means nothing.
     """
     if side not in _SIDES:
         raise LogError(f"{place}.side: " + unknown_name("side", side, _SIDES))
-    before = side == "rotor"
-    if quantity in _OUTPUT_MOTION:
-        return 1.0 / gear_ratio if before else 1.0
-    if quantity in _ROTOR_MOTION:
-        return 1.0 if before else gear_ratio
-    if quantity == "rotor_torque":
-        return 1.0 if before else 1.0 / gear_ratio
-    if quantity == "motor_torque":
-        return gear_ratio if before else 1.0
-    raise LogError(
-        f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for a "
-        "plain factor)."
-    )
+    if quantity not in _POWERS:
+        raise LogError(
+            f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for "
+            "a plain factor)."
+        )
+    behind = -1 if quantity.endswith("torque") else 1
+    return float(gear_ratio ** (_POWERS[quantity] + (0 if side == "rotor" else behind)))
 
 
 @dataclass(frozen=True)
@@ -287,30 +293,17 @@ def parse_time(table: Any, place: str) -> TimeRule:
     Raises:
         LogError: a key, unit or number that does not fit.
     """
-    if not isinstance(table, Mapping):
-        raise LogError(f'{place}: a table is expected, such as time.from = "t".')
-    for key in table:
-        if key not in TIME_KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, TIME_KEYS))
-    for key in ("rate", "offset"):
-        value = table.get(key, 0.0)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise LogError(f"{place}.{key}: {value!r} is not a number.")
-    if "rate" in table and ("from" in table or table["rate"] <= 0):
+    table = _section(table, TIME_KEYS, place, 'time.from = "t"')
+    rate = _number(table, "rate", 0.0, place)
+    if "rate" in table and ("from" in table or rate <= 0.0):
         raise LogError(f"{place}: give either from, or a rate above 0 [Hz].")
-    repeated = str(table.get("repeated", "error"))
-    if repeated not in _REPEATED:
-        raise LogError(f"{place}.repeated: " + unknown_name("choice", repeated, _REPEATED))
-    align = table.get("align_velocity", False)
-    if not isinstance(align, bool):
-        raise LogError(f"{place}.align_velocity: true or false expected, got {align!r}.")
     return TimeRule(
         source="" if "rate" in table else str(table.get("from", TIME)),
         factor=unit_factor(str(table.get("unit", "s")), ("s",), f"{place}.unit"),
-        rate=float(table.get("rate", 0.0)),
-        offset=float(table.get("offset", 0.0)),
-        repeated=repeated,
-        align_velocity=align,
+        rate=rate,
+        offset=_number(table, "offset", 0.0, place),
+        repeated=_choice(table, "repeated", _REPEATED, place),
+        align_velocity=_flag(table, "align_velocity", f"{place}."),
     )
 
 
@@ -354,11 +347,7 @@ def parse_rows(table: Any, place: str) -> RowChoice:
     Raises:
         LogError: a key or value that does not fit.
     """
-    if not isinstance(table, Mapping):
-        raise LogError(f'{place}: a table is expected, such as rows.split = "log".')
-    for key in table:
-        if key not in ROW_KEYS:
-            raise LogError(f"{place}: " + unknown_name("key", key, ROW_KEYS))
+    table = _section(table, ROW_KEYS, place, 'rows.split = "log"')
     where = table.get("where", {})
     if not isinstance(where, Mapping):
         raise LogError(f"{place}.where: a table of column = pattern is expected.")
@@ -431,9 +420,6 @@ def parse_column_map(
         raise LogError(
             f'{label}: columns: a table is expected, such as columns."hip.position" = "q1".'
         )
-    trusted = table.get("trusted", False)
-    if not isinstance(trusted, bool):
-        raise LogError(f"{label}: trusted: true or false expected, got {trusted!r}.")
     entries = list(column_entries(table, label).items())
     rules = [
         parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
@@ -446,5 +432,5 @@ def parse_column_map(
         rows=parse_rows(table.get("rows", {}), f"{label}: rows"),
         path=path,
         left_out=tuple(name for name, entry in entries if entry is False),
-        trusted=trusted,
+        trusted=_flag(table, "trusted", f"{label}: "),
     )

@@ -4,17 +4,27 @@ second publisher, torques without a sign, units and signs of position, velocity 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import log, log2, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import FloatArray
+from wbc.measurement.channel_checks import true_runs
 from wbc.measurement.clocks import gaps
-from wbc.measurement.filters import fit_velocity, jumps
-from wbc.measurement.findings import LogFinding, Mend, say_so
+from wbc.measurement.filters import jumps, velocity_fits
+from wbc.measurement.findings import (
+    LIKELY,
+    LogFinding,
+    Mend,
+    SuspiciousLogError,
+    listed,
+    say_so,
+    severity,
+    together,
+    trusted,
+)
 from wbc.measurement.log import Log
 from wbc.measurement.torque import REPORTED
 
@@ -89,8 +99,7 @@ def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
 
 
 def _column(name: str, kind: str, text: str, columns: Mapping[str, Any]) -> LogFinding:
-    mend = {"columns": columns}
-    return LogFinding("error", kind, name, text, "If so, " + say_so(mend), mend)
+    return _suspected(kind, name, text, {"columns": columns}, 1.0)
 
 
 def _sign_bit(values: FloatArray) -> int:
@@ -199,15 +208,10 @@ def _folds(values: FloatArray) -> int:
     low = values <= _NEAR_ZERO * float(np.quantile(values, 0.99))
     slope = (values[width:] - values[:-width]) / width
     steep = 0.5 * float(np.sqrt(np.mean(slope**2)))
-    rows = _middles(low)
+    starts, ends = true_runs(low)
+    rows = (starts + ends - 1) // 2
     rows = rows[(rows >= width) & (rows < values.size - width)]
     return int(np.count_nonzero((slope[rows - width] < -steep) & (slope[rows] > steep)))
-
-
-def _middles(mask: BoolArray) -> IntArray:
-    """Return the middle row of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return np.asarray((edges[::2] + edges[1::2] - 1) // 2)
 
 
 # Of ln of velocity over d position / d time: (share, standard deviation). Of 136 channels of six
@@ -216,7 +220,6 @@ _RATIO_SPREADS = ((0.8, 0.002), (0.2, 0.03))
 _ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
 _MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
-_CHECKED_ROWS = 200_000
 # What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
 # logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Up to twelve logs of
 # each of ten recorded machines have 0.2 to 10 ms, 0.6 to 51 s and 0.07 to 18 rad/s (m/s).
@@ -227,13 +230,13 @@ _SPEED_ROWS = 200
 _CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps, in seconds
 
 
-@dataclass(frozen=True)
-class Ratio:
+class Ratio(NamedTuple):
     """A known mistake by the ratio of velocity to d position / d time that it makes.
 
     Attributes:
         factor: the ratio.
-        text: what is wrong; `{joint}` stands for the joint.
+        kind: short name for machines.
+        text: what is wrong.
         mend: entries of [columns] by quantity, or the section [time].
     """
 
@@ -243,17 +246,19 @@ class Ratio:
     mend: Mapping[str, Mapping[str, object]]
 
 
+_TURN = 2.0 * pi
 _RATIOS = (
     Ratio(pi / 180.0, "degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
     Ratio(180.0 / pi, "degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
     Ratio(30.0 / pi, "velocity_unit", "the velocity is in rpm", {"velocity": {"unit": "rpm"}}),
     Ratio(
-        0.5 / pi, "velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}
+        1.0 / _TURN, "velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}
     ),
-    Ratio(2.0 * pi, "degrees", "the position is in turns", {"position": {"unit": "turn"}}),
-    Ratio(1e3, "time_unit", "the time is in ms", {"time": {"unit": "ms"}}),
-    Ratio(1e6, "time_unit", "the time is in us", {"time": {"unit": "us"}}),
-    Ratio(1e9, "time_unit", "the time is in ns", {"time": {"unit": "ns"}}),
+    Ratio(_TURN, "degrees", "the position is in turns", {"position": {"unit": "turn"}}),
+    *(
+        Ratio(1.0 / worth, "time_unit", f"the time is in {unit}", {"time": {"unit": unit}})
+        for unit, worth in _CLOCKS.items()
+    ),
     Ratio(
         1e-3,
         "velocity_unit",
@@ -284,50 +289,58 @@ def with_gear(ratio: float) -> tuple[Ratio, ...]:
     )
 
 
-@dataclass(frozen=True)
-class MotionMistake:
-    """A mistake of one joint, or of the clock.
-
-    Attributes:
-        ratio: which mistake.
-        joint: whose; empty for the clock.
-        scale: what was seen.
-        probability: of the mistake.
-    """
-
-    ratio: Ratio
-    joint: str
-    scale: float
-    probability: float
-
-    @property
-    def mend(self) -> Mend:
-        """What a column map says about it."""
-        if "time" in self.ratio.mend:
-            return dict(self.ratio.mend)
-        return {"columns": {f"{self.joint}.{name}": dict(e) for name, e in self.ratio.mend.items()}}
-
-
-def motion_mistakes(log: Log, ratios: Mapping[str, float]) -> list[MotionMistake]:
-    """Return the likely mistakes of every joint of a log that has position and velocity.
+def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
+    """Return what position, velocity and clock of a log say about each other.
 
     Args:
         log: the log.
         ratios: gear ratio N of joints that one motor drives alone; may be empty.
     """
-    found = []
-    for joint in log.with_quantity("position"):
-        scale = velocity_scale(log, joint)
-        if scale is None:
+    shown: dict[str, list[tuple[Ratio, str, float, float]]] = {}
+    for joint, fit in velocity_fits(log).items():
+        scale = fit.scale
+        if abs(fit.correlation) <= _CORRELATION:
             continue
         known = with_gear(ratios.get(joint, 1.0))
         odds = np.array([_log_odds(scale, one.factor) for one in known])
         stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
-        if probability >= 0.9:
-            found.append(MotionMistake(known[best], joint, scale, probability))
+        if probability >= LIKELY:
+            one = known[best]
+            shown.setdefault(one.text, []).append((one, joint, scale, probability))
+    found = [_contradiction(group) for group in shown.values()]
+    probability, unit = slow_clock(log)
+    if probability >= LIKELY and not any(f.kind == "time_unit" for f in found):
+        text = (
+            f"the time stamps are {log.sample_time:g} s apart, too far for the motion of a robot: "
+            f"the time is in {unit}?"
+        )
+        found.append(_suspected("time_unit", "time", text, {"time": {"unit": unit}}, probability))
     return found
+
+
+def _contradiction(group: Sequence[tuple[Ratio, str, float, float]]) -> LogFinding:
+    """Return what joints show whose velocity differs from the derivative in one way."""
+    mends: list[Mend] = []
+    for one, joint, _, _ in group:
+        entries = {f"{joint}.{name}": dict(entry) for name, entry in one.mend.items()}
+        mends.append(one.mend if "time" in one.mend else {"columns": entries})
+    mend = together(mends)
+    columns = listed([f"'{joint}.velocity'" for _, joint, _, _ in group])
+    text = (
+        f"{columns} {'is' if len(group) == 1 else 'are'} "
+        f"{listed([f'{scale:.4g}' for _, _, scale, _ in group])} times the derivative of the "
+        f"position: {group[0][0].text}?"
+    )
+    column = next(iter(mend.get("columns", {"time": None})))
+    probability = together_likely([one for _, _, _, one in group])
+    return _suspected(group[0][0].kind, column, text, mend, probability)
+
+
+def _suspected(kind: str, column: str, text: str, mend: Mend, probability: float) -> LogFinding:
+    way = "If so, " + say_so(mend)
+    return LogFinding(severity(probability), kind, column, text, way, mend, probability)
 
 
 def together_likely(probabilities: Sequence[float]) -> float:
@@ -373,19 +386,6 @@ def _fastest(log: Log) -> float:
     return float(np.max(moved)) if moved and steps.size else 0.0
 
 
-def velocity_scale(log: Log, joint: str) -> float | None:
-    """Return velocity / (d position / d time) of a joint, None where that cannot be told."""
-    if not log.has(f"{joint}.position", f"{joint}.velocity"):
-        return None
-    rows = slice(0, _CHECKED_ROWS)
-    time, position = log.time[rows], log.column(f"{joint}.position")[rows]
-    velocity = log.column(f"{joint}.velocity")[rows]
-    if time.size < 20 or np.ptp(position) < _resolution(position):
-        return None
-    fit = fit_velocity(time, position, velocity)
-    return fit.scale if fit.moves and abs(fit.correlation) > _CORRELATION else None
-
-
 def _log_odds(scale: float, factor: float) -> float:
     """Return the log density of a ratio if a factor is what makes it, times its prior."""
     if scale * factor <= 0.0:
@@ -401,6 +401,18 @@ def _odd(scale: float) -> float:
     return float(_MISTAKE + _ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
 
 
-def _resolution(values: FloatArray) -> float:
-    """Return a range below which a channel may be noise: 20 times the median step."""
-    return float(20.0 * np.median(np.abs(np.diff(values))) + 1e-9)
+def require_plausible_units(log: Log) -> None:
+    """Check that time, position and velocity of each joint agree with each other.
+
+    Raises:
+        SuspiciousLogError: the ratio of velocity to d position / d time is that of a known
+            mistake, or the time stamps are so far apart that they cannot be seconds.
+    """
+    certain = [
+        f
+        for f in (trusted(f, log.source.trusted) for f in motion_findings(log, {}))
+        if f.severity == "error"
+    ]
+    if certain:
+        first = certain[0]
+        raise SuspiciousLogError(f"{log.source.label}: {first.text} {first.way_out}", certain)

@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 from math import inf
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import nnls
 from scipy.special import logsumexp
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.measurement.log_rows import LogRows, Need
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
@@ -46,6 +46,7 @@ _ALIKE = 0.15  # standard deviation of ln g between drives of one kind
 _NEAR = np.exp(-0.5 * (np.log(GAINS[:, None] / GAINS) / _ALIKE) ** 2)
 _NEAR /= _NEAR.sum(axis=1, keepdims=True)
 _UNRELATED = float(np.log(0.1))  # a drive that carried nothing: a judgement, TIAGo has three
+_USUAL_GAINS = 3.0  # standard deviations: a factor of eight
 _CAUSES = 5  # offset, speed, direction, loss under load, acceleration
 _IDLE = 0.1  # share of the need below which a report may well be that of an idle drive
 _MOST = 20.0  # times the need: friction of 113 true reports of nine recorded machines is not above
@@ -64,6 +65,10 @@ _SHIFTS = 3  # times that torques are moved back; delays of 10 to 50 ms end with
 _ALIKE_LAGS = 0.25
 _LONGEST = 0.15  # [s] of a bus or a filter
 _LEAST_LAGS = 3  # that agree: two of torques without meaning do so by chance
+_PARTS = 3  # of a log, in each of which one joint alone must be as late
+# Times what the torques of the other joints seem to be late, from which one alone is: 4.5 and more
+# where one of a generated arm is late by 20 to 50 ms, at most 3.0 on nineteen right machines.
+_APART = 3.5
 
 
 class Report(NamedTuple):
@@ -144,40 +149,65 @@ def report(
     )
 
 
-def common_lag(logs: Sequence[LogRows], least: float) -> tuple[float, float]:
-    """Return (mean, standard deviation) of the lag that all torques share [s]; zeros for none.
+def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], float]]:
+    """Return the joints whose torques are late, and by how much [s]: all of them, or some alone.
 
     A late torque is r(t) = f(t - tau), so r + tau r' is what the motion makes. Bus and filter are
-    the same for all joints; what else looks like a lag is another one at each.
+    the same for all joints and rows, or for one joint in all rows; what else looks like a lag is
+    another one at each.
 
     Args:
         logs: of one robot.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
-    asked = [(rows, rows.need(*rows.as_read)) for rows in logs if len(_moving(rows)) > 1]
-    lag, lags = 0.0, np.zeros(1)
+    asked = [(rows, rows.need(*rows.as_read)) for rows in logs]
+    driven = range(asked[0][0].torque.shape[1] if asked else 0)
+    moving = [k for k in driven if all(np.ptp(rows.torque[:, k]) > 0.0 for rows in logs)]
+    if len(moving) < 2:
+        return []
+    lag = _agreed(asked, moving, least, 1)
+    if lag:
+        return [(moving, lag)]
+    sizes = np.array([np.mean(_lags(asked, [k], 0.0, _PARTS) ** 2) for k in moving])
+    others = np.sqrt((sizes.sum() - sizes) / (len(moving) - 1))
+    alone = [([k], _agreed(asked, [k], least, _PARTS)) for k in moving]
+    return [one for one, other in zip(alone, others, strict=True) if one[1] > _APART * other]
+
+
+Asked: TypeAlias = Sequence[tuple[LogRows, Need]]
+
+
+def _agreed(asked: Asked, joints: Sequence[int], least: float, parts: int) -> float:
+    """Return the lag [s] that joints share in every part of the logs, 0 where they do not."""
+    lag = 0.0
     for _ in range(_SHIFTS):
-        lags = np.array(
-            [lag + _lag(rows, need, lag, k) for rows, need in asked for k in _moving(rows)]
-        )
+        lags = _lags(asked, joints, lag, parts)
         lag = float(np.mean(lags)) if lags.size >= _LEAST_LAGS else 0.0
         if not least < lag < _LONGEST:
-            return 0.0, 0.0
-    spread = float(np.std(lags))
-    return (lag, spread) if spread < _ALIKE_LAGS * lag else (0.0, 0.0)
+            return 0.0
+    return lag if float(np.std(lags)) < _ALIKE_LAGS * lag else 0.0
 
 
-def _moving(rows: LogRows) -> list[int]:
-    return [k for k in range(rows.torque.shape[1]) if np.ptp(rows.torque[:, k]) > 0.0]
+def _lags(asked: Asked, joints: Sequence[int], lag: float, parts: int) -> FloatArray:
+    """Return by how much the torques of joints are late [s] in each part, near a first guess."""
+    return np.array(
+        [
+            lag + _lag(rows, need, lag, k, part)
+            for rows, need in asked
+            for k in joints
+            for part in np.array_split(np.arange(len(need.speed)), parts)
+        ]
+    )
 
 
-def _lag(rows: LogRows, need: Need, lag: float, joint: int) -> float:
-    """Return by how much more than `lag` a torque is late [s]."""
+def _lag(rows: LogRows, need: Need, lag: float, joint: int, part: IntArray) -> float:
+    """Return by how much more than `lag` a torque is late [s] in some rows."""
     step = 1.0 / rows.rate
-    before, reported, after = (rows.late(t)[:, joint] for t in (lag - step, lag, lag + step))
+    before, reported, after = (rows.late(t)[part, joint] for t in (lag - step, lag, lag + step))
     slope = (after - before) / (2.0 * step)
     causes, drawn = _columns(need, joint)
     drawn = drawn + rows.robot.transmission.reflected_inertia[joint] * need.change[:, joint]
+    causes, drawn = causes[part], drawn[part]
     table = np.column_stack([causes, drawn, -causes[:, 0], -slope, slope])
     size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     found = nnls(table / size, reported)[0] / size
@@ -197,7 +227,7 @@ def ratio_evidence(reports: Sequence[Sequence[Report]]) -> tuple[float, float]:
     return float(logsumexp(_RATIO_PRIOR + total)), float(_RATIOS[int(np.argmax(total))])
 
 
-def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
+def evidence(logs: Sequence[Sequence[Report]]) -> float:
     """Return the log evidence of the reports of all joints in all logs.
 
     The gain of a joint is the same in all logs. Gains are drawn apart or alike (one kind of drive,
@@ -205,24 +235,33 @@ def evidence(logs: Sequence[tuple[Sequence[Report], FloatArray]]) -> float:
     something else than the need in its reports, which is then so in all logs.
 
     Args:
-        logs: per log, the reports of all joints, read in one way; and (m,) log likelihoods of the
-            same columns if they mean nothing, which do not depend on how the columns are read.
+        logs: per log, the reports of all joints, read in one way.
     """
-    total = np.sum(
-        [
-            np.logaddexp(np.stack([one.gains for one in reports]), idle[:, None])
-            for reports, idle in logs
-        ],
-        axis=0,
-    )
-    joints = zip(*(reports for reports, _ in logs), strict=True)
-    strange = np.array([_STRANGE + _strange(reports) for reports in joints])
+    total, strange = _at_gains(logs)
     apart = float(np.sum(np.logaddexp(logsumexp(GAIN_PRIOR + total, axis=1), strange)))
     highest = total.max(axis=1, keepdims=True)
     near = np.log(np.maximum(np.exp(total - highest) @ _NEAR.T, 1e-300)) + highest
     given = np.logaddexp(near, strange[:, None])
     alike = float(logsumexp(GAIN_PRIOR + given.sum(axis=0)))
     return float(np.logaddexp(apart, alike) - np.log(2.0))
+
+
+def foreign(logs: Sequence[Sequence[Report]]) -> FloatArray:
+    """Return (m,) the probability that no report of a joint follows what the links need.
+
+    That is what neither an idle drive explains nor the need with a gain that machines have.
+    """
+    total, strange = _at_gains(logs)
+    whole = np.logaddexp(logsumexp(GAIN_PRIOR + total, axis=1), strange)
+    usual = np.abs(np.log(GAINS)) < _USUAL_GAINS * GAIN_SPREAD
+    return np.asarray(-np.expm1(logsumexp((GAIN_PRIOR + total)[:, usual], axis=1) - whole))
+
+
+def _at_gains(logs: Sequence[Sequence[Report]]) -> tuple[FloatArray, FloatArray]:
+    """Return the log likelihood of all logs at each gain of each joint (m, G), and without (m,)."""
+    total = sum(np.logaddexp([one.gains for one in r], [[one.idle] for one in r]) for r in logs)
+    joints = zip(*logs, strict=True)
+    return np.asarray(total), np.array([_STRANGE + _strange(reports) for reports in joints])
 
 
 def _strange(reports: Sequence[Report]) -> float:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -88,10 +89,7 @@ def merged(first: Mend, second: Mend) -> dict[str, Any]:
 
 def together(mends: Iterable[Mend]) -> dict[str, Any]:
     """Return one mend that holds all of several."""
-    total: dict[str, Any] = {}
-    for mend in mends:
-        total = merged(total, mend)
-    return total
+    return reduce(merged, mends, {})
 
 
 def column_entries(table: Mapping[str, Any], label: str = "column map") -> dict[str, Any]:
@@ -286,8 +284,6 @@ class LogQuality:
         rate: 1 / median distance of the time stamps [Hz].
         jitter: standard deviation of the distances over their median.
         longest_gap: largest distance of two time stamps [s].
-        velocity_delay: joint -> delay of the velocity behind the position [s].
-        velocity_scale: joint -> velocity / (d position / d time).
         resolution: channel -> quantisation step, in its unit; 0 where none shows.
         findings: in order of severity, gravest first.
     """
@@ -298,8 +294,6 @@ class LogQuality:
     rate: float
     jitter: float
     longest_gap: float
-    velocity_delay: Mapping[str, float]
-    velocity_scale: Mapping[str, float]
     resolution: Mapping[str, float]
     findings: tuple[LogFinding, ...]
 
@@ -324,3 +318,42 @@ class LogQuality:
 def by_severity(findings: list[LogFinding]) -> tuple[LogFinding, ...]:
     """Return findings with the gravest first, otherwise in the order given."""
     return tuple(sorted(findings, key=lambda finding: -SEVERITIES.index(finding.severity)))
+
+
+LIKELY = 0.9
+"""Probability from which a mistake is worth a warning."""
+CERTAIN = 0.99
+"""Probability from which a mistake stops a diagnosis."""
+
+
+def trusted(finding: LogFinding, trusts: bool) -> LogFinding:
+    """Return a finding, as a warning where the user vouches for the columns."""
+    if not trusts or finding.severity != "error":
+        return finding
+    return replace(finding, severity="warning")
+
+
+def severity(probability: float) -> str:
+    """Return how severe a mistake is that has a probability."""
+    return "error" if probability >= CERTAIN else "warning"
+
+
+class SuspiciousLogError(LogError):
+    """Columns of logs hold something else than their names say.
+
+    Attributes:
+        findings: the suspicions, those that are certain first.
+    """
+
+    def __init__(self, message: str, findings: Sequence[LogFinding]) -> None:
+        """Keep the findings beside the message."""
+        super().__init__(message)
+        self.findings = tuple(findings)
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Return 'a, b and c', or 'a' where all texts are the same."""
+    *first, last = texts
+    if all(text == last for text in first):
+        return last
+    return f"{', '.join(first)} and {last}"

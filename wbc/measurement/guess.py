@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -19,14 +20,15 @@ from wbc.files import write_text
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.column_mistakes import mirrored
-from wbc.measurement.findings import LogFinding, Mend, merged, say_so
+from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged, say_so
+from wbc.measurement.formats import open_table
 from wbc.measurement.log import Log
-from wbc.measurement.mistakes import LIKELY, find_suspicions, single_ratios
+from wbc.measurement.mistakes import find_suspicions, single_ratios
 from wbc.measurement.names import NameGuess, guess_name, joints_of
 from wbc.measurement.read import clock_of, read_logs, split_path
-from wbc.measurement.robot_checks import check_robot, match_joints, told_by_rows
+from wbc.measurement.robot_checks import check_robot, columns_from, match_joints, told_by_rows
 from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
-from wbc.measurement.tables import Table, open_table
+from wbc.measurement.tables import Table
 from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
 from wbc.robot.loading.model_file import driven_joints, read_model
@@ -124,13 +126,15 @@ def guess_names(
         f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
     ]
     columns: dict[str, Any] = {}
+    held: dict[str, set[str]] = {ours: set() for ours, _ in named.values()}
     for guess in guesses:
         if guess.owner not in named or guess.quantity in ("", TIME):
             continue
-        target = f"{named[guess.owner][0]}.{guess.quantity}"
-        if target in columns or target == guess.name or not table.holds_numbers(guess.name):
-            continue
-        columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
+        joint, _ = named[guess.owner]
+        target = f"{joint}.{guess.quantity}"
+        held[joint].add(OLD_NAMES.get(guess.quantity, guess.quantity))
+        if target not in (*columns, guess.name) and table.holds_numbers(guess.name):
+            columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     if rate is not None:
         mapped["time"] = {"rate": rate}
@@ -139,27 +143,19 @@ def guess_names(
     mapped = merged(mapped, given)
     if rate is None:
         mapped = merged(mapped, _parts(table, mapped))
-    held = {
-        ours: {OLD_NAMES.get(g.quantity, g.quantity) for g in guesses if g.owner == theirs}
-        for theirs, (ours, _) in named.items()
-    }
     for name in mapped.get("columns", {}):
         joint, _, quantity = name.rpartition(".")
         held.setdefault(joint, set()).add(quantity)
-    refused = _unsigned(table, columns, held)
-    if refused:
+    if refused := _unsigned(table, columns, held):
         mapped = merged(mapped, {"columns": dict.fromkeys(refused, False)})
         reasons.append(
             f"{', '.join(refused)}: left out, magnitudes without sign; the targets make the torque"
         )
     driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
-    targets = tuple(
-        joint
-        for joint, quantities in held.items()
-        if joint not in driven and "target_position" in quantities
-    )
+    targets = [joint for joint, quantities in held.items() if "target_position" in quantities]
+    followed = tuple(joint for joint in targets if joint not in driven)
     unseen = tuple(joint for joint in joints if (place or "position") not in held.get(joint, ()))
-    return MapGuess(mapped, tuple(reasons), driven, targets, unseen)
+    return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 
 
 def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
@@ -186,23 +182,21 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
             and not _denied(finding, table)
         ]
         # What contradicts itself within a log comes before what the torques say.
-        doubts = [f for f in doubts if f.kind in _OF_MOTION] or doubts
-        moved: dict[str, Any] = {}
-        if unsure and not any(f.kind in _OF_MOTION for f in doubts):
-            moved = _matched(robot, logs[0], start.driven)
-        if moved:
-            table = merged(table, {"columns": moved})
+        inner = [f for f in doubts if f.kind in _OF_MOTION]
+        moved: Mend = {}
+        if unsure and not inner:
+            order, sure = match_joints(robot, logs[0], start.driven, start.driven)
+            moved = columns_from(order, logs[0]) if sure else {}
+        if moved.get("columns"):
+            table, unsure = merged(table, moved), False
             reasons.append("the order of the joints was changed: so the torques follow the motion")
-        elif doubts:
-            said: dict[str, LogFinding] = {}
-            for finding in doubts:
-                said.setdefault(repr(finding.likeliest), finding)
-            for finding in said.values():
-                table = merged(table, finding.likeliest)
-                reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
-        else:
+            continue
+        if not doubts:
             break
-        unsure = unsure and not moved
+        said = {repr(f.likeliest): f for f in reversed(inner or doubts)}
+        for finding in reversed(said.values()):
+            table = merged(table, finding.likeliest)
+            reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
     told = told_by_rows(robot, _read(paths, table, robot))
     return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)), told=told)
 
@@ -248,7 +242,8 @@ def guess_ratios(
             if not rotor.rotor or rotor.quantity != quantity or joint is None or not name:
                 continue
             if (value := _ratio(table, rotor, joint)) and name not in found:
-                found[name] = RatioGuess(value, f"'{rotor.name}' over '{joint.name}' in the log")
+                source = f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
+                found[name] = RatioGuess(value, source)
     return found
 
 
@@ -325,20 +320,6 @@ def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -
     return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
 
 
-def _matched(robot: Robot, log: Log, joints: Sequence[str]) -> dict[str, Any]:
-    """Return the columns that must be exchanged, if the rows tell it."""
-    order, sure = match_joints(robot, log, joints, joints)
-    if not sure:
-        return {}
-    return {
-        f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
-        for ours, theirs in order.items()
-        if ours != theirs
-        for name in log.columns
-        if name.startswith(f"{theirs}.")
-    }
-
-
 def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
     times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
     # Dates are a clock, whatever their column is called.
@@ -392,10 +373,8 @@ def guessed_numbers(path: str | Path) -> list[str]:
 
     Empty for a robot that is no file.
     """
-    if not Path(path).is_file():
-        return []
-    with Path(path).open("rb") as file:
-        gears = tomllib.load(file).get("gears", {})
+    file = Path(path)
+    gears = tomllib.loads(file.read_text("utf-8")).get("gears", {}) if file.is_file() else {}
     return [
         f"gears.{joint}.{key}"
         for joint, numbers in gears.items()
@@ -456,10 +435,11 @@ def write_robot(
     own = [joint for joint in driven if joint in stated] if shared else driven
     for joint in ("*", *own) if shared else own:
         ratio, inertia = stated.get(joint, (None, None))
+        told = ratios.get(joint, RatioGuess(1.0, "torque is then taken behind the gear"))
         lines += [
             "",
             f'[gears."{joint}"]',
-            _number("gear_ratio", ratio, *_of_rows(ratios.get(joint))),
+            _number("gear_ratio", ratio, told.value, "1", told.source),
             _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
         ]
         if joint in targets:
@@ -469,13 +449,6 @@ def write_robot(
                 _number("kd", None, _KD, "N m s/rad", "as kp"),
             ]
     return write_text(Path(target), "\n".join(lines) + "\n")
-
-
-def _of_rows(told: RatioGuess | None) -> tuple[float, str, str]:
-    """Return a guessed gear ratio, its unit and where it comes from."""
-    if told is None:
-        return 1.0, "1", "torque is then taken behind the gear"
-    return told.value, "1", f"from the rows: {told.source}"
 
 
 def _number(key: str, value: float | None, guess: float, unit: str, why: str) -> str:
@@ -490,27 +463,17 @@ def _reductions(path: Path) -> Mapping[str, tuple[float, float | None]]:
     """Return joint -> (gear ratio, no inertia) of the <transmission> elements of a URDF."""
     found: dict[str, tuple[float, float | None]] = {}
     for element in _root(path).iter("transmission"):
-        joint = element.find("joint")
-        ratio = element.find(".//mechanicalReduction")
-        if joint is None or ratio is None or not ratio.text:
-            continue
-        try:
-            value = float(ratio.text)
-        except ValueError:
-            continue
-        if value != 0.0:
-            found[str(joint.get("name"))] = (value, None)
+        joint, ratio = element.find("joint"), element.findtext(".//mechanicalReduction") or ""
+        with suppress(ValueError):
+            if joint is not None and float(ratio) != 0.0:
+                found[str(joint.get("name"))] = (float(ratio), None)
     return found
 
 
 def _armatures(path: Path) -> Mapping[str, tuple[float, float]]:
     """Return joint -> (1, armature) of the joints of an MJCF file that state one themselves."""
-    found: dict[str, tuple[float, float]] = {}
-    for joint in _root(path).iter("joint"):
-        name, armature = joint.get("name"), joint.get("armature")
-        if name and armature:
-            found[name] = (1.0, float(armature))
-    return found
+    joints = {joint.get("name"): joint.get("armature") for joint in _root(path).iter("joint")}
+    return {name: (1.0, float(own)) for name, own in joints.items() if name and own}
 
 
 def _root(path: Path) -> ElementTree.Element:

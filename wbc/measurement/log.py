@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, frozen, remade
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.findings import say_so
+from wbc.measurement.names import unread
 from wbc.measurement.schema import (
     FORCE_QUANTITIES,
     JOINT_QUANTITIES,
@@ -22,10 +24,8 @@ from wbc.measurement.schema import (
     likely_meant,
     owners,
 )
-
-if TYPE_CHECKING:
-    from wbc.measurement.torque import Machine
-
+from wbc.robot import Robot
+from wbc.transmission import Transmission
 
 _NAMED = 8  # quantities, and joints of each, in a representation
 
@@ -39,7 +39,6 @@ class LogSource:
         sha256: digest of the whole file, empty for a log made in memory.
         part: which log of the file, when it holds several.
         mapping: path of the column map that was used, empty for none.
-        decimation: every how many rows one was kept (after the anti-alias filter); 1 is all.
         ignored: columns of the file that were not read because no name of the schema fits them.
         notes: what else was changed while reading (rows dropped, columns left out).
         unusable: channels that were left out because they hold NaN -> where, and the way out.
@@ -50,7 +49,6 @@ class LogSource:
     sha256: str = ""
     part: str = ""
     mapping: str = ""
-    decimation: int = 1
     ignored: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     unusable: Mapping[str, str] = field(default_factory=dict)
@@ -61,6 +59,47 @@ class LogSource:
         """How messages call the log: its path, and the part of the file if there are several."""
         path = self.path or "log in memory"
         return f"{path}#{self.part}" if self.part else path
+
+
+OF_THE_DRIVE = (
+    "position_gain",
+    "velocity_gain",
+    "duty_gain",
+    "supply_voltage",
+    "torque_limit",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """The drives and loads of one log.
+
+    Attributes:
+        transmission: of the robot, with this log's numbers of the drives.
+        inertia: (10 n_links,) what its links have more than the robot's, in pinocchio's dynamic
+            parameters: a payload.
+    """
+
+    transmission: Transmission
+    inertia: FloatArray
+
+    def of(self, robot: Robot) -> Robot:
+        """Return the robot with these drives and loads."""
+        links = loaded(robot.model, self.inertia).inertias
+        drives = {name: getattr(self.transmission, name) for name in OF_THE_DRIVE}
+        return robot.with_inertias(dict(enumerate(list(links)[1:], start=1))).with_transmission(
+            robot.transmission.replace(**drives)
+        )
+
+
+def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
+    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
+    result = model.copy()
+    if inertia is not None:
+        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
+            total = model.inertias[k].toDynamicParameters() + more
+            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+    return result
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -207,9 +246,7 @@ class Log:
             if name in self.source.unusable:
                 raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
             message = f"{self.source.label}: " + unknown_name("column", name, self.names)
-            from wbc.measurement.names import unread_columns  # knows robots' names, not logs
-
-            raise LogError(f"{message} {unread_columns(self.source.ignored, [name])}".rstrip())
+            raise LogError(f"{message} {unread(self.source.ignored, [name])[0]}".rstrip())
         return self.columns[held]
 
     def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:

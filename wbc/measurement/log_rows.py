@@ -12,16 +12,18 @@ from scipy import stats
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
-from wbc.measurement.filters import derivative, differentiate, low_pass, residual_noise
+from wbc.errors import LogError
+from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.clocks import too_short
+from wbc.measurement.filters import derivative, differentiate, low_pass
 from wbc.measurement.log import Log
-from wbc.measurement.torque import rotor_torques, torque_quantity
+from wbc.measurement.torque import reports_torque, rotor_torques, torque_quantity
 from wbc.robot import Motion, Robot
 
 _ROUNDING = 1e-9  # of a torque, below which one is nothing
 _ROWS = 400  # kept per log: more samples of one motion say no more about a gross mistake
 _MOTION_SHARE = 0.999  # of the power of the positions lies below half of the cut-off
 _HIGHEST = 15.0  # [Hz]: rigid links, and the band of most joint encoders
-_MOVES = 5.0  # times the noise of an encoder: white noise itself has one
 _ORDER = 4  # of each pass: what is above the cut-off must not count as motion
 _MOST_RATIO = 300.0  # of gears in robots: a judgement
 _BASE = 6  # coordinates of a free flyer, the first ones
@@ -67,12 +69,13 @@ class LogRows:
     @cached_property
     def torque(self) -> FloatArray:
         """Reported torque (N, m), N times that on the rotor [N m]."""
-        return self.late(0.0)
+        return self.whole[self.kept]
 
-    def late(self, lag: float) -> FloatArray:
-        """Return the reported torque (N, m) read as if it were late by `lag` [s]."""
-        place, rows = np.arange(len(self.whole)), self.kept + lag * self.rate
-        return np.stack([np.interp(rows, place, column) for column in self.whole.T], axis=1)
+    def late(self, lag: FloatArray | float) -> FloatArray:
+        """Return the reported torque (N, m) read as if it were late by `lag`, (m,) or one [s]."""
+        place, rows = np.arange(len(self.whole)), self.kept[:, None] + lag * self.rate
+        pairs = zip(np.broadcast_to(rows, self.torque.shape).T, self.whole.T, strict=True)
+        return np.stack([np.interp(when, place, column) for when, column in pairs], axis=1)
 
     @property
     def as_read(self) -> tuple[IntArray, FloatArray]:
@@ -152,22 +155,25 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     """
     robot = robot if log.machine is None else log.machine.of(robot)
     joints = robot.transmission.joints
-    if not joints or not _has_all(robot, log) or len(log) < 50:
+    if too_short(log) or not joints or not all(reports_torque(log, joint) for joint in joints):
         return None
-    forces = {c.name: c.name for c in robot.contacts if c.name in log.contacts}
+    forces = [contact.name for contact in robot.contacts if contact.name in log.contacts]
     flagged = any(log.has(f"{c.name}.active") and c.name not in forces for c in robot.contacts)
     if robot.floating_size and robot.contacts and (flagged or not forces):
         return None
-    grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
-    if not _moves(robot, log):
+    try:
+        raw = positions(robot, log)
+        reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
+    except LogError:
         return None
-    raw = _positions(robot, log)
+    grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
+    if resting_joints(log) >= set(robot.single_joints):
+        return None
     position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
     cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
     if not 1.0 / log.duration < cutoff < 0.45 / log.sample_time:
         return None
     q, v, a = _motion(robot, grid, position, cutoff)
-    reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
     on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
     rate = 1.0 / float(grid[1] - grid[0])
     torque = low_pass(on_grid, cutoff, rate, _ORDER)
@@ -263,30 +269,12 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
     return change
 
 
-def _has_all(robot: Robot, log: Log) -> bool:
-    if not log.has(*(f"{name}.position" for name in robot.single_joints)):
-        return False
-    if robot.has_free_flyer and not log.has(
-        *(f"base.position.{axis}" for axis in "xyz"),
-        *(f"base.orientation.{axis}" for axis in "xyzw"),
-    ):
-        return False
-    constant = robot.transmission.torque_constant
-    for k, joint in enumerate(robot.transmission.joints):
-        if log.has(f"{joint}.rotor_torque") or log.has(f"{joint}.motor_torque"):
-            continue
-        if not log.has(f"{joint}.current") or not np.isfinite(constant[k]):
-            return False
-    return True
+def positions(robot: Robot, log: Log) -> FloatArray:
+    """Return q (N, nq) of a log; coordinates that it lacks are neutral.
 
-
-def _moves(robot: Robot, log: Log) -> bool:
-    """Whether any joint moves by more than the noise of its encoder."""
-    channels = [log.column(f"{name}.position") for name in robot.single_joints]
-    return any(np.std(q) > _MOVES * residual_noise(log.time, q) for q in channels)
-
-
-def _positions(robot: Robot, log: Log) -> FloatArray:
+    Raises:
+        LogError: it lacks the position of a joint, or the pose of a free base.
+    """
     position = np.tile(robot.neutral(), (len(log), 1))
     for name in robot.single_joints:
         position[:, robot.position_index(name)] = log.column(f"{name}.position")

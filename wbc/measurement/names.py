@@ -19,23 +19,15 @@ _UNITS = {
 """Words of a name in lower case -> the unit that they name."""
 
 _QUANTITIES = {
-    "time": ("time", "t", "stamp", "timestamp", "clock", "zeit", "zeitstempel"),
-    "position": ("q", "pos", "position", "theta", "phi", "angle", "ang", "winkel"),
-    "velocity": (
-        "v",
-        "dq",
-        "qd",
-        "vel",
-        "velocity",
-        "w",
-        "omega",
-        "speed",
-        "qdot",
-        "geschwindigkeit",
-    ),
-    "motor_torque": ("tau", "torque", "trq", "effort", "force", "moment", "drehmoment"),
-    "current": ("i", "cur", "current", "amp", "amps", "strom"),
-    "temperature": ("temp", "temperature"),
+    quantity: words.split()
+    for quantity, words in {
+        "time": "time t stamp timestamp clock zeit zeitstempel",
+        "position": "q pos position theta phi angle ang winkel",
+        "velocity": "v dq qd vel velocity w omega speed qdot geschwindigkeit",
+        "motor_torque": "tau torque trq effort force moment drehmoment",
+        "current": "i cur current amp amps strom",
+        "temperature": "temp temperature",
+    }.items()
 }
 _OF_KINDS = {
     "rad": "position",
@@ -140,15 +132,17 @@ def _series(owners: Sequence[str]) -> list[str]:
     return [longest[number] for number in ends] if whole else []
 
 
-def unread_map(ignored: Sequence[str], missing: Sequence[str]) -> Mend:
-    """Return the map that reads missing channels from columns whose names look like them.
+def unread(ignored: Sequence[str], missing: Sequence[str]) -> tuple[str, Mend]:
+    """Return what to do if a column that was not read is a channel that is missing.
 
     Args:
         ignored: columns of the file that were not read.
-        missing: channels; several quantities of one joint are ways to say the same.
+        missing: channels; several quantities of one joint are ways to say the same, and one stands
+            for all where no name looks like any.
 
     Returns:
-        A map with at most one column for every joint; an empty one where no name looks like it.
+        A sentence with the lines of a map, empty where every column was read; and the map that
+        reads columns whose names look like the channels, one for every joint, empty where none do.
     """
     wanted = [parts for parts in map(split_column, missing) if parts is not None]
     quantities = {quantity for _, quantity in wanted}
@@ -156,48 +150,31 @@ def unread_map(ignored: Sequence[str], missing: Sequence[str]) -> Mend:
     fitting.sort(key=lambda guess: guess.rotor)  # of two columns, that of the joint itself
     owners = list(dict.fromkeys(guess.owner for guess in fitting))
     joints = list(dict.fromkeys(joint for joint, _ in wanted))
-    named = joints_of(owners, joints)
-    if len(owners) != len(joints):
-        named = {owner: one for owner, one in named.items() if one[1] == "by its name"}
-    columns: dict[str, dict[str, str]] = {}
+    whose = {
+        owner: joint
+        for owner, (joint, why) in joints_of(owners, joints).items()
+        if len(owners) == len(joints) or why == "by its name"
+    }
+    found: dict[str, tuple[str, dict[str, str]]] = {}
     for guess in fitting:
-        joint, _ = named.get(guess.owner, ("", ""))
-        held = {parts[0] for parts in map(split_column, columns) if parts is not None}
-        if (joint, guess.quantity) not in wanted or joint in held:
-            continue
-        unit = {"unit": guess.unit} if guess.unit else {}
-        columns[f"{joint}.{guess.quantity}"] = {"from": guess.name, **unit}
-    return {"columns": columns} if columns else {}
-
-
-def unread_columns(ignored: Sequence[str], missing: Sequence[str]) -> str:
-    """Return what to do if a column that was not read is a channel that is missing.
-
-    Args:
-        ignored: columns of the file that were not read.
-        missing: as for `unread_map`; one stands for all where no name looks like any.
-
-    Returns:
-        A sentence with the lines of a map, empty where every column was read.
-    """
-    if not ignored or not missing:
-        return ""
-    mend = unread_map(ignored, missing)
+        joint = whose.get(guess.owner, "")
+        if (joint, guess.quantity) in wanted and joint not in found:
+            unit = {"unit": guess.unit} if guess.unit else {}
+            found[joint] = f"{joint}.{guess.quantity}", {"from": guess.name, **unit}
+    mend = {"columns": dict(found.values())} if found else {}
+    names = [entry["from"] for _, entry in found.values()] or ignored
+    quoted = ", ".join(f"'{name}'" for name in names)
+    told = f"Column {quoted} was" if len(names) == 1 else f"Columns {quoted} were"
     if mend:
-        names = [entry["from"] for entry in mend["columns"].values()]
-        found = list(mend["columns"])
-        missed = f"{', '.join(found)} {'is' if len(found) == 1 else 'are'}"
-        return f"{_unread(names)}, and {missed} missing. If they are the same, {say_so(mend)}"
+        missed = f"{', '.join(mend['columns'])} {'is' if len(found) == 1 else 'are'}"
+        return f"{told} not read, and {missed} missing. If they are the same, {say_so(mend)}", mend
+    if not ignored or not missing:
+        return "", {}
     blank: Mend = {"columns": {missing[0]: {"from": "COLUMN"}}}
     return (
-        f"{_unread(ignored)}, for want of a known name. If {missing[0]} is there, put the name of "
+        f"{told} not read, for want of a known name. If {missing[0]} is there, put the name of "
         f"its column in place of COLUMN, and {say_so(blank)}"
-    )
-
-
-def _unread(names: Sequence[str]) -> str:
-    quoted = ", ".join(f"'{name}'" for name in names)
-    return f"Column {quoted} was not read" if len(names) == 1 else f"Columns {quoted} were not read"
+    ), {}
 
 
 def _fits(quantity: str, unit: str) -> bool:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TypedDict, Unpack
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import firwin, upfirdn
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import LogError, unknown_name
@@ -23,39 +21,31 @@ from wbc.measurement.column_map import (
     parse_column_map,
     read_column_map,
 )
+from wbc.measurement.column_mistakes import require_plausible_units
 from wbc.measurement.filters import align_velocity
 from wbc.measurement.findings import Mend, say_so
+from wbc.measurement.formats import digest, open_table
 from wbc.measurement.log import Log, LogSource
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, known_as, likely_meant
-from wbc.measurement.tables import Table, digest, open_table
-
-MAX_ROWS = 2_000_000
-"""Longest log kept row by row (2e6 rows of 20 channels take 340 MB); a longer one is decimated."""
+from wbc.measurement.tables import Table
 
 _EFFORT = ".effort"
 _CLOCK: Mend = {"time": {"from": "CLOCK"}}
 _RATE: Mend = {"time": {"rate": 100}}
 _SHOWN = 8  # combinations of values that a message lists
-_HALF_LENGTH, _PASS_BAND = 8, 0.8  # of the filter before rows are left out: new samples, Nyquist
-
-
-class Choices(TypedDict, total=False):
-    """What of files is read, and how; the meaning stands at `load_logs`."""
-
-    gear_ratios: Mapping[str, float] | None
-    only: Sequence[str] | None
-    max_rows: int
 
 
 def load_log(
-    path: str | Path, columns: str | Path | ColumnMap | None = None, **choices: Unpack[Choices]
+    path: str | Path,
+    columns: str | Path | ColumnMap | None = None,
+    gear_ratios: Mapping[str, float] | None = None,
 ) -> Log:
     """Read the one log of a file; the arguments are those of `load_logs`.
 
     Raises:
         LogError: also when the file holds several logs; the message lists them.
     """
-    logs = load_logs([path], columns, **choices)
+    logs = load_logs([path], columns, gear_ratios)
     if len(logs) != 1:
         parts = ", ".join(log.source.part for log in logs)
         raise LogError(
@@ -68,7 +58,7 @@ def load_log(
 def load_logs(
     paths: Iterable[str | Path],
     columns: str | Path | ColumnMap | None = None,
-    **choices: Unpack[Choices],
+    gear_ratios: Mapping[str, float] | None = None,
 ) -> tuple[Log, ...]:
     """Read logs from text (CSV and its kin), Parquet, NPZ, MCAP and rosbag2 files.
 
@@ -78,10 +68,7 @@ def load_logs(
             `FILE+FILE` are columns of one run, put side by side by their clocks.
         columns: column map for foreign names and units, or its path; None for a file that has our
             names (`effort` is read as motor_torque).
-        choices: `gear_ratios`: N of joints, for a map that names a side of the gear but no ratio.
-            `only`: channels wanted. `max_rows` (default `MAX_ROWS`): a longer log is low-passed and
-            decimated by the integer factor that brings it below; `log.source.decimation` and the
-            ingest check say so.
+        gear_ratios: N of joints, for a map that names a side of the gear but no ratio.
 
     Returns:
         The logs in order of files, and of first appearance within a file.
@@ -89,9 +76,7 @@ def load_logs(
     Raises:
         LogError: a file, map or log that cannot be used; the message says which and why.
     """
-    from wbc.measurement.mistakes import require_plausible_units
-
-    logs = read_logs(paths, columns, **choices)
+    logs = read_logs(paths, columns, gear_ratios)
     for log in logs:
         require_plausible_units(log)
     return logs
@@ -100,24 +85,17 @@ def load_logs(
 def read_logs(
     paths: Iterable[str | Path],
     columns: str | Path | ColumnMap | None = None,
-    *,
     gear_ratios: Mapping[str, float] | None = None,
-    only: Sequence[str] | None = None,
-    max_rows: int = MAX_ROWS,
 ) -> tuple[Log, ...]:
     """Read logs as `load_logs` does, also those whose columns contradict each other.
 
     Raises:
         LogError: a file, map or log that cannot be read; the message says which and why.
     """
-    if max_rows < 2:
-        raise LogError(f"max_rows is {max_rows}; a log needs at least two rows.")
     if isinstance(columns, str | Path):
         columns = read_column_map(columns, gear_ratios)
-    logs: list[Log] = []
-    for path in paths:
-        logs += _load(path, columns or ColumnMap(()), only, max_rows)
-    return tuple(logs)
+    rules = columns or ColumnMap(())
+    return tuple(log for path in paths for log in _load(path, rules))
 
 
 def split_path(path: str | Path) -> tuple[Path, str]:
@@ -139,36 +117,28 @@ def mended(log: Log, mend: Mend, gear_ratios: Mapping[str, float] | None = None)
     Raises:
         LogError: an entry that does not fit, or a column that the log does not have.
     """
-    rules = parse_column_map(mend, "", gear_ratios)
-    used = {source for rule in rules.rules for source in rule.sources} | set(rules.left_out)
-    gone = used | {rule.target for rule in rules.rules}
-    columns = {name: values for name, values in log.columns.items() if name not in gone}
-    for rule in rules.rules:
-        columns[rule.target] = rule.value({name: log.column(name) for name in rule.sources})
-    clock = rules.time
-    time = log.time if clock.source != TIME else clock.factor * log.time + clock.offset
-    dropped = [columns[rule.target] for rule in rules.rules if rule.missing == "drop_rows"]
-    if dropped:
-        kept = np.all(np.isfinite(dropped), axis=0)
-        columns = {name: values[kept] for name, values in columns.items()}
-        time = time[kept]
-    return _shifted(replace(log, time=time, columns=columns), rules)
+    if not mend:
+        return log
+    table = Table(Path(log.source.label), {TIME: log.time, **log.columns})
+    rules, _, _ = _patched(parse_column_map(mend, "", gear_ratios), table)
+    time = clock_of(table, rules.time)
+    made = _log(table, rules, np.arange(len(log)), time, log.source)
+    return replace(log, time=made.time, columns=made.columns)
 
 
 def clock_of(table: Table, rule: TimeRule) -> FloatArray:
     """Return the time stamps (N,) [s] that a map finds in a table."""
     if rule.rate > 0.0:
         return np.arange(table.rows) / rule.rate + rule.offset
-    return rule.factor * table.numbers(rule.source) + rule.offset
+    kind, stated = LOG_UNITS.get(table.units.get(rule.source, ""), ("", 1.0))
+    factor = stated if kind == "s" and rule.factor == 1.0 else rule.factor
+    return factor * table.numbers(rule.source) + rule.offset
 
 
-def _load(
-    path: str | Path, columns: ColumnMap, only: Sequence[str] | None, max_rows: int
-) -> list[Log]:
+def _load(path: str | Path, columns: ColumnMap) -> list[Log]:
     file, pattern = split_path(path)
     table = open_table(file, columns.rows.topic, columns.rows.header)
     rules, ignored, notes = _patched(columns, table)
-    rules = _in_units_of_file(_restricted(rules, only, str(file)), table)
     source = LogSource(
         str(file),
         digest(file),
@@ -179,13 +149,13 @@ def _load(
     )
     time = clock_of(table, rules.time)
     return [
-        _log(table, rules, rows, time[rows], replace(source, part=part), max_rows)
+        _log(table, rules, rows, time[rows], replace(source, part=part))
         for part, rows in _parts(table, rules, time, pattern).items()
     ]
 
 
 def _log(
-    table: Table, rules: ColumnMap, rows: IntArray, time: FloatArray, source: LogSource, most: int
+    table: Table, rules: ColumnMap, rows: IntArray, time: FloatArray, source: LogSource
 ) -> Log:
     """Return the log of some rows of a table.
 
@@ -206,12 +176,10 @@ def _log(
         raise LogError(f"{label}: no rows ({count} read, {count} dropped).")
     block = {name: column[kept] for name, column in values.items()}
     time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], label)
-    block = {name: column[apart] for name, column in block.items()}
-    factor = -(-time.size // most)
     notes, columns = list(source.notes), {}
     unusable: dict[str, str] = {}
     for rule in rules.rules:
-        column = _decimated(block[rule.target], factor)
+        column = block[rule.target][apart]
         if rule.missing == "omit" and np.isnan(column).all():
             notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
         elif rule.missing == "when_needed" and not np.isfinite(column).all():
@@ -222,8 +190,8 @@ def _log(
         raise LogError(f"{label}: " + next(iter(unusable.values())))
     if dropped := count - int(np.count_nonzero(apart)):
         notes.append(f"{dropped} of {count} rows dropped by the column map.")
-    source = replace(source, decimation=factor, notes=tuple(notes), unusable=unusable)
-    return _shifted(Log(_decimated(time, factor), columns, source), rules)
+    source = replace(source, notes=tuple(notes), unusable=unusable)
+    return _shifted(Log(time, columns, source), rules)
 
 
 def _holes(target: str, values: FloatArray) -> str:
@@ -249,23 +217,6 @@ def _shifted(log: Log, rules: ColumnMap) -> Log:
             }
         )
     return align_velocity(log) if rules.time.align_velocity else log
-
-
-def _decimated(values: FloatArray, factor: int) -> FloatArray:
-    """Return one value of `factor`, of (N,), after a symmetric low-pass without phase shift.
-
-    The windowed sinc passes up to 0.8 of the new Nyquist frequency. It acts on the time stamps too,
-    so that jitter is averaged with the values. Ends are extended by point reflection, which keeps
-    straight lines straight.
-    """
-    if factor == 1:
-        return values
-    reach = min(_HALF_LENGTH * factor, values.size - 1)
-    taps = firwin(2 * reach + 1, _PASS_BAND / factor)
-    before = 2.0 * values[0] - values[reach:0:-1]
-    after = 2.0 * values[-1] - values[-2 : -reach - 2 : -1]
-    longer = np.concatenate([before, values, after])
-    return np.asarray(upfirdn(taps, longer)[2 * reach : 2 * reach + values.size : factor])
 
 
 def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:
@@ -339,14 +290,6 @@ def _splitting(table: Table, pattern: str) -> str:
     return f"Leave '#{pattern}' out: no column has values that it names."
 
 
-def _in_units_of_file(rules: ColumnMap, table: Table) -> ColumnMap:
-    """Return the map with the unit of the clock that the file itself states."""
-    kind, factor = LOG_UNITS.get(table.units.get(rules.time.source, ""), ("", 1.0))
-    if kind != "s" or rules.time.factor != 1.0:
-        return rules
-    return replace(rules, time=replace(rules.time, factor=factor))
-
-
 def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...], tuple[str, ...]]:
     """Return the map that reads a file: the columns with our names, changed as a map says.
 
@@ -378,20 +321,6 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
     kept = {rule.target for rule in complete.rules}
     return complete, ignored, tuple(note for target, note in notes.items() if target in kept)
-
-
-def _restricted(rules: ColumnMap, only: Sequence[str] | None, label: str) -> ColumnMap:
-    """Return the map without the channels that are not wanted.
-
-    Raises:
-        LogError: a channel that the map does not give.
-    """
-    if only is None:
-        return rules
-    for name in only:
-        if name != TIME and name not in rules.targets:
-            raise LogError(f"{label}: " + unknown_name("column", name, rules.targets))
-    return replace(rules, rules=tuple(rule for rule in rules.rules if rule.target in only))
 
 
 def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import inf, pi
 from math import log as ln
-from math import pi
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.evidence import Report, report
-from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees
+from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees, listed
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import LogRows, Need
+from wbc.measurement.schema import LOG_UNITS
 from wbc.robot.coordinates import slides
 
 # How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a
@@ -24,16 +25,14 @@ from wbc.robot.coordinates import slides
 _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
+_TURNS = (90, -90, 180)  # degrees by which people set another zero
+Lag: TypeAlias = tuple[Sequence[int], float]
 _PARTS = 3  # of a log, in each of which a correction must bring the reports closer to the need
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
 _TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
 _OTHER, _OTHER_SPREAD = 0.1, 1.5
-
-_TORQUE_UNITS = {"N mm": ("N mm", 1e-3), "N cm": ("N cm", 1e-2)}
-_FORCE_UNITS = {"mN": ("mN", 1e-3)}  # of joints that slide
-_CURRENT_UNITS = {"mA": ("mA", 1e-3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +51,8 @@ class Reading:
         columns: the columns that are wrong.
         weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
         offset: (n,) added to the positions of the single joints [rad, m].
-        lag: by how much the torques are late [s].
-        told: whether nothing that the readings do not hold needs the same torque; else it is asked.
+        lag: (m,) by how much the torques are late [s], None for nothing.
+        rivals: log prior of what is no mistake of a column and needs the same torque.
     """
 
     kind: str
@@ -66,9 +65,9 @@ class Reading:
     mend: Mend
     columns: tuple[str, ...] = ()
     weight: float = 1.0
-    lag: float = 0.0
+    lag: FloatArray | None = None
     offset: FloatArray | None = None
-    told: bool = True
+    rivals: float = -inf
 
     @property
     def place(self) -> bytes:
@@ -79,12 +78,12 @@ class Reading:
     def torque(self, rows: LogRows) -> FloatArray:
         """Return the torque (N, m) at the motors' outputs that the log reports, read so."""
         factor = self.torque_factor * rows.conversion / rows.conversion[self.torque_order]
-        torque = rows.late(self.lag) if self.lag else rows.torque
+        torque = rows.torque if self.lag is None else rows.late(self.lag)
         return np.asarray(torque[:, self.torque_order] * factor)
 
 
 def readings(
-    rows: LogRows, log: Log, lost: BoolArray, doubtful: bool, lag: float
+    rows: LogRows, log: Log, lost: BoolArray, doubtful: bool, lags: Sequence[Lag]
 ) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
@@ -95,7 +94,7 @@ def readings(
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity and
             zeros are asked about.
-        lag: that all torques share [s], 0 for none.
+        lags: joints, by number, whose torques share a lag [s].
     """
     as_is = as_it_stands(rows)
     yield as_is
@@ -103,8 +102,7 @@ def readings(
     yield from _units(rows, log, as_is)
     yield from _sides(rows, as_is)
     yield from _exchanges(rows, log, lost, as_is)
-    if lag:
-        yield _late(rows, as_is, lag)
+    yield from _late(rows, as_is, lags)
     if doubtful:
         yield from _left_out(rows, as_is)
         yield from _zeros(rows, log, as_is)
@@ -118,34 +116,22 @@ def as_it_stands(rows: LogRows) -> Reading:
 
 def _signs(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     """Yield torques and positions whose sign is the other way round."""
-    driven, names = rows.robot.transmission.joints, _torque_columns(rows)
-    if len(driven) > 1:
-        yield replace(
-            as_is,
-            kind="torque_sign",
-            text=f"the signs of {listed(names)} are reversed",
-            prior=_EVERYWHERE,
-            torque_factor=-as_is.torque_factor,
-            **_with({name: {"sign": -1} for name in names}),
+    names = _torque_columns(rows)
+    for k in _all_or_one(len(names)):
+        chosen, many = [names[i] for i in k], len(k) > 1
+        text = (
+            f"the sign{'s' if many else ''} of {listed(chosen)} {'are' if many else 'is'} reversed"
         )
-    for k, name in enumerate(names):
-        yield replace(
-            as_is,
-            kind="torque_sign",
-            text=f"the sign of {name} is reversed",
-            prior=_SOMEWHERE,
-            torque_factor=_put(as_is.torque_factor, [k], -1.0),
-            **_with({name: {"sign": -1}}),
-        )
+        prior = _EVERYWHERE if many else _SOMEWHERE
+        yield _scaled(as_is, "torque_sign", text, prior, k, -1.0, {n: {"sign": -1} for n in chosen})
     for i, joint in enumerate(rows.robot.single_joints):
-        moving = encoder_columns(log, joint)
         yield replace(
             as_is,
             kind="position_sign",
             text=f"the sign of {joint}.position is reversed",
             prior=_SOMEWHERE,
             factor=_put(as_is.factor, [i], -1.0),
-            **_with({name: {"sign": -1} for name in moving}),
+            **_with({name: {"sign": -1} for name in encoder_columns(log, joint)}),
         )
 
 
@@ -154,35 +140,29 @@ def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     names, driven = _torque_columns(rows), rows.robot.transmission.joints
     for k in _all_or_one(len(names)):
         chosen = [names[i] for i in k]
-        currents = all(name.endswith(".current") for name in chosen)
-        sliding = [slides(rows.robot, driven[i]) for i in k]
-        units = _CURRENT_UNITS if currents else _FORCE_UNITS if all(sliding) else _TORQUE_UNITS
-        if any(sliding) and not all(sliding) and not currents:
-            continue  # a torque and a force have no unit in common
-        for said, (unit, factor) in units.items():
-            yield replace(
-                as_is,
-                kind="torque_unit",
-                text=f"{_holds(chosen)} {said}",
-                prior=_EVERYWHERE if len(k) == len(names) else _RARE,
-                torque_factor=_put(as_is.torque_factor, k, factor),
-                **_with({name: {"unit": unit} for name in chosen}),
-            )
+        kinds = {
+            "mA" if names[i].endswith(".current") else "mN" if slides(rows.robot, driven[i]) else ""
+            for i in k
+        }
+        prior = _EVERYWHERE if len(k) == len(names) else _RARE
+        # A torque, a force and a current have no unit in common.
+        units = ("N mm", "N cm") if kinds == {""} else tuple(kinds)
+        for unit in units if len(kinds) == 1 else ():
+            text, columns = f"{_holds(chosen)} {unit}", {name: {"unit": unit} for name in chosen}
+            yield _scaled(as_is, "torque_unit", text, prior, k, LOG_UNITS[unit][1], columns)
     single = rows.robot.single_joints
     turning = [i for i, joint in enumerate(single) if not slides(rows.robot, joint)]
     for k in _all_or_one(len(turning)) if turning else []:
         places = [turning[i] for i in k]
-        mend = in_degrees(log.columns, [single[i] for i in places])
+        # One excitation moves all joints: their travels are one observation.
+        travels = float(np.mean([_travels(log, single[i], pi / 180.0) for i in places]))
         yield replace(
             as_is,
             kind="degrees",
             text=f"{_holds([f'{single[i]}.position' for i in places])} degrees",
-            prior=(_EVERYWHERE if len(k) == len(turning) else _RARE)
-            # One excitation moves all joints: their travels are one observation.
-            + float(np.mean([_travels(log, single[i], pi / 180.0) for i in places])),
+            prior=(_EVERYWHERE if len(k) == len(turning) else _RARE) + travels,
             factor=_put(as_is.factor, places, pi / 180.0),
-            mend=mend,
-            columns=tuple(mend["columns"]),
+            **_with(in_degrees(log.columns, [single[i] for i in places])["columns"]),
         )
 
 
@@ -202,42 +182,24 @@ def _sides(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
     for k in _all_or_one(len(names)):
         if np.all(np.abs(ratio[k]) == 1.0) or len({rows.quantities[i] for i in k}) > 1:
             continue
-        chosen, quantity = [names[i] for i in k], rows.quantities[k[0]]
+        chosen, quantity = listed([names[i] for i in k]), rows.quantities[k[0]]
         prior = _EVERYWHERE if len(k) == len(names) else _RARE
-        for power, (cause, key) in _SIDES[quantity].items():
-            factors = np.abs(ratio[k]) ** power if key == "scale" else ratio[k] ** power
-            side = "motor" if quantity == "rotor_torque" else "rotor"
-            yield replace(
-                as_is,
-                kind="gear_side",
-                text=cause.format(listed(chosen)),
-                prior=prior,
-                torque_factor=_put(as_is.torque_factor, k, factors),
-                **_with(
-                    {
-                        name: {"scale": float(f)}
-                        if key == "scale"
-                        else {"side": side, "gear_ratio": float(ratio[i])}
-                        for name, f, i in zip(chosen, factors, k, strict=True)
-                    }
-                ),
-            )
-
-
-_TWICE = "the gear ratio was applied once too often to {}"
-_CONSTANT = "the torque constants behind {} belong to the other side of the gear"
-_SIDES: dict[str, dict[float, tuple[str, str]]] = {
-    "rotor_torque": {
-        -1.0: ("the log gives torque after the reduction as {}", "side"),
-        1.0: (_TWICE, "scale"),
-    },
-    "motor_torque": {
-        1.0: ("the log gives torque before the reduction as {}", "side"),
-        -1.0: (_TWICE, "scale"),
-    },
-    "current": {-1.0: (_CONSTANT, "scale"), 1.0: (_CONSTANT, "scale")},
-}
-"""Quantity -> power of the gear ratio that mends it -> (what is wrong, key of the map)."""
+        for power in (1.0, -1.0):
+            if (quantity, power) in (("rotor_torque", -1.0), ("motor_torque", 1.0)):
+                side, when = ("motor", "after") if power < 0.0 else ("rotor", "before")
+                text = f"the log gives torque {when} the reduction as {chosen}"
+                factors = ratio[k] ** power
+                entries = [{"side": side, "gear_ratio": float(ratio[i])} for i in k]
+            else:
+                text = f"the gear ratio was applied once too often to {chosen}"
+                if quantity == "current":
+                    text = (
+                        f"the torque constants behind {chosen} belong to the other side of the gear"
+                    )
+                factors = np.abs(ratio[k]) ** power
+                entries = [{"scale": float(factor)} for factor in factors]
+            columns = {names[i]: entry for i, entry in zip(k, entries, strict=True)}
+            yield _scaled(as_is, "gear_side", text, prior, k, factors, columns)
 
 
 def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iterator[Reading]:
@@ -245,39 +207,30 @@ def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iter
     driven, single = rows.robot.transmission.joints, list(rows.robot.single_joints)
     names = _torque_columns(rows)
     for a, b in combinations(map(int, np.flatnonzero(lost)), 2):
-        both = f"{driven[a]} and {driven[b]}"
+        both = ((driven[a], driven[b]), (driven[b], driven[a]))
         moved = {
             f"{one}.{name.removeprefix(other + '.')}": {"from": name}
-            for one, other in ((driven[a], driven[b]), (driven[b], driven[a]))
+            for one, other in both
             for name in encoder_columns(log, other)
         }
+        crossed = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
         order = _exchanged(as_is.order, single.index(driven[a]), single.index(driven[b]))
-        moves: dict[str, Any] = {"order": order}
-        yield replace(
-            as_is,
-            kind="exchanged",
-            text=f"the positions of {both} are exchanged",
-            prior=_RARE,
-            **moves,
-            **_with(moved),
-        )
-        if rows.quantities[a] != rows.quantities[b]:
-            continue
-        torques = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
-        crossed = _exchanged(as_is.torque_order, a, b)
-        nothing: dict[str, Any] = {}
-        for text, also, mend in (
-            (f"the torques of {both} are exchanged", nothing, torques),
-            (f"the positions and torques of {both} are exchanged", moves, {**moved, **torques}),
-        ):
+        torque_order = _exchanged(as_is.torque_order, a, b)
+        ways = [("positions", order, as_is.torque_order, moved)]
+        if rows.quantities[a] == rows.quantities[b]:
+            ways += [
+                ("torques", as_is.order, torque_order, crossed),
+                ("positions and torques", order, torque_order, {**moved, **crossed}),
+            ]
+        for what, places, torques, columns in ways:
             yield replace(
                 as_is,
                 kind="exchanged",
-                text=text,
+                text=f"the {what} of {driven[a]} and {driven[b]} are exchanged",
                 prior=_RARE,
-                torque_order=crossed,
-                **also,
-                **_with(mend),
+                order=places,
+                torque_order=torques,
+                **_with(columns),
             )
 
 
@@ -302,38 +255,59 @@ def _left_out(rows: LogRows, as_is: Reading) -> Iterator[Reading]:
         )
 
 
-def _late(rows: LogRows, as_is: Reading, lag: float) -> Reading:
-    """Return torques that are late. A low-pass is a delay for what is slower than it."""
+def _late(rows: LogRows, as_is: Reading, lags: Sequence[Lag]) -> Iterator[Reading]:
+    """Yield torques that are late. A low-pass is a delay for what is slower than it."""
     names = _torque_columns(rows)
-    lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
-    return replace(
-        as_is,
-        kind="torque_late",
-        text=f"{listed(names)} lag by {1e3 * lag:.0f} ms: a delay, or a low-pass as long",
-        prior=_SOMEWHERE,
-        lag=lag,
-        **_with({name: {"lag": lag} for name in names}),
-    )
+    for joints, lag in lags:
+        lag = float(f"{lag:.1g}")  # joints and logs differ in the next digit
+        late = [names[k] for k in joints]
+        yield replace(
+            as_is,
+            kind="torque_late",
+            text=f"{listed(late)} {'lags' if len(late) == 1 else 'lag'} by {1e3 * lag:.0f} ms: "
+            "a delay, or a low-pass as long",
+            prior=_SOMEWHERE,
+            lag=_put(np.zeros(len(names)), joints, 1.0, lag),
+            **_with({name: {"lag": lag} for name in late}),
+        )
 
 
 def _zeros(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     """Yield positions whose zero is another one: off by a quarter or half a turn."""
-    for i, joint in enumerate(rows.robot.single_joints):
-        if slides(rows.robot, joint) or not rows.weighs:
+    model = rows.robot.model
+    for i, joint in enumerate(rows.robot.single_joints if rows.weighs else ()):
+        if slides(rows.robot, joint):
             continue
-        for degrees in (90, -90, 180):
+        # Behind the last joint of a chain, a link that is turned needs the same torque.
+        last = len(model.subtrees[model.getJointId(joint)]) == 1
+        names = [n for n in encoder_columns(log, joint) if n.endswith("position")]
+        for degrees in _TURNS:
             turn = degrees * pi / 180.0
-            names = [n for n in encoder_columns(log, joint) if n.endswith("position")]
             yield replace(
                 as_is,
                 kind="position_zero",
                 text=f"the zero of {joint}.position is off by {-degrees} degrees",
                 prior=_RARE,
                 offset=_put(np.zeros_like(as_is.factor), [i], 1.0, turn),
-                # Behind the last joint of a chain, a link that is turned needs the same torque.
-                told=len(rows.robot.model.subtrees[rows.robot.model.getJointId(joint)]) > 1,
+                rivals=_RARE - ln(len(_TURNS)) if last else -inf,
                 **_with({name: {"offset": turn} for name in names}),
             )
+
+
+def _scaled(
+    as_is: Reading,
+    kind: str,
+    text: str,
+    prior: float,
+    joints: Sequence[int],
+    factor: float | FloatArray,
+    columns: Mapping[str, Mapping[str, object]],
+) -> Reading:
+    """Return a reading of torques that are multiplied."""
+    changed = _put(as_is.torque_factor, joints, factor)
+    return replace(
+        as_is, kind=kind, text=text, prior=prior, torque_factor=changed, **_with(columns)
+    )
 
 
 def _with(columns: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
@@ -371,14 +345,6 @@ def _hold(names: Sequence[str]) -> str:
     return "holds" if len(names) == 1 else "hold"
 
 
-def listed(texts: Sequence[str]) -> str:
-    """Return 'a, b and c', or 'a' where all texts are the same."""
-    *first, last = texts
-    if all(text == last for text in first):
-        return last
-    return f"{', '.join(first)} and {last}"
-
-
 def encoder_columns(log: Log, joint: str) -> list[str]:
     """Return the columns of a joint that turn with its encoder."""
     return [name for q in ENCODER_UNITS if (name := f"{joint}.{q}") in log.columns]
@@ -399,14 +365,8 @@ class Bench:
         self._inertia = _inertia(rows)
         self._needs: dict[bytes, Need] = {}
         self._reports: dict[bytes, Report] = {}
-        self._unrelated: FloatArray | None = None
-
-    def unrelated(self, reading: Reading) -> FloatArray:
-        """Return (m,) the log likelihoods of the columns of a reading if they mean nothing."""
-        if self._unrelated is None:
-            plain = self.reports(as_it_stands(self._rows))
-            self._unrelated = np.array([one.idle for one in plain])
-        return self._unrelated[reading.torque_order]
+        self._idle: dict[int, float] = {}
+        self.reports(as_it_stands(rows))
 
     def reports(self, reading: Reading) -> tuple[Report, ...]:
         """Return the report of every driven joint, read in one way."""
@@ -418,19 +378,21 @@ class Bench:
             )
         torque = reading.torque(rows)
         found = []
-        for k in range(torque.shape[1]):
+        for k, source in enumerate(reading.torque_order):
             key = place + torque[:, k].tobytes() + bytes([k])
             if key not in self._reports:
-                samples = self._share * float(rows.samples[reading.torque_order[k]])
-                self._reports[key] = report(
+                told = report(
                     torque[:, k],
                     self._needs[place],
                     k,
-                    samples,
+                    self._share * float(rows.samples[source]),
                     float(self._inertia[k]),
                     float(rows.robot.transmission.reflected_inertia[k]),
                     0.0 if rows.quantities[k] == "motor_torque" else -1.0,
                 )
+                # What means nothing does so however it is read.
+                idle = self._idle.setdefault(int(source), told.idle)
+                self._reports[key] = told._replace(idle=idle)
             found.append(self._reports[key])
         return tuple(found)
 

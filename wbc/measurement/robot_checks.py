@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from itertools import combinations, permutations
-from math import factorial
+from itertools import combinations
+from math import pi
 
 import numpy as np
-from scipy.special import logsumexp
+import pinocchio as pin
 
+from wbc.arrays import FloatArray
+from wbc.dynamics import Workspace
+from wbc.errors import LogError
+from wbc.measurement.clocks import too_short
 from wbc.measurement.evidence import evidence
-from wbc.measurement.findings import LogFinding, Mend, say_so
+from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.log_rows import LogRows, rows_of
-from wbc.measurement.names import unread_columns, unread_map
+from wbc.measurement.log_rows import LogRows, positions, rows_of
+from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.readings import Bench, Reading, as_it_stands
 from wbc.measurement.torque import (
@@ -28,20 +33,79 @@ from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
-_MOST_ORDERS = 720
 _SURE = 0.9
-_OF_UNIT = ("rotor_torque", "motor_torque", "joint_torque")
+_STANDS = 0.01  # [m] that a point may move while its robot stands; a foot that steps moves more
+_PLACES = 400  # of a log at which contacts are looked at
+_BEYOND = 3.0  # times the limit of a joint
+_MANY_TURNS = 6.0 * pi
+
+
+def refusal(log: Log, robot: Robot) -> LogFinding | None:
+    """Return why nothing can be said of a robot from a log, None where something can.
+
+    `wbc check` and every comparison ask here, so that neither lets pass what the other refuses.
+    """
+    beyond = (finding for finding in check_ranges(log, robot) if finding.severity == "error")
+    unknown = unknown_joints(log, robot) or unknown_base(log, robot)
+    return too_short(log) or next(beyond, None) or unknown
 
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
-    """Return findings about joints without position, drives without torque, and no motion."""
+    """Return findings about what a robot has and a log lacks."""
     unknown = unknown_joints(log, robot)
     if unknown is not None:
         return [unknown]
     base = unknown_base(log, robot)
-    found = [*([base] if base is not None else _without_force(log, robot))]
-    found += _without_torque(log, robot)
-    return [*found, *_with_holes(log, robot)]
+    found = [base] if base is not None else _without_force(log, robot)
+    return [*found, *_without_torque(log, robot), *_with_holes(log, robot)]
+
+
+def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
+    """Return findings about positions that a joint cannot have.
+
+    Far beyond its limits the unit must be another, and nothing can be compared.
+
+    Args:
+        log: the log.
+        robot: gives the limits; a joint without any is judged by eye.
+    """
+    findings: list[LogFinding] = []
+    for joint in log.with_quantity("position"):
+        name = f"{joint}.position"
+        low, high = float(log.column(name).min()), float(log.column(name).max())
+        lower, upper = _limits(robot, joint)
+        spare = 0.05 * (upper - lower) if np.isfinite(upper - lower) else 0.0
+        lowest, highest = lower - spare, upper + spare
+        seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log.columns, [joint])
+        if low < lowest or high > highest:
+            turns = 2.0 * pi * round((low + high) / (4.0 * pi))
+            said = "read as degrees"
+            if turns and lowest <= low - turns and high - turns <= highest:
+                mend, said = {"columns": {name: {"offset": -turns}}}, "whole turns away"
+            elif not (lowest <= np.radians(low) and np.radians(high) <= highest):
+                mend, said = {}, ""
+            text = f"{seen}, the joint allows {lower:.4g} to {upper:.4g}"
+            text += f"; {said} it would fit." if said else "."
+            far = max(-low, high) > _BEYOND * max(-lower, upper)
+            way = "If so, " + say_so(mend) if said else "State unit, side and offset in a map."
+            if far:
+                way = f"If the joint turns on, widen its limits in the URDF. {way}"
+            severity = "error" if far else "warning"
+            findings.append(LogFinding(severity, "range", name, text, way, mend))
+        elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
+            text = f"{seen}: {(high - low) / (2.0 * pi):.1f} turns if that is rad."
+            way = f"If it is degrees, {say_so(mend)}"
+            findings.append(LogFinding("warning", "range", name, text, way))
+    return findings
+
+
+def _limits(robot: Robot | None, joint: str) -> tuple[float, float]:
+    """Return the lowest and highest position of a joint [rad or m], infinite where it has none."""
+    if robot is None or joint not in robot.single_joints:
+        return -np.inf, np.inf
+    row, model = robot.position_index(joint), robot.model
+    lower, upper = float(model.lowerPositionLimit[row]), float(model.upperPositionLimit[row])
+    return (lower, upper) if lower < upper and abs(upper) < 1e6 else (-np.inf, np.inf)
 
 
 def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
@@ -72,38 +136,30 @@ def unknown_joints(log: Log, robot: Robot) -> LogFinding | None:
     missing = [name for name in missing if name not in placeless]
     if not missing:
         return None
-    strange = [name for name in log.with_quantity("position") if name not in robot.joints]
-    seen = f"the log has those of {', '.join(log.with_quantity('position')) or 'no joint'}"
-    text = f"no position of {', '.join(missing)} of '{robot.name}'; {seen}."
-    mend: Mend = {}
-    unread = log.source.ignored
+    held = log.with_quantity("position")
+    strange = [name for name in held if name not in robot.joints]
+    text = (
+        f"no position of {', '.join(missing)} of '{robot.name}'; the log has those of "
+        f"{', '.join(held) or 'no joint'}."
+    )
     sought = [f"{name}.position" for name in missing]
-    named = unread_map(unread, sought)
-    if len(named.get("columns", {})) == len(missing):
-        way = unread_columns(unread, sought)
-        return LogFinding("error", "joints_unknown", "", text, way, named)
-    way = "Give the robot of these logs, or name the columns in a column map (--columns MAP.toml)."
-    placed = [name for name in missing if name in speeds]
-    if placed:
-        way += f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia there"
-        way += " depends on the position."
-    way += " Joints that never moved are held still by a line at the top of robot.toml:"
-    way += f"\n    lock = {missing}"
-    if len(strange) == len(missing):
+    way, mend = unread(log.source.ignored, sought)
+    if len(mend.get("columns", {})) < len(missing) == len(strange):
         order, sure = match_joints(robot, log, missing, strange)
-        mend = {
-            "columns": {
-                f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
-                for ours, theirs in order.items()
-                for name in log.columns
-                if name.startswith(f"{theirs}.")
-            }
-        }
+        mend = columns_from(order, log)
         why = "as their motion and torques tell" if sure else "if their order is the same"
         way = f"If they are the same joints ({why}), " + say_so(mend)
-    elif unread:
-        way = f"{unread_columns(unread, sought)}\n{way}"
-        mend = named
+    elif len(mend.get("columns", {})) < len(missing):
+        way += "\n" if way else ""
+        way += "Give the robot of these logs, or name the columns in a column map "
+        way += "(--columns MAP.toml)."
+        if placed := [name for name in missing if name in speeds]:
+            way += (
+                f" The velocity of {', '.join(placed)} alone is not enough: gravity or inertia "
+                "there depends on the position."
+            )
+        way += " Joints that never moved are held still by a line at the top of robot.toml:"
+        way += f"\n    lock = {missing}"
     return LogFinding("error", "joints_unknown", "", text, way, mend)
 
 
@@ -122,13 +178,9 @@ def unknown_base(log: Log, robot: Robot) -> LogFinding | None:
         "Record where the robot is, from motion capture or a state estimator, as metres and as a "
         "unit quaternion (body to world). If the base is held, give the robot with its fixed base."
     )
-    return LogFinding(
-        "error",
-        "no_base_pose",
-        "",
-        f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} needed.",
-        f"{way} {unread_columns(log.source.ignored, lacking)}".rstrip(),
-    )
+    way = f"{way} {unread(log.source.ignored, lacking)[0]}".rstrip()
+    text = f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} needed."
+    return LogFinding("error", "no_base_pose", "", text, way)
 
 
 def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
@@ -137,99 +189,80 @@ def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
     told = [name for name in names if name in log.contacts or log.has(f"{name}.active")]
     if not robot.floating_size or not names or told:
         return []
+    text = f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
+    text += "robot stands on all of them can be used."
+    moved = None
+    with suppress(LogError):  # of positions that cannot be used others speak
+        moved = moving_contact(robot, positions(robot, log)[:: max(1, len(log) // _PLACES)])
+    if moved is not None:
+        text += f" In this one '{moved[0]}' moves by {moved[1]:.2g} m."
     sought = [f"{name}.force.z" for name in names]
-    return [
-        LogFinding(
-            "warning",
-            "no_contact_force",
-            "",
-            f"no force and no flag of the contacts {', '.join(names)}: only logs in which the "
-            "robot stands on all of them can be used.",
-            f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
-            f"and else 0, and so on. {unread_columns(log.source.ignored, sought)}".rstrip(),
-        )
-    ]
+    way = (
+        f"Record {names[0]}.force.x, .y and .z [N], or {names[0]}.active, 1 while it touches "
+        f"and else 0, and so on. {unread(log.source.ignored, sought)[0]}".rstrip()
+    )
+    severity = "warning" if moved is None else "error"
+    return [LogFinding(severity, "no_contact_force", "", text, way)]
 
 
-def _found_torque(log: Log, joints: list[str]) -> str:
-    """Return what to do where columns that were not read may be the torques of joints."""
-    sought = torque_channels(joints)
-    way = unread_columns(log.source.ignored, sought)
-    certain = len(unread_map(log.source.ignored, sought).get("columns", {})) == len(joints)
-    return way if certain or not way else f"{_NO_TORQUE} {way}"
+def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | None:
+    """Return the contact point that moves most along q (N, nq) and how far [m], None if all stand.
+
+    What one row in fifty shows does not count.
+    """
+    space = Workspace(robot)
+    places = np.empty((len(position), len(robot.contacts), 3))
+    for row, q in enumerate(position):
+        pin.framesForwardKinematics(space.model, space.data, q)
+        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
+    low, high = np.quantile(places, [0.01, 0.99], axis=0)
+    distances = np.linalg.norm(high - low, axis=1)
+    most = int(np.argmax(distances))
+    moves = distances[most] > _STANDS
+    return (robot.contacts[most].name, float(distances[most])) if moves else None
 
 
 def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
-    lacking = [
-        joint
-        for joint in robot.transmission.joints
-        if not any(log.recorded(f"{joint}.{quantity}") for quantity in _TORQUES)
-    ]
+    """Return what to do about drives whose torque nothing tells."""
     gears = robot.transmission if log.machine is None else log.machine.transmission
-    made = dict(zip(gears.joints, makes_torque(log, gears), strict=True))
-    targets = [joint for joint in lacking if log.recorded(f"{joint}.target_position")]
-    followed = [joint for joint in lacking if made[joint]]
-    lacking = [joint for joint in lacking if joint not in followed]
-    constant = robot.transmission.torque_constant
-    found = []
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
-    holes = [joint for joint in targets if joint in lacking and gained[gears.joints.index(joint)]]
-    lacking = [joint for joint in lacking if joint not in holes]
-    for joint in holes:
-        text = log.source.unusable.get(
-            f"{joint}.target_position", "a number of its gear is missing."
+    found: list[LogFinding] = []
+    lacking, silent = [], []
+    for k, (joint, made) in enumerate(zip(gears.joints, makes_torque(log, gears), strict=True)):
+        told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
+        target = f"{joint}.target_position"
+        if told == ["current"] and not np.isfinite(gears.torque_constant[k]):
+            silent.append(joint)
+        elif told or made:
+            continue
+        elif log.recorded(target) and gained[k]:
+            hole = log.source.unusable.get(target, "a number of its gear is missing.")
+            text = f"the torque of {joint} is made from its target, and {hole}"
+            way = "If nothing drives the joint, take its gear out of robot.toml."
+            found.append(LogFinding("error", "no_target", joint, text, way))
+        else:
+            lacking.append(joint)
+    if lacking and all(log.recorded(f"{joint}.target_position") for joint in lacking):
+        text = (
+            f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
+            "their position drives."
         )
-        found.append(
-            LogFinding(
-                "error",
-                "no_target",
-                joint,
-                f"the torque of {joint} is made from its target, and {text}",
-                "If nothing drives the joint, take its gear out of robot.toml.",
-            )
-        )
-    if lacking and set(lacking) <= set(targets):
-        found.append(
-            LogFinding(
-                "error",
-                "no_drive_gains",
-                "",
-                f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
-                "their position drives.",
-                "State them (of drives that set the voltage: duty_gain instead of kp and kd): "
-                + "\n".join(state_gear(joint, "kp", "kd") for joint in lacking),
-            )
-        )
+        ways = "\n".join(state_gear(joint, "kp", "kd") for joint in lacking)
+        way = f"State them (of drives that set the voltage: duty_gain instead of kp and kd): {ways}"
+        found.append(LogFinding("error", "no_drive_gains", "", text, way))
     elif lacking:
-        found.append(
-            LogFinding(
-                "error",
-                "no_torque",
-                "",
-                f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
-                "and joint_torque is needed, or target_position and the drive's gains kp and kd.",
-                _found_torque(log, lacking) or _NO_TORQUE,
-                unread_map(log.source.ignored, torque_channels(lacking)),
-            )
+        text = (
+            f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
+            "and joint_torque is needed, or target_position and the drive's gains kp and kd."
         )
-    silent = [
-        joint
-        for k, joint in enumerate(robot.transmission.joints)
-        if joint not in lacking
-        and joint not in followed
-        and not any(log.recorded(f"{joint}.{quantity}") for quantity in _OF_UNIT)
-        and not np.isfinite(constant[k])
-    ]
+        way, mend = unread(log.source.ignored, torque_channels(lacking))
+        if len(mend.get("columns", {})) < len(lacking):
+            way = f"{_NO_TORQUE} {way}".rstrip()
+        found.append(LogFinding("error", "no_torque", "", text, way, mend))
     if silent:
-        found.append(
-            LogFinding(
-                "error",
-                "no_torque_constant",
-                "",
-                f"the log gives currents of {', '.join(silent)}, and the robot no torque constant.",
-                "State it: " + "\n".join(state_gear(j, "torque_constant") for j in silent),
-            )
-        )
+        text = f"the log gives currents of {', '.join(silent)}, and the robot no torque constant."
+        way = "State it: " + "\n".join(state_gear(joint, "torque_constant") for joint in silent)
+        found.append(LogFinding("error", "no_torque_constant", "", text, way))
     return found
 
 
@@ -248,33 +281,23 @@ def match_joints(
         theirs: joints of the log that the robot does not have, as many.
     """
     plain = dict(zip(ours, theirs, strict=True))
-    if len(ours) < 2 or factorial(len(ours)) > _MOST_ORDERS:
-        return plain, len(ours) == 1
-    renamed = mended(
-        log,
-        {
-            "columns": {
-                f"{one}.{name.removeprefix(other + '.')}": {"from": name}
-                for one, other in plain.items()
-                for name in log.columns
-                if name.startswith(f"{other}.")
-            }
-        },
-    )
-    rows = rows_of(robot, renamed)
-    if rows is None or len(set(rows.quantities)) > 1:
-        return plain, False
-    bench = Bench(rows)
-    orders = list(permutations(range(len(ours))))
-    scores = []
-    for order in orders:
-        sources = dict(zip(ours, (ours[k] for k in order), strict=True))
-        changed = _reordered(robot, rows, sources)
-        scores.append(evidence([(bench.reports(changed), bench.unrelated(changed))]))
-    best = int(np.argmax(scores))
-    sure = float(np.exp(scores[best] - logsumexp(scores))) > _SURE
-    chosen = orders[best] if sure else orders[0]
-    return {ours[k]: theirs[source] for k, source in enumerate(chosen)}, sure
+    if len(ours) < 2:
+        return plain, True
+    sources, told = _whose(robot, [mended(log, columns_from(plain, log))], ours)
+    sure = bool(told) and min(own for own, _ in told.values()) > _SURE
+    return ({one: plain[sources[one]] for one in ours} if sure else plain), sure
+
+
+def columns_from(sources: Mapping[str, str], log: Log) -> Mend:
+    """Return the map that reads the columns of joints from those of other names in a log."""
+    return {
+        "columns": {
+            f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
+            for ours, theirs in sources.items()
+            for name in log.columns
+            if ours != theirs and name.startswith(f"{theirs}.")
+        }
+    }
 
 
 def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
@@ -289,26 +312,47 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
         exchange with another joint; share of its torque's power that the motion explains). Empty
         where the logs cannot be held against the robot, or nothing can be exchanged.
     """
+    return _whose(robot, logs)[1]
+
+
+def _whose(
+    robot: Robot, logs: Sequence[Log], moved: Sequence[str] = ()
+) -> tuple[dict[str, str], dict[str, tuple[float, float]]]:
+    """Return whose columns fit each joint best, and how well the rows tell it, see `told_by_rows`.
+
+    Args:
+        robot: whose logs they are.
+        logs: of it.
+        moved: joints whose columns are exchanged, pair by pair, while that explains more.
+    """
     known = [rows for rows in (rows_of(robot, log) for log in logs) if rows is not None]
     driven = robot.transmission.joints
+    sources = {joint: joint for joint in (*driven, *moved)}
     if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for rows in known):
-        return {}
+        return sources, {}
     benches = [(rows, Bench(rows)) for rows in known]
-    plain = [(bench, as_it_stands(rows)) for rows, bench in benches]
-    standing = evidence([(bench.reports(one), bench.unrelated(one)) for bench, one in plain])
-    left = np.mean([[r.left for r in bench.reports(one)] for bench, one in plain], axis=0)
-    before = np.sum([bench.strays(one).sum(axis=0) for bench, one in plain], axis=0)
-    odds = np.zeros(len(driven))
-    for a, b in combinations(range(len(driven)), 2):
-        pair = {driven[a]: driven[b], driven[b]: driven[a]}
-        each = [(bench, _reordered(robot, rows, pair)) for rows, bench in benches]
-        after = np.sum([bench.strays(one).sum(axis=0) for bench, one in each], axis=0)
-        if after[[a, b]].sum() >= before[[a, b]].sum():
-            continue  # what brings no report closer to the need is no rival
-        score = evidence([(bench.reports(one), bench.unrelated(one)) for bench, one in each])
-        odds[[a, b]] += np.exp(np.minimum(score - standing, 500.0))
-    own, share = 1.0 / (1.0 + odds), np.clip(1.0 - left, 0.0, 1.0)
-    return {joint: (float(own[k]), float(share[k])) for k, joint in enumerate(driven)}
+
+    def judged(sources: Mapping[str, str]) -> tuple[float, float, FloatArray]:
+        """Evidence, how far the reports stray, and what is left of each of them."""
+        each = [(bench, _reordered(robot, rows, sources)) for rows, bench in benches]
+        reports = [bench.reports(reading) for bench, reading in each]
+        left = np.mean([[one.left for one in own] for own in reports], axis=0)
+        return evidence(reports), sum(np.sum(b.strays(reading)) for b, reading in each), left
+
+    while True:
+        standing, strays, left = judged(sources)
+        odds, best = dict.fromkeys(sources, 0.0), (0.0, sources)
+        for a, b in combinations(moved or driven, 2):
+            rival = {**sources, a: sources[b], b: sources[a]}
+            score, after, _ = judged(rival)
+            if after < strays:  # what brings no report closer to the need is no rival
+                for joint in (a, b):
+                    odds[joint] += float(np.exp(min(score - standing, 500.0)))
+                best = max(best, (score - standing, rival), key=lambda one: one[0])
+        if not moved or best[1] is sources:
+            shares = dict(zip(driven, np.clip(1.0 - left, 0.0, 1.0), strict=True))
+            return sources, {j: (1.0 / (1.0 + odds[j]), float(shares[j])) for j in driven}
+        sources = best[1]
 
 
 def _reordered(robot: Robot, rows: LogRows, sources: Mapping[str, str]) -> Reading:

@@ -1,48 +1,36 @@
-"""A file of columns as a whole table in memory, whatever its format."""
+"""Columns by name, and text files of them: what stands between and above the numbers is found.
+
+Commas, semicolons, tabs, bars or blanks between columns; decimal points or commas; a header line,
+comment lines (`#`, `%`) and a line of units or none; UTF-8, UTF-16 or Latin-1; gzip. `notes` of the
+table say what was found. pyarrow parses the rows.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
+import gzip
+import os
 import re
-import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
-from importlib.util import find_spec
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
-from zipfile import BadZipFile
-from zlib import error as ZlibError  # noqa: N812
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.arrays import FloatArray
-from wbc.errors import LogError, unknown_name
-from wbc.extras import INSTALLED_BY, needs
-from wbc.files import atomic_write
+from wbc.errors import LogError
+from wbc.extras import needs
 from wbc.measurement.findings import say_so
-from wbc.measurement.log import Log
-from wbc.measurement.names import guess_name
-from wbc.measurement.schema import TIME, is_column
+from wbc.measurement.schema import is_column, named_unit
 
-_TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
-_FORMATS = (
-    ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or the folder of a "
-    "rosbag2 recording or of a LeRobot dataset"
-)
-_DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
 _DATES = ("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%H:%M:%S")
-_INFO = Path("meta") / "info.json"
-_VECTORS = {
-    "observation.state": "position",
-    "observation.velocity": "velocity",
-    "observation.effort": "motor_torque",
-    "action": "target_position",
-}
-_ENDINGS = (".pos", ".position", ".vel", ".velocity", ".effort", ".torque")
+_COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,107 +103,6 @@ class Table:
         except LogError:
             return False
         return True
-
-
-def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table:
-    """Read a file by its suffix.
-
-    Args:
-        path: file, or folder of a rosbag2 recording or of a LeRobot dataset.
-        topic: JointState topic of a bag, empty for the only one.
-        header: names of the columns of a text file without a header line.
-
-    Raises:
-        LogError: no such file, a format that is not read, or a file that is not what it says.
-    """
-    parts = _files(path)
-    if len(parts) > 1:
-        first, *others = (open_table(part, topic, header) for part in parts)
-        return _joined(path, first, others)
-    if not path.exists():
-        raise LogError(f"no log at '{path}'.")
-    suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
-    if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
-        from wbc.measurement.tables import read_bag
-
-        return read_bag(path, topic)
-    if path.is_dir() and (path / _INFO).is_file():
-        return _read_lerobot(path)
-    if path.is_dir():
-        raise LogError(
-            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml) and no LeRobot "
-            "dataset (no meta/info.json)."
-        )
-    if path.stat().st_size == 0:
-        raise LogError(f"'{path}' is empty.")
-    if suffix in (".parquet", ".pq"):
-        return _read_parquet(path)
-    if suffix == ".npz":
-        return _read_npz(path)
-    if suffix in _TEXT:
-        # pyarrow is no part of a bare installation.
-        from wbc.measurement.text_file import read_text_file
-
-        return read_text_file(path, header)
-    raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
-
-
-def _files(path: Path) -> list[Path]:
-    """Return the files of `A+B`, which are one run on one clock."""
-    parts = [Path(part) for part in str(path).split("+")]
-    return parts if len(parts) > 1 and all(part.exists() for part in parts) else [path]
-
-
-def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
-    """Return the rows of a table with the last row of others that was not later.
-
-    Columns of the others get what their file is called before their own name, without what both
-    files are called: of run1.state.csv and run1.control.csv, `control_positions_0`.
-
-    Raises:
-        LogError: a table without a column that looks like a clock.
-    """
-    columns = dict(first.columns)
-    time = first.numbers(_clock(first))
-    notes = list(first.notes)
-    for table in others:
-        clock = _clock(table)
-        stamps = table.numbers(clock)
-        rows = np.searchsorted(stamps, time, side="right") - 1
-        known = rows >= 0
-        theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
-        prefix = "_".join(theirs) or "other"
-        for name in table.names:
-            if name != clock and table.holds_numbers(name):
-                values = table.numbers(name)[np.maximum(rows, 0)]
-                columns[f"{prefix}_{name}"] = np.where(known, values, np.nan)
-        notes.append(f"columns of '{table.path.name}' were put beside, by {clock}.")
-    return Table(path, columns, first.units, tuple(notes))
-
-
-def _words_of(path: Path) -> list[str]:
-    return re.findall(r"[A-Za-z0-9]+", re.sub(r"(\.gz)?$", "", path.name).rpartition(".")[0])
-
-
-def _clock(table: Table) -> str:
-    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
-    if not names:
-        raise LogError(f"{table.path}: no column looks like a clock, so nothing can be put beside.")
-    return names[0]
-
-
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all files below a folder in order of their names."""
-    if len(_files(path)) > 1:
-        whole = "".join(digest(part) for part in _files(path))
-        return hashlib.sha256(whole.encode("ascii")).hexdigest()
-    if path.is_file():
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    total = hashlib.sha256()
-    for part in sorted(p for p in path.rglob("*") if p.is_file()):
-        total.update(digest(part).encode("ascii"))
-    return total.hexdigest()
 
 
 def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -297,259 +184,233 @@ def _dated(pattern: str) -> Any:
     return lambda cell: datetime.strptime(cell.replace(",", "."), pattern)
 
 
-def _read_parquet(path: Path) -> Table:
-    with needs("logs", "reading Parquet files"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+def kept_rows(size: int) -> tuple[int, tuple[str, ...]]:
+    """Return N such that every N-th row of a file of so many bytes fits the memory, and a note."""
+    every = max(1, -(-size * _COPIES // memory()))
+    return every, (f"larger than memory: one row of {every} was read.",) if every > 1 else ()
+
+
+def memory() -> int:
+    """Return the memory of this machine [bytes], 8 GB where it does not say."""
     try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as cause:
-        raise LogError(
-            f"cannot read '{path}' as Parquet: {cause}. The file is cut off or damaged, or of "
-            "another format; copy it again, or export it as CSV."
-        ) from cause
-    arrays = dict(zip(table.column_names, table.columns, strict=True))
-    return Table(path, columns_of(arrays, path))
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
 
 
-def _read_npz(path: Path) -> Table:
-    """Read an archive of arrays, never unpickled: (N,) and (N, n); others are passed over."""
-    arrays: dict[str, NDArray[Any]] = {}
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            for name in archive.files:
-                arrays[name] = np.asarray(archive[name])
-    except _DAMAGE as cause:
-        said = "it holds Python objects; only arrays of numbers are read"
-        text = said if "allow_pickle" in str(cause) else str(cause)
-        raise LogError(f"cannot read '{path}' as NPZ: {text}.") from cause
-    own = [len(a) for name, a in arrays.items() if a.ndim and (is_column(name) or name == TIME)]
-    if len(set(own)) > 1:
-        listed = ", ".join(f"{name} {len(a)}" for name, a in arrays.items() if a.ndim)
-        raise LogError(f"'{path}': the arrays differ in length: {listed}.")
-    lengths = own or [len(a) for a in arrays.values() if a.ndim in (1, 2)]
-    rows = max(set(lengths), key=lengths.count, default=0)
-    kept = {}
-    for name, array in arrays.items():
-        flat = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
-        turned = flat.T if flat.ndim == 2 and rows == flat.shape[1] != flat.shape[0] else flat
-        if turned.ndim in (1, 2) and len(turned) == rows:
-            kept[name] = turned
-        elif turned.ndim > 2 and len(turned) == rows:
-            raise LogError(
-                f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
-            )
-    others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
-    notes = (f"arrays without {rows} rows were passed over: {', '.join(others)}.",)
-    return Table(path, columns_of(kept, path), notes=notes if others else ())
+_MARKS = (",", ";", "\t", "|", " ")
+_COMMENT = ("#", "%")
+_HEAD_LINES = 200
+_SNIFFED = 40  # lines that tell what stands between cells
+_EMPTY = ("", "nan", "null", "na", "n/a", "none")
+_GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_ZIPPED = 8  # how many times larger a zipped file of numbers becomes
 
 
-def _read_lerobot(path: Path) -> Table:
-    """Read the episodes of a LeRobot dataset: a folder of Parquet files with vectors.
+@dataclass(frozen=True)
+class _Layout:
+    """How a text is laid out: what stands between cells, the decimal sign, cells of its head."""
 
-    `observation.state` is read as positions, `action` as target positions, `observation.velocity`
-    and `observation.effort` as their names say. The clock starts anew with every episode: a column
-    map splits them (`rows.split = "episode_index"`). The format states no units of angles: most
-    datasets hold degrees or shares of the range, which a map must say.
+    mark: str
+    decimal: str
+    first: list[str]
+    below: list[list[str]]
+
+    @cached_property
+    def width(self) -> int:
+        return Counter(map(len, self.below)).most_common(1)[0][0] if self.below else len(self.first)
+
+    def is_number(self, cell: str) -> bool:
+        cell = cell.strip()
+        if cell.lower() in _EMPTY:
+            return True
+        try:
+            float(cell.replace(",", ".") if self.decimal == "," else cell)
+        except ValueError:
+            return False
+        return True
+
+    @property
+    def score(self) -> float:
+        """How much of the head is numbers in columns of equal length."""
+        rows = [row for row in self.below if len(row) == self.width]
+        cells = [cell for row in rows for cell in row]
+        numbers = sum(self.is_number(c) or c.strip()[:1] in ("[", "(") for c in cells)
+        whole = len(rows) / max(len(self.below), 1) * numbers / max(len(cells), 1)
+        fits = abs(len(self.first) - self.width) <= 1
+        return (whole + 1e-6 * self.width) * (1.0 if fits else 0.5) * (self.width > 1 or 0.5)
+
+
+def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
+    """Read a text file of columns.
+
+    Args:
+        path: the file.
+        header: names of the columns of a file without a header line.
 
     Raises:
-        LogError: no description, no data, or no vector of positions.
+        LogError: the file is missing, empty or no text, has no header line, names a column twice,
+            or has rows of other lengths.
     """
-    with needs("logs", "reading LeRobot datasets"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    try:
-        features = json.loads((path / _INFO).read_text(encoding="utf-8"))["features"]
-    except (OSError, ValueError, KeyError, TypeError) as cause:
-        raise LogError(f"cannot read '{path / _INFO}': {cause!r}.") from cause
-    files = sorted((path / "data").rglob("*.parquet"))
-    if not files:
-        raise LogError(f"'{path}' has no Parquet file in its folder data.")
-    places = {
-        f"{joint}.{quantity}": (vector, k)
-        for vector, quantity in _VECTORS.items()
-        for k, joint in enumerate(_named_parts(features.get(vector)))
-    }
-    if not any(name.endswith(".position") for name in places):
-        raise LogError(
-            f"'{path}': no feature 'observation.state' with a name for every part; there are: "
-            f"{', '.join(features)}."
-        )
-    stored = list(dict.fromkeys(["timestamp", "episode_index", *(v for v, _ in places.values())]))
-    try:
-        table = pa.concat_tables(pq.read_table(file, columns=stored) for file in files)
-        vectors = {v: _parts(v, table.column(v), path) for v in {v for v, _ in places.values()}}
-    except (OSError, KeyError, pa.ArrowException) as cause:
-        raise LogError(f"cannot read the dataset '{path}': {cause}.") from cause
-    columns: dict[str, Any] = {TIME: table.column("timestamp")}
-    for name, (vector, k) in places.items():
-        held = vectors[vector]
-        if held is None or k >= held.shape[1]:
-            width = 0 if held is None else held.shape[1]
-            raise LogError(
-                f"cannot read the dataset '{path}': a vector of {width} parts holds no part {k}."
-            )
-        columns[name] = held[:, k]
-    return Table(path, {**columns, "episode_index": table.column("episode_index")})
+    text, notes, every = _text(path)
+    lines = text[: 1 << 20].splitlines()[:_HEAD_LINES]
+    first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
+    if first == len(lines):
+        raise LogError(f"'{path}' is empty; a header line with column names is expected.")
+    layout = _layout([line for line in lines[first:] if _says(line)][:_SNIFFED])
+    names = _names(path, layout, lines[:first], tuple(header))
+    skipped = int(not all(map(layout.is_number, layout.first)))
+    units: dict[str, str] = {}
+    if skipped and layout.below and _are_units(layout.below[0], layout):
+        skipped = 2
+        cells = [cell.strip() for cell in layout.below[0]]
+        units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
+        line = next(k for k in range(first + 1, len(lines)) if _says(lines[k]))
+        notes.append(f"line {line + 1} gives units ({', '.join(c for c in cells if c)}).")
+    if layout.mark == " ":
+        notes.append("blanks stand between the columns.")
+    if layout.decimal == ",":
+        notes.append("numbers have decimal commas.")
+    if first and any(line.strip() for line in lines[:first]):
+        notes.append(f"{first} comment lines above the header were passed over.")
+    table = _parsed(path, text, layout, names, skipped, notes)
+    if every > 1:
+        head = sum(map(_says, lines)) - skipped  # rows that were read one by one
+        table = table.take([*range(0, head, every), *range(head, table.num_rows)])
+    columns = columns_of(dict(zip(names, table.columns, strict=True)), path)
+    return Table(path, columns, units, tuple(notes))
 
 
-def _named_parts(feature: Any) -> list[str]:
-    """Return the names of the parts of a vector, without what they measure; none if unnamed."""
-    names = feature.get("names") if isinstance(feature, dict) else None
-    if isinstance(names, dict):
-        names = next((value for value in names.values() if isinstance(value, list)), None)
+def _says(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith(_COMMENT)
+
+
+def _text(path: Path) -> tuple[str, list[str], int]:
+    """Return the text of a file, notes, and N: of one larger than memory every N-th line."""
+    try:
+        with path.open("rb") as file:
+            zipped = file.read(2) == _GZIP
+        every, said = kept_rows(path.stat().st_size * (_ZIPPED if zipped else 1))
+        notes = list(said)
+        with gzip.open(path, "rb") if zipped else path.open("rb") as file:
+            head = b"".join(islice(file, _HEAD_LINES)) if every > 1 else b""
+            raw = head + (b"".join(islice(file, 0, None, every)) if every > 1 else file.read())
+        if raw.startswith(_UTF_16):
+            return raw.decode("utf-16"), [*notes, "the file is UTF-16."], every
+        if b"\0" in raw[:4096]:
+            raise LogError(f"cannot read '{path}' as CSV: it is no text.")
+        try:
+            return raw.decode("utf-8-sig"), notes, every
+        except UnicodeDecodeError:
+            notes.append("the file is no UTF-8 and was read as Latin-1.")
+            return raw.decode("latin-1"), notes, every
+    except (OSError, EOFError, UnicodeError) as cause:
+        raise LogError(f"cannot read '{path}' as CSV: {cause}.") from cause
+
+
+def _split(line: str, mark: str) -> list[str]:
+    if mark == " ":
+        return line.split()
+    return next(iter(reader([line], delimiter=mark, skipinitialspace=True)), [])
+
+
+def _layout(lines: Sequence[str]) -> _Layout:
+    """Return the layout whose cells are numbers in columns, of all that a text may have."""
     found = []
-    for name in names if isinstance(names, list) else ():
-        ending = next((e for e in _ENDINGS if str(name).endswith(e)), "")
-        found.append(str(name).removesuffix(ending))
-    return found
+    for mark in _MARKS:
+        rows = [_split(line, mark) for line in lines]
+        cells = [cell.strip() for row in rows[1:] for cell in row]
+        commas = sum(bool(_DECIMAL_COMMA.fullmatch(cell)) for cell in cells)
+        points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+\S*", cell)) for cell in cells)
+        found.append(_Layout(mark, "," if commas > points else ".", rows[0], rows[1:]))
+    return max(found, key=lambda one: one.score)
 
 
-def save_log(log: Log, path: str | Path) -> Path:
-    """Write a log; reading the file gives back the same numbers, bit by bit.
+def _names(
+    path: Path, layout: _Layout, above: Sequence[str], given: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Return the names of the columns: given, of the header line, or of a comment above."""
+    cells = [cell.strip() for cell in layout.first]
+    if given and len(given) != len(cells):
+        raise LogError(
+            f"'{path}' has {len(cells)} columns, rows.header of the column map names {len(given)}."
+        )
+    if given:
+        return given
+    if not all(map(layout.is_number, cells)):
+        if layout.width == len(cells) + 1 and not any(row[-1].strip() for row in layout.below):
+            cells.append("")
+        names = tuple(cell or f"column_{k}" for k, cell in enumerate(cells, 1))
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise LogError(f"'{path}' has more than one column called '{twice[0]}'.")
+        return names
+    said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
+    for mark in (layout.mark, *_MARKS):
+        words = [word.strip() for word in _split(said, mark)]
+        if len(words) == len(cells) and len(set(words)) == len(words):
+            return tuple(words)
+    wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
+    named = say_so({"rows": {"header": wanted}}, "give their true names")
+    raise LogError(
+        f"'{path}' has no header line: its first line holds numbers ({', '.join(cells)}). Write a "
+        f"line with the names of the {len(cells)} columns above them, or {named}"
+    )
 
-    Args:
-        log: what to write.
-        path: `.csv`, `.parquet` or `.npz`.
 
-    Returns:
-        The path.
-
-    Raises:
-        LogError: another suffix, or the file cannot be written.
-    """
-    writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
-    suffix = Path(path).suffix.lower()
-    if suffix not in writers:
-        raise LogError(f"'{path}': logs are written as {', '.join(writers)}.")
-    try:
-        return atomic_write(path, lambda file: writers[suffix](log, file))
-    except OSError as cause:
-        raise LogError(f"cannot write '{path}': {cause}.") from cause
+def _are_units(cells: Sequence[str], layout: _Layout) -> bool:
+    """Whether a line below the header names units: no number, and half of it known."""
+    given = [cell for cell in cells if cell.strip()]
+    known = sum(bool(named_unit(cell.strip())) for cell in given)
+    return bool(given) and not any(map(layout.is_number, given)) and 2 * known >= len(given)
 
 
-def _table(log: Log) -> Any:
-    with needs("logs", "writing CSV and Parquet files"):
+def _parsed(
+    path: Path,
+    text: str,
+    layout: _Layout,
+    names: tuple[str, ...],
+    skipped: int,
+    notes: list[str],
+) -> Any:
+    """Return the Arrow table below the header; a last row that was cut off is passed over."""
+    with needs("logs", "reading CSV files"):  # pyarrow is no part of a bare installation
         import pyarrow as pa
-    return pa.table({TIME: log.time, **log.columns})
+        import pyarrow.csv as pc
+    if re.search(r"(?m)^[#%]", text):
+        text = re.sub(r"(?m)^[#%].*\n?", "", text)
+    text = text.lstrip("\r\n")
+    if layout.mark == " ":
+        text = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
+    last = text.rstrip().rpartition("\n")[2]
 
+    def odd(row: Any) -> str:
+        if row.text.strip() != last.strip():
+            return "error"
+        notes.append(f"the last row was cut off and passed over: '{row.text[:40]}'.")
+        return "skip"
 
-def _write_csv(log: Log, file: BinaryIO) -> None:
-    table, names = _table(log), [TIME, *log.names]
-    file.write((",".join(_quoted(name) for name in names) + "\n").encode("utf-8"))
-    import pyarrow.csv as pc
-
-    pc.write_csv(table, file, pc.WriteOptions(include_header=False))
-
-
-def _quoted(name: str) -> str:
-    if not any(mark in name for mark in ',"\n'):
-        return name
-    return '"' + name.replace('"', '""') + '"'
-
-
-def _write_parquet(log: Log, file: BinaryIO) -> None:
-    table = _table(log)
-    import pyarrow.parquet as pq
-
-    pq.write_table(table, file)
-
-
-def _write_npz(log: Log, file: BinaryIO) -> None:
-    np.savez_compressed(file, allow_pickle=False, **{TIME: log.time, **log.columns})
-
-
-_TYPE = "sensor_msgs/msg/JointState"
-_FIELDS = ("position", "velocity", "effort")
-
-
-def read_bag(path: Path, topic: str = "") -> Table:
-    """Read one JointState topic as columns `time`, `<joint>.position`, `.velocity` and `.effort`.
-
-    `time` is the header's stamp in seconds since the first message (the recorder's stamp where
-    headers carry none).
-
-    Args:
-        path: rosbag2 folder, or its MCAP or SQLite file.
-        topic: which JointState topic, empty for the only one.
-
-    Raises:
-        LogError: `rosbags` is not installed, the bag is unreadable, there is no such topic, or a
-            message lacks joints of the first.
-    """
-    if find_spec("rosbags") is None:
-        raise LogError(
-            f"reading the bag '{path}' needs the package rosbags; install it with: "
-            f"pip install {INSTALLED_BY['rosbags']}"
-        )
-    rows: list[list[float]] = []
-    with _opened(path) as bag:
-        chosen = _topic(bag, path, topic)
-        wanted = [c for c in bag.connections if c.topic == chosen]
-        joints: tuple[str, ...] = ()
-        fields: tuple[str, ...] = ()
-        start = 0
-        for connection, received, raw in bag.messages(connections=wanted):
-            message = bag.deserialize(raw, connection.msgtype)
-            stamp = _stamp(message) or received
-            if not rows:
-                start, joints = stamp, tuple(map(str, message.name))
-                fields = tuple(f for f in _FIELDS if len(getattr(message, f)) == len(joints))
-            seconds = (stamp - start) * 1e-9
-            place = {str(name): k for k, name in enumerate(message.name)}
-            missing = [joint for joint in joints if joint not in place]
-            if missing or any(len(getattr(message, f)) != len(place) for f in fields):
-                raise LogError(
-                    f"{path}: the message of '{chosen}' at {seconds:.6f} s lacks "
-                    f"{', '.join(missing) or 'values'} of the first message; several publishers "
-                    "share the topic? Record them on topics of their own."
-                )
-            order = [place[joint] for joint in joints]
-            rows.append([seconds, *(float(getattr(message, f)[k]) for k in order for f in fields)])
-    if not rows:
-        raise LogError(f"{path}: topic '{chosen}' holds no message.")
-    names = (TIME, *(f"{joint}.{field}" for joint in joints for field in fields))
-    return Table(path, dict(zip(names, np.asarray(rows).T.copy(), strict=True)))
-
-
-def _topic(bag: Any, path: Path, topic: str) -> str:
-    counts: dict[str, int] = {}
-    for connection in bag.connections:
-        if connection.msgtype == _TYPE:
-            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-    if not counts:
-        raise LogError(f"{path}: no topic of type {_TYPE}.")
-    if not topic and len(counts) > 1:
-        raise LogError(
-            f"{path} has several JointState topics ({', '.join(counts)}); "
-            + say_so({"rows": {"topic": next(iter(counts))}}, "choose one, such as the first,")
-        )
-    chosen = topic or next(iter(counts))
-    if chosen not in counts:
-        raise LogError(f"{path}: " + unknown_name("JointState topic", chosen, counts))
-    return chosen
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open a bag; damage that shows then or later becomes a LogError."""
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag2 import ReaderError
-    from rosbags.serde import SerdeError
-    from rosbags.typesys import Stores, get_typestore
-
-    # The parser of the bag asserts and unpacks where a file is cut off.
-    damage = (OSError, AnyReaderError, ReaderError, SerdeError, struct.error, AssertionError)
+    mark = "\t" if layout.mark == " " else layout.mark
     try:
-        types = get_typestore(Stores.ROS2_HUMBLE)
-        with AnyReader([path], default_typestore=types) as bag:
-            yield bag
-    except damage as cause:
-        raise LogError(
-            f"cannot read the bag '{path}': {str(cause) or type(cause).__name__}. Was the "
-            "recording cut off? The tools of its format can often repair the index."
-        ) from cause
-
-
-def _stamp(message: Any) -> int:
-    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+        return pc.read_csv(
+            pa.BufferReader(text.encode()),
+            pc.ReadOptions(use_threads=False, column_names=list(names), skip_rows=skipped),
+            pc.ParseOptions(delimiter=mark, invalid_row_handler=odd),
+            pc.ConvertOptions(
+                null_values=["", "nan", "NaN", "NAN", "null", "NULL", "NA", "n/a", "None"],
+                strings_can_be_null=True,
+                decimal_point=layout.decimal,
+            ),
+        )
+    except pa.ArrowException as cause:
+        if "Empty CSV" in str(cause):
+            raise LogError(f"'{path}' is empty: it has columns but no rows.") from cause
+        doubled = layout.mark == "," and layout.width == 2 * len(names)
+        why = (
+            "Rows have twice as many cells as the header: are there decimal commas between commas? "
+            "Export with semicolons between the columns, or with decimal points."
+            if doubled
+            else "Repair that row, or export the file again."
+        )
+        raise LogError(f"cannot read '{path}' as CSV: {cause}. {why}") from cause

@@ -15,8 +15,8 @@ from scipy.signal import lfilter
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.dynamics import inertial_parameters
 from wbc.errors import LogError
-from wbc.measurement.log import Log
-from wbc.measurement.names import unread_columns
+from wbc.measurement.log import OF_THE_DRIVE, Log, Machine
+from wbc.measurement.names import unread
 from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
 
@@ -56,7 +56,8 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     joint = transmission.joints[row]
     quantity = torque_quantity(log, joint, transmission)
     if quantity == "duty":
-        return duty_law(log, transmission, row)
+        duty = log.column(f"{joint}.duty")
+        return _winding_law(log, transmission, row, duty, 0.0)
     if quantity == "target_position":
         return target_law(log, transmission, row)
     told = log.column(f"{joint}.{quantity}")
@@ -97,14 +98,8 @@ def reports_torque(log: Log, joint: str) -> bool:
 
 def reports_current(log: Log, transmission: Transmission) -> BoolArray:
     """Return (m,) whether the torque of a joint is read from the current that its drive reports."""
-    above = [name for name in REPORTED if name != "current"]
-    return np.array(
-        [
-            log.has(f"{joint}.current") and not any(log.has(f"{joint}.{name}") for name in above)
-            for joint in transmission.joints
-        ],
-        dtype=bool,
-    )
+    told = [_told_by(log, transmission, k) for k in range(transmission.size)]
+    return np.array([quantity == "current" for quantity in told], dtype=bool)
 
 
 def makes_torque(log: Log, transmission: Transmission) -> BoolArray:
@@ -128,27 +123,31 @@ def torque_quantity(log: Log, joint: str, transmission: Transmission) -> str:
     Raises:
         LogError: the joint has none of them.
     """
-    row = transmission.joints.index(joint)
-    known = np.isfinite(transmission.resistance[row])
-    quantities = [name for name in _QUANTITIES if name != "duty" or known]
-    for quantity in quantities:
-        if log.has(f"{joint}.{quantity}"):
-            return quantity
-    for quantity in quantities:
+    held = _told_by(log, transmission, transmission.joints.index(joint))
+    if held:
+        return held
+    for quantity in _QUANTITIES:
         if f"{joint}.{quantity}" in log.source.unusable:
             raise LogError(f"{log.source.label}: " + log.source.unusable[f"{joint}.{quantity}"])
     ways = ", ".join(f"{joint}.{quantity}" for quantity in REPORTED)
     lacking = [
         one
         for one in transmission.joints
-        if not any(log.recorded(f"{one}.{quantity}") for quantity in quantities)
+        if not any(log.recorded(f"{one}.{quantity}") for quantity in _QUANTITIES)
     ]
-    hint = unread_columns(log.source.ignored, torque_channels(lacking))
+    hint = unread(log.source.ignored, torque_channels(lacking))[0]
     raise LogError(
         f"{log.source.label}: no torque of joint '{joint}': one of {ways} is needed, or "
         f"{joint}.target_position and the gains of its drive. "
         f"There are: {', '.join(log.names)}. {hint}".rstrip()
     )
+
+
+def _told_by(log: Log, transmission: Transmission, row: int) -> str:
+    """Return the first quantity that tells the torque of a drive, empty where none does."""
+    joint, resists = transmission.joints[row], np.isfinite(transmission.resistance[row])
+    told = [q for q in _QUANTITIES if log.has(f"{joint}.{q}") and (q != "duty" or resists)]
+    return told[0] if told else ""
 
 
 def joint_position(log: Log, joint: str) -> FloatArray:
@@ -157,22 +156,18 @@ def joint_position(log: Log, joint: str) -> FloatArray:
     Raises:
         LogError: the log holds neither, or a position that cannot be used.
     """
-    if joint not in _of_velocity_alone(log, (joint,)):
+    if not _by_velocity_alone(log, joint):
         return log.column(f"{joint}.position")
     return np.asarray(cumulative_trapezoid(log.column(f"{joint}.velocity"), log.time, initial=0.0))
 
 
 def without_position(robot: Robot, log: Log) -> tuple[str, ...]:
     """Return the joints whose velocity a log holds and whose position it lacks."""
-    return _of_velocity_alone(log, robot.single_joints)
+    return tuple(joint for joint in robot.single_joints if _by_velocity_alone(log, joint))
 
 
-def _of_velocity_alone(log: Log, joints: Sequence[str]) -> tuple[str, ...]:
-    return tuple(
-        joint
-        for joint in joints
-        if not log.recorded(f"{joint}.position") and log.has(f"{joint}.velocity")
-    )
+def _by_velocity_alone(log: Log, joint: str) -> bool:
+    return not log.recorded(f"{joint}.position") and log.has(f"{joint}.velocity")
 
 
 def placeless_joints(robot: Robot, joints: Sequence[str]) -> tuple[str, ...]:
@@ -205,47 +200,6 @@ def _place_matters(robot: Robot, joint: str) -> bool:
     return False
 
 
-_OF_THE_DRIVE = (
-    "position_gain",
-    "velocity_gain",
-    "duty_gain",
-    "supply_voltage",
-    "torque_limit",
-)
-
-
-@dataclass(frozen=True, eq=False)
-class Machine:
-    """The drives and loads of one log.
-
-    Attributes:
-        transmission: of the robot, with this log's numbers of the drives.
-        inertia: (10 n_links,) what its links have more than the robot's, in pinocchio's dynamic
-            parameters: a payload.
-    """
-
-    transmission: Transmission
-    inertia: FloatArray
-
-    def of(self, robot: Robot) -> Robot:
-        """Return the robot with these drives and loads."""
-        links = loaded(robot.model, self.inertia).inertias
-        drives = {name: getattr(self.transmission, name) for name in _OF_THE_DRIVE}
-        return robot.with_inertias(dict(enumerate(list(links)[1:], start=1))).with_transmission(
-            robot.transmission.replace(**drives)
-        )
-
-
-def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
-    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
-    result = model.copy()
-    if inertia is not None:
-        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
-            total = model.inertias[k].toDynamicParameters() + more
-            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
-    return result
-
-
 def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
     """Return a log of `own`, a machine that differs from `robot` in its drives or its loads.
 
@@ -256,7 +210,7 @@ def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
     different = [
         field.name
         for field in fields(Transmission)
-        if field.name not in _OF_THE_DRIVE
+        if field.name not in OF_THE_DRIVE
         and not _same(getattr(theirs, field.name), getattr(ours, field.name))
     ]
     placements = [
@@ -341,8 +295,8 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
 
     At the motor's output, with psi = D^-1 q and e = psi_target - psi, a drive that commands torque
     gives N tau = kp e + kd (dpsi_target - dpsi). One that commands a duty g e gives the torque of
-    `duty_law`. Both keep the torque limit. A target velocity that was not recorded is zero. Targets
-    act by the gear's `target_delay` later.
+    `_winding_law`. Both keep the torque limit. A target velocity that was not recorded is zero.
+    Targets act by the gear's `target_delay` later.
 
     Raises:
         LogError: the gear states no gains, or a target of its joints is missing.
@@ -372,19 +326,6 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     )
 
 
-def duty_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
-    """Return the torque on a rotor under a recorded duty u as a law: kt (u V - kt dphi) / R.
-
-    V is the recorded supply voltage, or else that of robot.toml; the winding is open, and gives no
-    torque, while `<joint>.enabled` is 0.
-
-    Raises:
-        LogError: torque constant, resistance or supply voltage of the gear is not known.
-    """
-    duty = log.column(f"{transmission.joints[row]}.duty")
-    return _winding_law(log, transmission, row, duty, 0.0)
-
-
 def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
     """Return what a drive makes of the measured motion by its law.
 
@@ -407,7 +348,14 @@ def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -
 def _winding_law(
     log: Log, transmission: Transmission, row: int, wanted: FloatArray, gain: float
 ) -> DriveLaw:
-    """Return the law of a winding under the duty clip(wanted - gain psi, 1)."""
+    """Return the law of a winding under the duty u = clip(wanted - gain psi, 1).
+
+    It makes kt (u V - kt dphi) / R. V is the recorded supply voltage, or else that of robot.toml;
+    the winding is open, and gives no torque, while `<joint>.enabled` is 0.
+
+    Raises:
+        LogError: torque constant, resistance or supply voltage of the gear is not known.
+    """
     joint = transmission.joints[row]
     ratio, limit = float(transmission.gear_ratio[row]), float(transmission.torque_limit[row])
     constant = known_number(transmission, row, "torque_constant")

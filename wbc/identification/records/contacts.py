@@ -21,11 +21,10 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import Workspace, contact_jacobians
 from wbc.errors import IdentificationError
-from wbc.measurement import Log
+from wbc.measurement import Log, moving_contact
 from wbc.robot import Robot
 
 _RANK = 1e-3  # of the largest singular value: directions below it are not told by the base
-STANDS = 0.01  # [m] that a point may move while its robot stands; a foot that steps moves more
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,28 +210,15 @@ def active_contacts(
     flagged = [n for n in names if log.has(f"{n}.active") and n not in log.contacts]
     if flagged or any(name in log.contacts for name in names):
         return {name: _held(log, f"{name}.active", grid) for name in flagged}
-    moves = moved(robot, position)
-    if any(distance > STANDS for distance in moves.values()):
-        farthest = max(moves, key=lambda name: moves[name])
+    moved = moving_contact(robot, position)
+    if moved is not None:
         raise IdentificationError(
             f"{log.source.label}: '{robot.name}' has a free base, so its log needs the contact "
             f"forces, for example '<contact>.force.z', or '<contact>.active' (1 while it touches), "
             f"of: {', '.join(names)}. Without both it must stand on all of them, but "
-            f"'{farthest}' moves by {moves[farthest]:.2g} m."
+            f"'{moved[0]}' moves by {moved[1]:.2g} m."
         )
     return {name: np.ones(len(grid), dtype=bool) for name in names}
-
-
-def moved(robot: Robot, position: FloatArray) -> dict[str, float]:
-    """Return how far [m] every contact point moves along q (N, nq), but for one row in fifty."""
-    space = Workspace(robot)
-    places = np.empty((len(position), len(robot.contacts), 3))
-    for row, q in enumerate(position):
-        pin.framesForwardKinematics(space.model, space.data, q)
-        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
-    low, high = np.quantile(places, [0.01, 0.99], axis=0) if len(position) else np.zeros((2, 0, 3))
-    distances = np.linalg.norm(high - low, axis=1)
-    return {c.name: float(d) for c, d in zip(robot.contacts, distances, strict=True)}
 
 
 def _held(log: Log, name: str, grid: FloatArray) -> BoolArray:

@@ -1,0 +1,404 @@
+"""Files of columns: the binary formats, which reader a file needs, and how a log is written."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, BinaryIO
+from zipfile import BadZipFile, ZipFile
+from zlib import error as ZlibError  # noqa: N812
+
+import numpy as np
+
+from wbc.errors import LogError, unknown_name
+from wbc.extras import INSTALLED_BY, needs
+from wbc.files import atomic_write
+from wbc.measurement.findings import say_so
+from wbc.measurement.log import Log
+from wbc.measurement.names import guess_name
+from wbc.measurement.schema import TIME, is_column
+from wbc.measurement.tables import Table, columns_of, kept_rows, read_text_file
+
+_TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
+_FORMATS = (
+    ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or the folder of a "
+    "rosbag2 recording or of a LeRobot dataset"
+)
+_DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
+_INFO = Path("meta") / "info.json"
+_VECTORS = {
+    "observation.state": "position",
+    "observation.velocity": "velocity",
+    "observation.effort": "motor_torque",
+    "action": "target_position",
+}
+_ENDINGS = (".pos", ".position", ".vel", ".velocity", ".effort", ".torque")
+
+
+def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table:
+    """Read a file by its suffix.
+
+    Args:
+        path: file, or folder of a rosbag2 recording or of a LeRobot dataset.
+        topic: JointState topic of a bag, empty for the only one.
+        header: names of the columns of a text file without a header line.
+
+    Raises:
+        LogError: no such file, a format that is not read, or a file that is not what it says.
+    """
+    parts = _files(path)
+    if len(parts) > 1:
+        first, *others = (open_table(part, topic, header) for part in parts)
+        return _joined(path, first, others)
+    if not path.exists():
+        raise LogError(f"no log at '{path}'.")
+    suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
+    if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
+        return read_bag(path, topic)
+    if path.is_dir() and (path / _INFO).is_file():
+        return _read_lerobot(path)
+    if path.is_dir():
+        raise LogError(
+            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml) and no LeRobot "
+            "dataset (no meta/info.json)."
+        )
+    if path.stat().st_size == 0:
+        raise LogError(f"'{path}' is empty.")
+    if suffix in (".parquet", ".pq"):
+        return _read_parquet(path)
+    if suffix == ".npz":
+        return _read_npz(path)
+    if suffix in _TEXT:
+        return read_text_file(path, header)
+    raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of `A+B`, which are one run on one clock."""
+    parts = [Path(part) for part in str(path).split("+")]
+    return parts if len(parts) > 1 and all(part.exists() for part in parts) else [path]
+
+
+def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
+    """Return the rows of a table with the last row of others that was not later.
+
+    Columns of the others get what their file is called before their own name, without what both
+    files are called: of run1.state.csv and run1.control.csv, `control_positions_0`.
+
+    Raises:
+        LogError: a table without a column that looks like a clock.
+    """
+    columns = dict(first.columns)
+    time = first.numbers(_clock(first))
+    notes = list(first.notes)
+    for table in others:
+        clock = _clock(table)
+        stamps = table.numbers(clock)
+        rows = np.searchsorted(stamps, time, side="right") - 1
+        known = rows >= 0
+        theirs = [word for word in _words_of(table.path) if word not in _words_of(first.path)]
+        prefix = "_".join(theirs) or "other"
+        for name in table.names:
+            if name != clock and table.holds_numbers(name):
+                values = table.numbers(name)[np.maximum(rows, 0)]
+                columns[f"{prefix}_{name}"] = np.where(known, values, np.nan)
+        notes.append(f"columns of '{table.path.name}' were put beside, by {clock}.")
+    return Table(path, columns, first.units, tuple(notes))
+
+
+def _words_of(path: Path) -> list[str]:
+    return re.findall(r"[A-Za-z0-9]+", re.sub(r"(\.gz)?$", "", path.name).rpartition(".")[0])
+
+
+def _clock(table: Table) -> str:
+    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
+    if not names:
+        raise LogError(f"{table.path}: no column looks like a clock, so nothing can be put beside.")
+    return names[0]
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all files below a folder in order of their names."""
+    if len(_files(path)) > 1:
+        whole = "".join(digest(part) for part in _files(path))
+        return hashlib.sha256(whole.encode("ascii")).hexdigest()
+    if path.is_file():
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    total = hashlib.sha256()
+    for part in sorted(p for p in path.rglob("*") if p.is_file()):
+        total.update(digest(part).encode("ascii"))
+    return total.hexdigest()
+
+
+def _read_parquet(path: Path) -> Table:
+    with needs("logs", "reading Parquet files"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    try:
+        with pq.ParquetFile(path) as file:
+            groups = range(file.metadata.num_row_groups)
+            size = sum(file.metadata.row_group(k).total_byte_size for k in groups)
+            every, notes = kept_rows(size)
+            table = file.read() if every == 1 else _thinned(file, every)
+    except (OSError, pa.ArrowException) as cause:
+        raise LogError(
+            f"cannot read '{path}' as Parquet: {cause}. The file is cut off or damaged, or of "
+            "another format; copy it again, or export it as CSV."
+        ) from cause
+    arrays = dict(zip(table.column_names, table.columns, strict=True))
+    return Table(path, columns_of(arrays, path), notes=notes)
+
+
+def _thinned(file: Any, every: int) -> Any:
+    """Return every N-th row of a Parquet file, read piece by piece."""
+    import pyarrow as pa
+
+    pieces, passed = [], 0
+    for batch in file.iter_batches():
+        pieces.append(batch.take(list(range(-passed % every, batch.num_rows, every))))
+        passed += batch.num_rows
+    return pa.Table.from_batches(pieces)
+
+
+def _read_npz(path: Path) -> Table:
+    """Read an archive of arrays, never unpickled: (N,) and (N, n); others are passed over."""
+    try:
+        with ZipFile(path) as whole:
+            every, notes = kept_rows(sum(part.file_size for part in whole.infolist()))
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: np.asarray(archive[name]) for name in archive.files}
+    except _DAMAGE as cause:
+        said = "it holds Python objects; only arrays of numbers are read"
+        text = said if "allow_pickle" in str(cause) else str(cause)
+        raise LogError(f"cannot read '{path}' as NPZ: {text}.") from cause
+    own = [len(a) for name, a in arrays.items() if a.ndim and (is_column(name) or name == TIME)]
+    if len(set(own)) > 1:
+        listed = ", ".join(f"{name} {len(a)}" for name, a in arrays.items() if a.ndim)
+        raise LogError(f"'{path}': the arrays differ in length: {listed}.")
+    lengths = own or [len(a) for a in arrays.values() if a.ndim in (1, 2)]
+    rows = max(set(lengths), key=lengths.count, default=0)
+    kept = {}
+    for name, array in arrays.items():
+        flat = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
+        turned = flat.T if flat.ndim == 2 and rows == flat.shape[1] != flat.shape[0] else flat
+        if turned.ndim in (1, 2) and len(turned) == rows:
+            kept[name] = turned[::every]
+        elif turned.ndim > 2 and len(turned) == rows:
+            raise LogError(
+                f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
+            )
+    others = [f"{name} {arrays[name].shape}" for name in arrays if name not in kept]
+    if others:
+        notes += (f"arrays without {rows} rows were passed over: {', '.join(others)}.",)
+    return Table(path, columns_of(kept, path), notes=notes)
+
+
+def _read_lerobot(path: Path) -> Table:
+    """Read the episodes of a LeRobot dataset: a folder of Parquet files with vectors.
+
+    `observation.state` is read as positions, `action` as target positions, `observation.velocity`
+    and `observation.effort` as their names say. The clock starts anew with every episode: a column
+    map splits them (`rows.split = "episode_index"`). The format states no units of angles: most
+    datasets hold degrees or shares of the range, which a map must say.
+
+    Raises:
+        LogError: no description, no data, or no vector of positions.
+    """
+    with needs("logs", "reading LeRobot datasets"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    try:
+        features = json.loads((path / _INFO).read_text(encoding="utf-8"))["features"]
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise LogError(f"cannot read '{path / _INFO}': {cause!r}.") from cause
+    files = sorted((path / "data").rglob("*.parquet"))
+    if not files:
+        raise LogError(f"'{path}' has no Parquet file in its folder data.")
+    named = {vector: parts for vector in _VECTORS if (parts := _named_parts(features.get(vector)))}
+    if "observation.state" not in named:
+        raise LogError(
+            f"'{path}': no feature 'observation.state' with a name for every part; there are: "
+            f"{', '.join(features)}."
+        )
+    stored = ["timestamp", "episode_index", *named]
+    try:
+        table = pa.concat_tables(pq.read_table(file, columns=stored) for file in files)
+        held = columns_of({name: table.column(name) for name in stored}, path)
+    except (OSError, KeyError, pa.ArrowException) as cause:
+        raise LogError(f"cannot read the dataset '{path}': {cause}.") from cause
+    columns: dict[str, Any] = {TIME: held["timestamp"], "episode_index": held["episode_index"]}
+    for vector, parts in named.items():
+        for k, joint in enumerate(parts):
+            if f"{vector}_{k}" not in held:
+                raise LogError(f"cannot read the dataset '{path}': {vector} holds no part {k}.")
+            columns[f"{joint}.{_VECTORS[vector]}"] = held[f"{vector}_{k}"]
+    return Table(path, columns)
+
+
+def _named_parts(feature: Any) -> list[str]:
+    """Return the names of the parts of a vector, without what they measure; none if unnamed."""
+    names = feature.get("names") if isinstance(feature, dict) else None
+    if isinstance(names, dict):
+        names = next((value for value in names.values() if isinstance(value, list)), None)
+    found = []
+    for name in names if isinstance(names, list) else ():
+        ending = next((e for e in _ENDINGS if str(name).endswith(e)), "")
+        found.append(str(name).removesuffix(ending))
+    return found
+
+
+def save_log(log: Log, path: str | Path) -> Path:
+    """Write a log; reading the file gives back the same numbers, bit by bit.
+
+    Args:
+        log: what to write.
+        path: `.csv`, `.parquet` or `.npz`.
+
+    Returns:
+        The path.
+
+    Raises:
+        LogError: another suffix, or the file cannot be written.
+    """
+    writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
+    suffix = Path(path).suffix.lower()
+    if suffix not in writers:
+        raise LogError(f"'{path}': logs are written as {', '.join(writers)}.")
+    try:
+        return atomic_write(path, lambda file: writers[suffix](log, file))
+    except OSError as cause:
+        raise LogError(f"cannot write '{path}': {cause}.") from cause
+
+
+def _table(log: Log) -> Any:
+    with needs("logs", "writing CSV and Parquet files"):
+        import pyarrow as pa
+    return pa.table({TIME: log.time, **log.columns})
+
+
+def _write_csv(log: Log, file: BinaryIO) -> None:
+    table, names = _table(log), [TIME, *log.names]
+    file.write((",".join(_quoted(name) for name in names) + "\n").encode("utf-8"))
+    import pyarrow.csv as pc
+
+    pc.write_csv(table, file, pc.WriteOptions(include_header=False))
+
+
+def _quoted(name: str) -> str:
+    if not any(mark in name for mark in ',"\n'):
+        return name
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _write_parquet(log: Log, file: BinaryIO) -> None:
+    table = _table(log)
+    import pyarrow.parquet as pq
+
+    pq.write_table(table, file)
+
+
+def _write_npz(log: Log, file: BinaryIO) -> None:
+    np.savez_compressed(file, allow_pickle=False, **{TIME: log.time, **log.columns})
+
+
+_TYPE = "sensor_msgs/msg/JointState"
+_FIELDS = ("position", "velocity", "effort")
+
+
+def read_bag(path: Path, topic: str = "") -> Table:
+    """Read one JointState topic as columns `time`, `<joint>.position`, `.velocity` and `.effort`.
+
+    `time` is the header's stamp in seconds since the first message (the recorder's stamp where
+    headers carry none).
+
+    Args:
+        path: rosbag2 folder, or its MCAP or SQLite file.
+        topic: which JointState topic, empty for the only one.
+
+    Raises:
+        LogError: `rosbags` is not installed, the bag is unreadable, there is no such topic, or a
+            message lacks joints of the first.
+    """
+    if find_spec("rosbags") is None:
+        raise LogError(
+            f"reading the bag '{path}' needs the package rosbags; install it with: "
+            f"pip install {INSTALLED_BY['rosbags']}"
+        )
+    rows: list[list[float]] = []
+    with _opened(path) as bag:
+        chosen = _topic(bag, path, topic)
+        wanted = [c for c in bag.connections if c.topic == chosen]
+        joints: tuple[str, ...] = ()
+        fields: tuple[str, ...] = ()
+        start = 0
+        for connection, received, raw in bag.messages(connections=wanted):
+            message = bag.deserialize(raw, connection.msgtype)
+            stamp = _stamp(message) or received
+            if not rows:
+                start, joints = stamp, tuple(map(str, message.name))
+                fields = tuple(f for f in _FIELDS if len(getattr(message, f)) == len(joints))
+            seconds = (stamp - start) * 1e-9
+            place = {str(name): k for k, name in enumerate(message.name)}
+            missing = [joint for joint in joints if joint not in place]
+            if missing or any(len(getattr(message, f)) != len(place) for f in fields):
+                raise LogError(
+                    f"{path}: the message of '{chosen}' at {seconds:.6f} s lacks "
+                    f"{', '.join(missing) or 'values'} of the first message; several publishers "
+                    "share the topic? Record them on topics of their own."
+                )
+            order = [place[joint] for joint in joints]
+            rows.append([seconds, *(float(getattr(message, f)[k]) for k in order for f in fields)])
+    if not rows:
+        raise LogError(f"{path}: topic '{chosen}' holds no message.")
+    names = (TIME, *(f"{joint}.{field}" for joint in joints for field in fields))
+    return Table(path, dict(zip(names, np.asarray(rows).T.copy(), strict=True)))
+
+
+def _topic(bag: Any, path: Path, topic: str) -> str:
+    counts: dict[str, int] = {}
+    for connection in bag.connections:
+        if connection.msgtype == _TYPE:
+            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+    if not counts:
+        raise LogError(f"{path}: no topic of type {_TYPE}.")
+    if not topic and len(counts) > 1:
+        raise LogError(
+            f"{path} has several JointState topics ({', '.join(counts)}); "
+            + say_so({"rows": {"topic": next(iter(counts))}}, "choose one, such as the first,")
+        )
+    chosen = topic or next(iter(counts))
+    if chosen not in counts:
+        raise LogError(f"{path}: " + unknown_name("JointState topic", chosen, counts))
+    return chosen
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag; damage that shows then or later becomes a LogError."""
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.rosbag2 import ReaderError
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import Stores, get_typestore
+
+    # The parser of the bag asserts and unpacks where a file is cut off.
+    damage = (OSError, AnyReaderError, ReaderError, SerdeError, struct.error, AssertionError)
+    try:
+        types = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([path], default_typestore=types) as bag:
+            yield bag
+    except damage as cause:
+        raise LogError(
+            f"cannot read the bag '{path}': {str(cause) or type(cause).__name__}. Was the "
+            "recording cut off? The tools of its format can often repair the index."
+        ) from cause
+
+
+def _stamp(message: Any) -> int:
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
