@@ -14,6 +14,7 @@ from wbc.control import (
     PointContact,
     PostureTask,
     Reference,
+    RotorTorqueLimit,
     SpeedBlend,
 )
 from wbc.effects import load_robot
@@ -66,7 +67,8 @@ def leg_controller(robot, **changes):
         CenterOfMassTask(axes="xz", weight=10.0, acceleration_limit=np.inf),
         PostureTask.of(robot, weight=0.1, stiffness=50.0),
     ]
-    return Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
+    limits = [RotorTorqueLimit()]
+    return Controller(robot, tasks, [PointContact(name="foot")], limits, settings)
 
 
 def leg_rows(robot, terms, com_target, posture_target):

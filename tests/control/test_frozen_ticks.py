@@ -93,7 +93,7 @@ def scenes():
     observer = ControllerSettings(disturbance=DisturbanceObserver(rate=20.0, bound=3.0))
 
     def limits(robot, **more):
-        return [torque, JointLimit.of(robot, **more)]
+        return [torque, JointLimit.of(robot, acceleration=100.0, **more)]
 
     def quadruped(*more, name=solo, noise=1e-2, limit=None, settings=None, rubs=(), step=None):
         def make(robot):

@@ -13,7 +13,7 @@ import pinocchio as pin
 from sims.legged import controller, feet
 from wbc.control import Controller, ControllerSettings
 from wbc.control.qp.problem import QPProblem
-from wbc.control.qp.solvers import make_solver
+from wbc.control.qp.solvers import solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -73,12 +73,8 @@ def test_a_tick_of_talos_is_solved_again_from_its_file(tmp_path):
     ).step(Motion(ticks["position"][0], ticks["velocity"][0]))
     np.testing.assert_array_equal(again.rotor_torque, ticks["torque"][0])
     program = QPProblem.load(tmp_path / "run.program.npz")
-    n, equalities, rows = len(program.g), len(program.b), len(program.lower)
-    solvers = [
-        make_solver(name, n, equalities, rows, tolerance=1e-9, max_iterations=1000)
-        for name in ("daqp", "daqp", "proxqp")
-    ]
-    one, same, other = (solver.solve(program).x for solver in solvers)
+    names = "daqp", "daqp", "proxqp"
+    one, same, other = (solve(name, program, tolerance=1e-9, most=1000).x for name in names)
     np.testing.assert_array_equal(one, same)
     scale = 1.0 + np.abs(one).max()
     np.testing.assert_allclose(one, ticks["solution"][-1], atol=1e-6 * scale)

@@ -29,7 +29,7 @@ from wbc.control.outcome import command_of
 from wbc.control.qp.directions import DirectedSolution
 from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
 from wbc.control.qp.problem import QPProblem
-from wbc.control.qp.program import NO_JOINTS, Recipe
+from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import check_solver
 from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference, State
@@ -82,7 +82,8 @@ class Controller:
             tasks: tasks, efforts and contact-force tasks with different names; at least one
                 moves the robot at level 0.
             contacts: contacts that may be active; all are, unless `step` says otherwise.
-            limits: at most one of each kind; left out, the rotor torque limits hold.
+            limits: at most one of each kind; left out, the rotor torque limits hold and the
+                limits of joints that the model states. `[RotorTorqueLimit()]` leaves these out.
             settings: the defaults when left out.
 
         Raises:
@@ -97,7 +98,7 @@ class Controller:
         names = _distinct("task", [task.name for task in self.tasks])
         _distinct("contact", [contact.name for contact in contacts])
         check_solver(settings.solver)
-        limits = (RotorTorqueLimit(),) if limits is None else limits
+        limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
         self._states = StateCheck(robot)
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
@@ -124,7 +125,7 @@ class Controller:
         if joint_limit is not None and not joint_limit.joints:
             joint_limit = JointLimit.of(robot)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
-        self._joints = NO_JOINTS if joint_limit is None else joint_limit.structure()
+        self._joints = (joint_limit or JointLimit()).structure()
         recipe = Recipe(
             robot=robot,
             drivetrain=self._drivetrain,
@@ -192,9 +193,9 @@ class Controller:
         Args:
             state: position (nq,) and velocity (nv,), as the encoders report them.
             references: task name -> what it should do; see `TaskStack.fill` for those left out.
-            contacts: name -> greatest normal force [N] of each active contact (infinite for no
-                limit; a ramp lets a contact take up or give off its load). All contacts are
-                active without limit when left out.
+            contacts: name -> greatest normal force [N] of each active contact, infinite for no
+                limit. All contacts are active without limit when left out. From tick to tick
+                they change by ramps, see `ControllerSettings.contact_ramp`.
             weights: task name -> weight of all its rows in this tick, in place of the task's own.
             activation: task name -> 0 (off) to 1 (on, as when left out), what its weight is
                 multiplied with; numbers in between blend a task in or out.
@@ -222,8 +223,8 @@ class Controller:
             if complaint is not None:
                 return self._safe(motion, complaint, given.dt, start)
             motion = self._drivetrain.true_motion(motion)
-            levels = self._levels.of(given.contacts)
-            asked = self._asked(motion, given, levels[0].program.contacts)
+            levels, ceilings = self._levels.of(given.contacts, given.dt)
+            asked = self._asked(motion, given, ceilings, levels[0].program.contacts)
             if not isinstance(asked, PendingTick):
                 return self._safe(motion, asked, given.dt, start)
             answer = descend(levels, asked)
@@ -239,7 +240,11 @@ class Controller:
             return self._safe(motion, complaint, given.dt, start)
 
     def _asked(
-        self, motion: Motion, given: TickInputs, contacts: ContactSet
+        self,
+        motion: Motion,
+        given: TickInputs,
+        ceilings: Mapping[str, float] | None,
+        contacts: ContactSet,
     ) -> PendingTick | Complaint:
         """Write what only Python can say of a state; nothing is remembered."""
         kinematics, moved = self._kinematics, self._asks_ahead
@@ -263,7 +268,7 @@ class Controller:
             contacts.fill(kinematics, self._anchors)
         self._drivetrain.take(motion, contacts.contacts)
         return PendingTick(
-            *(motion, given.references, given.contacts, given.dt),
+            *(motion, given.references, ceilings, given.dt),
             *(self._expected, self._output, told),
         )
 
@@ -294,8 +299,8 @@ class Controller:
         if complaint is not None:
             raise ControlError(complaint[1])
         motion = self._drivetrain.true_motion(motion)
-        first = self._levels.of(contacts)[0]
-        asked = self._asked(motion, given, first.program.contacts)
+        (first, *_), ceilings = self._levels.of(contacts, step, keeps=False)
+        asked = self._asked(motion, given, ceilings, first.program.contacts)
         if not isinstance(asked, PendingTick):
             raise ControlError(asked[1])
         first.evaluate(asked)
@@ -331,7 +336,7 @@ class Controller:
         if self._drivetrain.learns:
             leads_to = asked.motion.velocity + asked.dt * block[at.x][: program.nv]
             self._drivetrain.remember(leads_to, contacts)
-        if len(self._joints.load):
+        if np.isfinite(self._joints.torque).any():
             self._drivetrain.place_load(block[at.x], gears[OUTPUT], self._joints.load)
 
     def _safe(

@@ -258,9 +258,9 @@ class GearModel:
         self._contacts = contacts
 
     def place_load(self, x: FloatArray, output: FloatArray, load: FloatArray) -> None:
-        """Write what T (m,) of a solution x = [qdd, ..] does beyond moving the links (m,)."""
-        moved = self.memory.mass @ x[: len(self.memory.bias)]
-        load[:] = output - self.memory.topology.T @ moved[self.memory.driven]
+        """Write the torque on the coordinates less M qdd (nv,) of a solution x = [qdd, ..]."""
+        load[:] = -self.memory.mass @ x[: len(self.memory.bias)]
+        load[self.memory.driven] += self.memory.from_joints.T @ output
 
     def interrupt(self) -> None:
         """Predict nothing of the next tick, as the last one had no solution."""

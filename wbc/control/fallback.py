@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +18,6 @@ from wbc.control.policies import LastGood, SafetyPolicy, Situation, Statics
 from wbc.control.qp.directions import DirectedSolution
 from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.contacts import BoundContact
-from wbc.control.statics import STATICS, place_clipped, place_statics
-from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -34,59 +31,43 @@ class Standing:
         """Make memory of its own, so that nothing of a tick is overwritten."""
         self._robot, self._drivetrain = robot, drivetrain
         self._kinematics = Kinematics(robot, frames)
-        self._rest, self._effects = np.zeros(robot.model.nv), np.zeros(robot.model.nv)
-        self._sets: dict[tuple[str, ...], tuple[ContactSet, Any]] = {}
-        gears = robot.transmission
-        B, m = gears.motor_from_joint, robot.actuated
-        self._from_joints, self._topology = np.array(B), np.array(gears.topology)
-        self._reflected = np.zeros((robot.model.nv, robot.model.nv))
-        self._reflected[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
+        self._sets: dict[tuple[str, ...], ContactSet] = {}
 
     def statics(self, position: FloatArray, contacts: tuple[BoundContact, ...]) -> Statics:
         """Return what holds the robot at q (nq,) on some contacts.
 
-        Forces of the contacts share the weight and balance the undriven coordinates u as far as
-        they can; what they cannot balance moves the base, and the driven joints m are held beside
-        it:
+        Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
+        coordinates u as far as they can; what they cannot balance moves the base, and the driven
+        joints m are held beside it:
 
             a = M_uu^-1 (J_u' f - g_u),    T = D' (M_mu a + g_m - J_m' f).
-        """
-        rest = self._rest
-        rows, memory = self._known_of(contacts)
-        self._kinematics.update(position, rest)
-        rows.fill(self._kinematics)
-        self._drivetrain.on_joints(Motion(position, rest), self._effects, np.empty(len(rest)))
-        m = self._robot.transmission.size
-        hold, free, rested = np.empty(m), np.empty((m, m)), np.empty((m, m))
-        if not place_statics(memory, _SOFT, hold, free, rested):
-            raise ControlError(f"the inertia of '{self._robot.name}' is not positive definite.")
-        if self._drivetrain.serial:
-            return Statics(hold, free, rested)
-        B = self._from_joints
-        return Statics(self._topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
 
-    def _known_of(self, contacts: tuple[BoundContact, ...]) -> tuple[ContactSet, Any]:
-        """Return the rows of some contacts and the STATICS, made when first asked for."""
-        names = tuple([contact.name for contact in contacts])
-        known = self._sets.get(names)
-        if known is None:
-            kinematics, robot = self._kinematics, self._robot
-            rows, nv = ContactSet(contacts, kinematics.model), robot.model.nv
-            made = STATICS.of(
-                links=kinematics.mass_matrix,
-                reflected=self._reflected,
-                bias=kinematics.bias,
-                effects=self._effects,
-                jacobian=rows.memory.rows.jacobian,
-                undriven=np.array(robot.unactuated, dtype=np.int_),
-                driven=np.array(robot.actuated, dtype=np.int_),
-                share=rows.load_share(kinematics.mass * kinematics.gravity),
-                whole=np.zeros((nv, nv)),
-                gravity=np.zeros(nv),
-                pushed=np.zeros(nv),
-            )
-            known = self._sets[names] = rows, made
-        return known
+        Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
+        (J M^-1)_m while the contacts rest.
+        """
+        robot, kinematics = self._robot, self._kinematics
+        rest, names = np.zeros(robot.model.nv), tuple([contact.name for contact in contacts])
+        if names not in self._sets:
+            self._sets[names] = ContactSet(contacts, kinematics.model)
+        rows, pushing = self._sets[names], np.zeros(robot.model.nv)
+        kinematics.update(position, rest)
+        rows.fill(kinematics)
+        self._drivetrain.on_joints(Motion(position, rest), pushing, np.empty(len(rest)))
+        gears, u, m = robot.transmission, robot.unactuated, robot.actuated
+        B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
+        mass = kinematics.mass_matrix.copy()
+        mass[np.ix_(m, m)] += B.T @ (gears.reflected_inertia[:, None] * B)
+        force, Ju = rows.load_share(kinematics.mass * kinematics.gravity), J[:, u]
+        soft = _SOFT * np.eye(len(u))
+        force += Ju @ np.linalg.solve(Ju.T @ Ju + soft, gravity[u] - Ju.T @ force)
+        left = gravity - J.T @ force
+        base = np.linalg.solve(mass[np.ix_(u, u)], -left[u])
+        hold = left[m] + mass[np.ix_(m, u)] @ base
+        moved = np.linalg.solve(mass, np.hstack([np.eye(len(mass))[:, m], J.T]))
+        free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
+        normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
+        rested = free - across.T @ np.linalg.solve(normal, across)
+        return Statics(gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
 
 
 class Fallback:
@@ -251,9 +232,5 @@ def _clipped(torque: object, limit: FloatArray) -> FloatArray:
     Raises:
         TypeError, ValueError: no numbers, or neither one nor m of them.
     """
-    values = np.asarray(torque, dtype=np.float64)
-    if values.shape != limit.shape:
-        values = np.broadcast_to(values, limit.shape)
-    clipped = np.empty(limit.shape)
-    place_clipped(values, limit, clipped)
-    return clipped
+    values = np.broadcast_to(np.asarray(torque, dtype=np.float64), limit.shape)
+    return np.clip(np.where(np.isfinite(values), values, 0.0), -limit, limit)

@@ -10,7 +10,6 @@ from typing import NamedTuple, Protocol, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.statics import place_braking
 from wbc.errors import ControlError
 
 _SHARE = 0.25
@@ -86,11 +85,11 @@ class Situation:
         contacts be gone, nothing loses more than a quarter of its speed in a tick. The matrix is
         positive definite: the torque only takes energy. Zero where a speed is unknown.
         """
-        torque, least = np.zeros(self.speed.shape), self.dt / _SHARE
-        if rate > 0.0:
-            more, (_, free, rested) = max(1.0 / rate - least, 0.0), self.statics
-            place_braking(free, rested, self.speed, least, more, torque)
-        return torque
+        least = self.dt / _SHARE
+        if not rate > 0.0 or not np.isfinite(self.speed).all() or not self.statics.free.any():
+            return np.zeros(self.speed.shape)
+        more, (_, free, rested) = max(1.0 / rate - least, 0.0), self.statics
+        return np.asarray(-np.linalg.solve(more * rested + least * free, self.speed))
 
 
 class SafetyPolicy(Protocol):

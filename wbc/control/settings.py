@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.gears import RestPolicy
 from wbc.control.inputs import step_complaint
@@ -38,6 +40,9 @@ class ControllerSettings:
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
             towards a shared load; far below 1e-5 it drowns in the solver's tolerance, and how
             feet share the load then depends on the past.
+        contact_ramp: [s] in which a contact that appears or disappears takes up or gives off the
+            robot's weight, 0 for at once: its greatest normal force changes no faster. Flags that
+            flicker then do not throw the robot about.
         safety: what to command when a tick has no solution.
         disturbance: learns what the model misses; None (the default) learns nothing.
         state_hook: makes a state of what `step` is given (a message, an estimate to filter); None
@@ -56,6 +61,7 @@ class ControllerSettings:
     max_rounds: int = 6
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
+    contact_ramp: float = 0.02
     safety: SafetyPolicy = field(default_factory=LetDown)
     deadline: float | None = None
     disturbance: DisturbanceObserver | None = None
@@ -70,8 +76,9 @@ class ControllerSettings:
         for name in positive:
             if not getattr(self, name) > 0:
                 raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")
-        if not self.force_weight >= 0.0:
-            raise ControlError(f"setting force_weight must be >= 0, got {self.force_weight}.")
+        for name in ("force_weight", "contact_ramp"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ControlError(f"setting {name} must be >= 0, got {getattr(self, name)}.")
         if not 0.0 <= self.rest_margin <= 0.5:
             raise ControlError(
                 f"setting rest_margin must lie between 0 and 0.5, got {self.rest_margin}."

@@ -122,7 +122,10 @@ class Trotter:
         self._gait = ContactSchedule(
             self.period, {name: 0.0 if self._pair[name] else 0.5 for name in self.feet}, _DUTY
         )
-        settings = ControllerSettings(rest_policy=self.policy, time_step=self.tick)
+        # a plan says who stands, and a foot's own place: nothing flickers
+        settings = ControllerSettings(
+            rest_policy=self.policy, time_step=self.tick, contact_ramp=0.0
+        )
         points = [PointContact(name=name) for name in self.feet]
         self._controller = Controller(self.model, self._tasks(), points, settings=settings)
         self._wanted = np.array(self.pose[:3])

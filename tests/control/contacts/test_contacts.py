@@ -11,6 +11,8 @@ from wbc.control import (
     ConeApproximation,
     ContactRamp,
     Controller,
+    ControllerSettings,
+    FrameOrientationTask,
     PointContact,
     PostureTask,
     Reference,
@@ -20,6 +22,7 @@ from wbc.control.rows.contacts import pyramid
 from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
+from wbc.sim import Plant
 
 TALOS = load_robot("talos")
 SOLO = load_robot("solo12")
@@ -76,6 +79,27 @@ def test_ramp_gives_the_load_off_and_back_while_the_robot_moves():
     assert seen == {frozenset(names), frozenset(names) - {"FL_foot"}}
     jumps = np.abs(np.diff(torques[10:], axis=0)).max()
     assert jumps < 0.1 * SOLO.transmission.torque_limit.max()
+
+
+@pytest.mark.parametrize("ramp", [None, 0.0])
+def test_flags_that_flicker_do_not_throw_a_robot_that_stands(ramp):
+    """All feet stand in truth; told to stand on the left and the right ones in turns it fell."""
+    plant, start = Plant(SOLO), next(iter(SOLO.poses.values()))
+    chosen = ControllerSettings() if ramp is None else ControllerSettings(contact_ramp=ramp)
+    tasks = [
+        CenterOfMassTask(weight=100.0),
+        FrameOrientationTask(name="trunk", frame="base_link", weight=10.0),
+        PostureTask.of(SOLO, weight=0.1, stiffness=50.0),
+    ]
+    points = [PointContact(name=contact.name) for contact in SOLO.contacts]
+    controller, state = Controller(SOLO, tasks, points, settings=chosen), plant.state(start)
+    for tick in range(400):
+        feet = {point.name: np.inf for i, point in enumerate(points) if (tick + i) % 2}
+        command = controller.step(Motion(state.position, state.velocity), None, feet)
+        assert command.status.usable, command.message
+        state = plant.step(state, command.rotor_torque, 1e-3).state
+    sunk = start[2] - state.position[2]
+    assert sunk > 0.03 if ramp == 0.0 else abs(sunk) < 1e-3
 
 
 def test_ramp_names_what_it_does_not_know():

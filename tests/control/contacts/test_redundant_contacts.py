@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 from wbc.control import (
     CenterOfMassTask,
     Controller,
+    ControllerSettings,
     FrameOrientationTask,
     PointContact,
     PostureTask,
@@ -164,9 +165,8 @@ def test_drift_of_a_contact_is_taken_back(sole):
 def test_a_contact_that_left_stands_where_it_comes_down():
     names = [c.name for c in SOLO.contacts]
     tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=0.1)]
-    controller = Controller(
-        SOLO, tasks, [PointContact(name=name, stiffness=100.0) for name in names]
-    )
+    points = [PointContact(name=name, stiffness=100.0) for name in names]
+    controller = Controller(SOLO, tasks, points, settings=ControllerSettings(contact_ramp=0.0))
     rest = np.zeros(SOLO.model.nv)
     controller.step(Motion(STAND, rest))
     controller.step(Motion(STAND, rest), contacts=dict.fromkeys(names[1:], np.inf))

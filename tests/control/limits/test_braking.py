@@ -74,11 +74,41 @@ def test_losses_lengthen_no_way_to_a_stop():
     assert np.all(lossy > ideal)
 
 
-def test_joints_without_a_motor_of_their_own_are_refused():
+def test_a_joint_that_motors_share_stops_by_the_weakest_of_them():
+    """D = [[1, 0], [-1, 1]]: the knee's torque passes both gears, so that the weaker one counts."""
     leg = load_robot("parallelogram_leg")
-    with pytest.raises(ControlError, match="no motor of its own"):
-        JointLimit.of(leg, braking=MotorBraking())
+    gears = leg.transmission
+    weak = leg.with_transmission(gears.replace(torque_limit=gears.torque_limit * [0.1, 1.0]))
+    for robot in (leg, weak):
+        held = MotorBraking().share * np.abs(gears.gear_ratio * robot.transmission.torque_limit)
+        held = held / gears.backward_efficiency
+        torque = JointLimit.of(robot).brakes["torque"]
+        np.testing.assert_allclose(torque, [held[0], held.min()])
+
+
+def test_joints_that_nothing_brakes_are_refused():
+    leg = load_robot("planar_leg")
+    with pytest.raises(ControlError, match="no motor to brake it"):
+        JointLimit.of(leg, ["base_pitch"])
+    JointLimit.of(leg, ["hip"], acceleration=50.0)
     with pytest.raises(ControlError, match="share"):
         MotorBraking(share=1.5)
     with pytest.raises(ControlError, match="least"):
         MotorBraking(least=0.0)
+
+
+def test_limits_that_the_model_states_hold_by_default():
+    """A knee that is sent beyond its stop stops there; told the torque limits alone it goes on."""
+    robot, rest = load_robot("planar_leg_fixed"), np.zeros(2)
+    stop = float(robot.model.upperPositionLimit[1])
+    task, beyond = PostureTask.of(robot, stiffness=400.0), np.array([0.0, stop + 1.0])
+    for limits, inside in ((None, True), ([RotorTorqueLimit()], False)):
+        control = Controller(robot, [task], limits=limits)
+        q, v = np.array([0.0, stop - 0.2]), rest
+        for _ in range(1500):
+            command = control.step(Motion(q, v), {"posture": Reference(beyond)})
+            assert command.status.usable, command.message
+            a = command.acceleration
+            q, v = q + STEP * v + 0.5 * STEP**2 * a, v + STEP * a
+        assert (q[1] <= stop + 1e-6) == inside
+        assert q[1] > stop - 0.02

@@ -9,9 +9,10 @@ from wbc.control import (
     Controller,
     ControllerSettings,
     PostureTask,
+    RotorTorqueLimit,
 )
 from wbc.control.qp.problem import QPStatus
-from wbc.control.qp.solvers import make_solver
+from wbc.control.qp.solvers import solve
 from wbc.robot import Motion
 
 
@@ -19,14 +20,13 @@ def test_residuals_see_a_wrong_solution():
     generator = np.random.default_rng(2)
     robot = arm(3, generator)
     q, v = random_state(robot, generator)
-    controller = Controller(
-        robot, [PostureTask.of(robot)], settings=ControllerSettings(speed_blend=CERTAIN)
-    )
+    settings = ControllerSettings(speed_blend=CERTAIN)
+    controller = Controller(robot, [PostureTask.of(robot)], [], [RotorTorqueLimit()], settings)
     command = controller.step(Motion(q, v))
     solution, problem = command.solution, controller.problem
     assert command.rounds > 1
     assert solution.dual_residual(problem) < 1e-5
     off = type(solution)(solution.x + 1.0, solution.y, solution.z, QPStatus.SOLVED, 0)
     assert off.dual_residual(problem) > 0.1
-    fresh = make_solver("proxqp", 3, 0, 3, tolerance=1e-9, max_iterations=100).solve(problem)
+    fresh = solve("proxqp", problem, tolerance=1e-9, most=100)
     np.testing.assert_allclose(fresh.x, solution.x, atol=1e-4)

@@ -166,9 +166,9 @@ def test_lower_level_moves_nothing_of_the_upper_one():
     wish["hand"] = Reference(generator.normal(size=3))
 
     def solve(*tasks):
-        return Controller(robot, list(tasks), settings=SETTINGS).step(Motion(q, v), wish)
+        return Controller(robot, list(tasks), [], [], SETTINGS).step(Motion(q, v), wish)
 
-    alone = Controller(robot, [upper], settings=SETTINGS).step(Motion(q, v), {"hand": wish["hand"]})
+    alone = Controller(robot, [upper], [], [], SETTINGS).step(Motion(q, v), {"hand": wish["hand"]})
     strict = solve(upper, PostureTask.of(robot, weight=1e4, level=1))
     mixed = solve(upper, PostureTask.of(robot, weight=1e4))
     jacobian = upper.jacobian(_kinematics(robot, q, v))

@@ -24,6 +24,7 @@ from wbc.control import (
     JointLimit,
     PostureTask,
     Reference,
+    RotorTorqueLimit,
     SpeedBlend,
     Status,
 )
@@ -67,7 +68,7 @@ def test_arm_finds_the_best_of_all_directions(m, states):
     for seed in range(states):
         robot, q, v, wanted, weights = arm_case(m, seed)
         task = PostureTask.of(robot, weight=weights, stiffness=0.0, damping=0.0)
-        controller = Controller(robot, [task], settings=EXACT)
+        controller = Controller(robot, [task], [], [RotorTorqueLimit()], EXACT)
         command = controller.step(Motion(q, v), {"posture": Reference(q, None, wanted)})
         rows = np.diag(np.sqrt(weights))
         target = np.sqrt(weights) * wanted
@@ -129,7 +130,9 @@ def test_directions_agree_with_the_returned_solution(seed, m, full_speed, speed)
     q, v = random_state(robot, generator, spread=2.0, speed=speed)
     blend = SpeedBlend(full_speed=full_speed, correction=0.0, trusted_error=0.0)
     task = PostureTask.of(robot, weight=generator.uniform(0.1, 10.0, m), stiffness=0.0, damping=0.0)
-    controller = Controller(robot, [task], settings=ControllerSettings(speed_blend=blend))
+    controller = Controller(
+        robot, [task], [], [RotorTorqueLimit()], ControllerSettings(speed_blend=blend)
+    )
     for _ in range(3):
         wanted = 20.0 * generator.normal(size=m)
         command = controller.step(Motion(q, v), {"posture": Reference(q, None, wanted)})

@@ -22,7 +22,7 @@ from wbc.control.qp.gear_rows import (
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.problem import QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program
-from wbc.control.qp.solvers import Solver, make_solver
+from wbc.control.qp.solvers import solve
 from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_efforts
 
 _ACTIVE = 1e-6
@@ -76,7 +76,6 @@ class ProgramSolver:
         """
         self._program, self._names, self._guesses = program, names, guesses
         self._tolerance, self._most = numbers
-        self._made: dict[tuple[str, int, int, int], Solver] = {}
         self.start_tick()
 
     def start_tick(self) -> None:
@@ -86,8 +85,6 @@ class ProgramSolver:
     def forget(self) -> None:
         """Start the next solve from nothing."""
         self._program.memory.solver.taken[:] = 0
-        for solver in self._made.values():
-            solver.forget()
 
     @property
     def exhausted(self) -> bool:
@@ -142,20 +139,17 @@ class ProgramSolver:
 
     def _asked(self, directed: bool) -> QPSolution:
         """Return what the solvers say, the first one that finds a solution."""
-        dense = self._program.blocks(directed=directed).dense()
-        n, found = len(dense.g), NOTHING
-        for name in self._names:
-            key = name, n, len(dense.b), len(dense.lower)
-            if key not in self._made:
-                self._made[key] = make_solver(
-                    *key, tolerance=self._tolerance, max_iterations=self._most
-                )
-            found = self._made[key].solve(dense)
+        dense, found = self._program.blocks(directed=directed).dense(), NOTHING
+        gives = len(dense.g) > self._program.n
+        # ProxQP finds nothing more where limits give way, and what it says of hard programs differs
+        # with where its memory happens to lie
+        for name in self._names[: 1 if gives else None]:
+            found = solve(name, dense, tolerance=self._tolerance, most=self._most)
             found = found._replace(x=found.x[: self._program.n])
             self.iterations += found.iterations
             # alone ProxQP calls programs infeasible that leave hardly any room, and daqp some whose
             # limits give way, which always have a solution but for contacts that contradict
-            sure = (name == "daqp" and n == self._program.n) or self.blocking >= 0
+            sure = (name == "daqp" and not gives) or self.blocking >= 0
             if found.status is QPStatus.SOLVED or (sure and found.status is QPStatus.INFEASIBLE):
                 break
         if found.status is QPStatus.SOLVED and self._guesses:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from itertools import combinations
 from time import perf_counter
 from typing import NamedTuple
@@ -22,6 +23,7 @@ from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference
 from wbc.control.rows.contact_set import ContactRanks, ContactSet
 from wbc.control.rows.contacts import BoundContact
+from wbc.control.rows.schedule import ContactRamp
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import (
     BASED,
@@ -237,20 +239,30 @@ class Level:
     def _giving_way(
         self, first: FloatArray
     ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
-        """Return a solution that passes limits, or one in its directions that need not."""
-        program, search = self.program, self._search
+        """Return a solution that passes limits, or one in its directions that need not.
+
+        Where none is found, they are left out.
+        """
+        program, search, rounds = self.program, self._search, self._rounds
         with program.giving_way():
-            found = search.solve(first, self._rounds - 1)
+            found = search.solve(first, rounds - 1)
             verdict = _judged(found, program)
+        if verdict[0].usable:
+            output = search.output_of(found.solution)
+            if ((output > 0.0) != (first > 0.0)).any():
+                kept = search.solve(output, rounds, quick=True)
+                if kept.solution.status is QPStatus.SOLVED:
+                    return kept, _judged(kept, program), _NOTHING_PASSED
+        elif self._solver.count < rounds:
+            with program.giving_way(dropped=True):
+                found = search.solve(first, rounds, quick=True)
+                verdict = _judged(found, program)
+            if verdict[0].usable:
+                verdict = Status.INACCURATE, "Limits of joints and distances left out."
         if not verdict[0].usable:
             return found, verdict, _NOTHING_PASSED
-        output = search.output_of(found.solution)
-        if ((output > 0.0) != (first > 0.0)).any():
-            kept = search.solve(output, self._rounds, quick=True)
-            if kept.solution.status is QPStatus.SOLVED:
-                return kept, _judged(kept, program), _NOTHING_PASSED
         passed, stops = program.passed(found.solution)
-        told = _told(passed, stops)
+        told = _told(passed, stops) if passed else ""
         return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
 
     @property
@@ -336,7 +348,15 @@ class Levels:
         self._stage, self._all = stage, tuple(contacts)
         self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
-        self._last: tuple[dict[str, float] | None, tuple[Level, ...]] | None = None
+        weight = recipe.kinematics.mass * recipe.kinematics.gravity
+        self._ramp: ContactRamp | None = None
+        if self._all and settings.contact_ramp > 0.0:
+            load = weight if weight > 0.0 else 1e3  # as for `Program.force_scale`
+            down = settings.contact_ramp
+            self._ramp = ContactRamp(self._all, load, down, rise=0.5 * down)
+        self._fresh, self._settled = True, False
+        self._wanted: dict[str, float] | None = None
+        self._last: tuple[tuple[Level, ...], Mapping[str, float]] = (), {}
         if len(self._all) <= _FEW:
             for count in range(len(self._all) + 1):
                 for names in combinations(self._all, count):
@@ -344,20 +364,34 @@ class Levels:
 
     def forget(self) -> None:
         """Start the next tick of every contact set from nothing."""
+        self._fresh, self._settled = True, False
         for levels in self._made.values():
             for level in levels:
                 level.forget()
 
-    def of(self, active: Mapping[str, float] | None) -> tuple[Level, ...]:
-        """Return the levels for the contacts that may carry force, all when None."""
-        if self._last is not None and active == self._last[0]:
-            return self._last[1]
-        names = self._all
-        if active is not None:
-            names = tuple([name for name in names if active.get(name, 0.0) > 0.0])
-        levels = self._of(names)
-        self._last = None if active is None else dict(active), levels
-        return levels
+    def of(
+        self, wanted: Mapping[str, float] | None, dt: float, *, keeps: bool = True
+    ) -> tuple[tuple[Level, ...], Mapping[str, float]]:
+        """Return the levels for the contacts that may carry force, and their ceilings [N].
+
+        Args:
+            wanted: ceilings that are asked for; None for all contacts without any.
+            dt: time until the next tick [s].
+            keeps: whether the next tick goes on from these.
+        """
+        if self._settled and wanted == self._wanted:
+            return self._last
+        ramp, names = self._ramp if keeps else deepcopy(self._ramp), self._all
+        asked = dict.fromkeys(names, np.inf) if wanted is None else wanted
+        asked = {name: asked[name] for name in names if asked.get(name, 0.0) > 0.0}
+        ceilings: Mapping[str, float] = asked
+        if ramp is not None:
+            ceilings = ramp.step(asked, dt, at_once=self._fresh)
+        last = self._of(tuple(ceilings)), ceilings
+        if keeps:
+            self._fresh, self._settled = False, ceilings == asked
+            self._wanted, self._last = None if wanted is None else dict(wanted), last
+        return last
 
     def _of(self, names: tuple[str, ...]) -> tuple[Level, ...]:
         """Return the levels for some contacts, in the order of all."""

@@ -22,7 +22,6 @@ from wbc.control.reference import Reference
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.efforts import ContactForceTask, Effort
-from wbc.control.rows.joint_rows import JOINTS
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.tick import COST, FIRST, GEAR_ROWS, HARD, PROGRAM
@@ -319,11 +318,11 @@ class Program:
         return self.hardens or self.joint.start < self.plain
 
     @contextmanager
-    def giving_way(self) -> Iterator[None]:
+    def giving_way(self, *, dropped: bool = False) -> Iterator[None]:
         """Let tasks of infinite weight and limits of joints and distances be passed, at a cost.
 
-        Torque limits, cones, contacts at rest and the balance are what the motors and the ground
-        can do; they stay.
+        Limits that are `dropped` are passed at no cost. Torque limits, cones, contacts at rest and
+        the balance are what the motors and the ground can do; they stay.
         """
         solver, counts = self.memory.solver, self.memory.counts
         diagonal, pull, softness = solver.diagonal, solver.pull, solver.softness
@@ -333,14 +332,20 @@ class Program:
         if (tasks == 0.0).any():
             heaviest *= _RIGID
             tasks[tasks == 0.0] = 1.0 / heaviest
-        raised = np.maximum(diagonal, heaviest / _FIRM)
-        pull *= raised / diagonal
-        diagonal[:] = raised
-        solver.give[self.joint.start : self.plain] = 1.0 / (_FIRM * heaviest)
+        limits = slice(self.joint.start, self.plain)
+        bounds = solver.lower[limits].copy(), solver.upper[limits].copy()
+        if dropped:
+            solver.lower[limits], solver.upper[limits] = -INFINITE, INFINITE
+        else:
+            raised = np.maximum(diagonal, heaviest / _FIRM)
+            pull *= raised / diagonal
+            diagonal[:] = raised
+            solver.give[limits] = 1.0 / (_FIRM * heaviest)
         try:
             yield
         finally:
             diagonal[:], pull[:], tasks[:] = kept
+            solver.lower[limits], solver.upper[limits] = bounds
             solver.give[:] = 0.0
 
     def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
@@ -498,24 +503,3 @@ def _lock(above: int, n: int, most: int, bounds: int) -> Any:
         scales=np.zeros(n),
         decided=np.zeros(bounds, dtype=np.int_),
     )
-
-
-NO_JOINTS: Any = JOINTS.of(
-    rows=np.zeros(0, dtype=np.int_),
-    positions=np.zeros(0, dtype=np.int_),
-    gears=np.zeros(0, dtype=np.int_),
-    **{
-        name: np.zeros(0)
-        for name in (
-            "lower",
-            "upper",
-            "speed",
-            "acceleration",
-            "torque",
-            "reflected",
-            "least",
-            "load",
-        )
-    },
-)
-"""Limits of no joint."""

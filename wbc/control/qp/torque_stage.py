@@ -8,7 +8,7 @@ from wbc.arrays import FloatArray
 from wbc.control.drivetrain import GearModel
 from wbc.control.qp.gear_rows import place_slopes
 from wbc.control.qp.problem import QPProblem
-from wbc.control.qp.solvers import make_solver
+from wbc.control.qp.solvers import solve
 from wbc.control.tick import CLIPPED, MESH, OUTPUT, SHARE, SIGMA, TORQUE_ROW
 
 
@@ -32,12 +32,8 @@ class RotorTorqueStage:
     ) -> None:
         """Prepare for some gears."""
         self._law, self._gears = drivetrain.law, drivetrain.memory
-        m, self._serial = drivetrain.size, drivetrain.serial
-        self._to_joints = drivetrain.memory.from_joints.T
-        if not self._serial:
-            self._solver = make_solver(
-                solver, 2 * m, 0, 2 * m, tolerance=tolerance, max_iterations=iterations
-            )
+        self._serial, self._to_joints = drivetrain.serial, drivetrain.memory.from_joints.T
+        self._solver, self._tolerance, self._most = solver, tolerance, iterations
 
     def solve(self, block: FloatArray) -> None:
         """Bend the torques of a tick so that the limits leave all of them.
@@ -62,7 +58,7 @@ class RotorTorqueStage:
         limits: tuple[FloatArray, FloatArray],
     ) -> FloatArray:
         problem = self.problem(output, wanted, share, sigma, limits)
-        found = self._solver.solve(problem)
+        found = solve(self._solver, problem, tolerance=self._tolerance, most=self._most)
         m = len(output)
         mesh = found.x[:m] + found.x[m:]
         if not np.isfinite(mesh).all():

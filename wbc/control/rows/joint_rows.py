@@ -21,7 +21,6 @@ JOINTS = Structure(
     upper=Row,
     speed=Row,
     acceleration=Row,
-    gears=Places,
     torque=Row,
     reflected=Row,
     least=Row,
@@ -29,11 +28,14 @@ JOINTS = Structure(
 )
 """Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
 
-Where motors brake, `gears` (k,) are those of the joints, `torque` (k,) [N m] what holds a joint
-back at most, infinite behind a gear that cannot be driven backwards, `reflected` (k,) the inertia
-of the rotors then, `least` (1,) a deceleration to count on; `load` (m,) is T - D' M qdd of the last
-tick, NaN where there was none.
+What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
+known to limit it, `reflected` (k,) is the inertia of the rotors then, `least` (k,) a deceleration
+to count on; `load` (nv,) is the torque on the coordinates less M qdd of the last tick, NaN where
+there was none.
 """
+
+_MOST = 1e9
+"""[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
 
 
 @compiled(Number, *[Number] * 4)
@@ -42,12 +44,14 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
 
     The larger root a of (v + h a)^2 = 2 b (d - h v - h^2 a/2); braking in full where none is left.
     """
+    if distance == np.inf:
+        return np.inf
     reach = braking * dt
     root = reach * reach + 8.0 * braking * distance - 4.0 * reach * speed
     if root < 0.0:
         return -braking
     found: float = (sqrt(root) - 2.0 * speed - reach) / (2.0 * dt)
-    return found if isfinite(found) else np.inf  # far stops and endless braking: no bound
+    return found
 
 
 @compiled(Nothing, JOINTS.kind, *[Vector] * 2, Number, *[Row] * 2, types.UniTuple(OutRow, 2))
@@ -70,10 +74,11 @@ def place_bounds(
     """
     for k in range(len(joints.rows)):
         q, v, most = position[joints.positions[k]], velocity[joints.rows[k]], joints.acceleration[k]
-        rise = viable(joints.upper[k] - q, v, min(most, up[k]), dt)
-        fall = viable(q - joints.lower[k], -v, min(most, down[k]), dt)
-        highest = min(max(min((joints.speed[k] - v) / dt, rise), -most), most)
-        lowest = min(max(-min((joints.speed[k] + v) / dt, fall), -most), most)
+        high, low = min(most, up[k], _MOST), min(most, down[k], _MOST)
+        rise = viable(joints.upper[k] - q, v, high, dt)
+        fall = viable(q - joints.lower[k], -v, low, dt)
+        highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
+        lowest = max(min(-min((joints.speed[k] + v) / dt, fall), low), -most)
         bounds[0][k], bounds[1][k] = min(lowest, highest), max(lowest, highest)
 
 
@@ -82,15 +87,15 @@ def place_braking(joints: Any, gears: Any, up: FloatArray, down: FloatArray) -> 
     """Write the deceleration (k,) of motion upwards and downwards, see `MotorBraking`."""
     for k in range(len(joints.rows)):
         up[k], down[k] = np.inf, np.inf
-        if len(joints.gears) == 0 or not isfinite(joints.torque[k]):
+        if not isfinite(joints.torque[k]):
             continue
-        gear, row = joints.gears[k], joints.rows[k]
-        load = joints.load[gear]
+        row = joints.rows[k]
+        load = joints.load[row]
         if not isfinite(load):
             load = gears.bias[row]
         whole = gears.mass[row, row] + joints.reflected[k]
-        up[k] = max((joints.torque[k] + load) / whole, joints.least[0])
-        down[k] = max((joints.torque[k] - load) / whole, joints.least[0])
+        up[k] = max((joints.torque[k] + load) / whole, joints.least[k])
+        down[k] = max((joints.torque[k] - load) / whole, joints.least[k])
 
 
 @compiled(Nothing, JOINTS.kind, GEARS.kind, *[Vector] * 2, Number, types.UniTuple(OutRow, 2))

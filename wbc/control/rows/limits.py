@@ -8,11 +8,12 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.rows.joint_rows import JOINTS, place_bounds
 from wbc.errors import ControlError
 from wbc.robot import Robot
-from wbc.transmission import Transmission
+
+_ENDLESS = 1e8  # [rad, rad/s] stated in place of none
 
 
 @final
@@ -74,6 +75,8 @@ class MotorBraking:
 
     plus where the load helps. A gear that cannot be driven backwards brakes as hard as one likes.
     The load is that of the last tick; `share` leaves room for what changes until the joint rests.
+    Where motors share joints (T = D' tau), a torque on one joint alone is what the weakest of its
+    motors holds, and the rotors of all of them have to stop.
 
     Attributes:
         share: of the motor's torque limit that braking may count on, in (0, 1].
@@ -90,28 +93,17 @@ class MotorBraking:
         if not self.least > 0.0:
             raise ControlError(f"motor braking: least must be > 0 rad/s^2, got {self.least:g}.")
 
-    def check(self, robot: Robot, joints: tuple[str, ...]) -> None:
-        """Raise ControlError for a joint that is not driven by a motor of its own."""
-        own = serial_gears(robot.transmission)
-        for joint in joints:
-            if joint not in own:
-                raise ControlError(
-                    f"joint '{joint}' has no motor of its own to brake it; give its braking as a "
-                    f"number (acceleration=...). Joints that have one: {', '.join(own)}."
-                )
 
-
-def serial_gears(gears: Transmission) -> dict[str, int]:
-    """Return the joints that have a motor of their own, with its number."""
-    topology = np.asarray(gears.topology)
-    alone = [
-        i
-        for i in range(gears.size)
-        if topology[i, i] == 1.0
-        and np.count_nonzero(topology[i]) == 1
-        and np.count_nonzero(topology[:, i]) == 1
-    ]
-    return {gears.joints[i]: i for i in alone}
+def _stated(robot: Robot) -> tuple[str, ...]:
+    """Return the driven joints of which the model states a stop or a greatest speed."""
+    model, found = robot.model, []
+    for joint in robot.transmission.joints:
+        place, row = robot.position_index(joint), robot.velocity_index(joint)
+        low, high = model.lowerPositionLimit[place], model.upperPositionLimit[place]
+        ends = np.abs([low, high, model.upperVelocityLimit[row]])
+        if low < high and ends.min() < _ENDLESS:
+            found.append(joint)
+    return tuple(found)
 
 
 def _no_rows() -> IntArray:
@@ -120,12 +112,6 @@ def _no_rows() -> IntArray:
 
 def _no_numbers() -> FloatArray:
     return frozen([])
-
-
-def _no_braking() -> dict[str, Any]:
-    """Return the fields of JOINTS for joints that brake with their greatest acceleration."""
-    empty = {name: np.zeros(0) for name in ("torque", "reflected", "least", "load")}
-    return {"gears": _no_rows(), **empty}
 
 
 @final
@@ -143,7 +129,8 @@ class JointLimit:
     its stop or too fast for it brakes with b at most. Where it cannot be kept it is passed, see
     `Command.passed`.
 
-    `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has.
+    `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has, and is what
+    a controller has by default.
 
     Attributes:
         joints: names, in the order of the arrays.
@@ -152,7 +139,7 @@ class JointLimit:
         lower, upper: stops (k,) [rad or m].
         speed: greatest speed (k,) [rad/s or m/s].
         acceleration: greatest acceleration (k,), which is also the greatest braking b.
-        brakes: fields of JOINTS that say what the motors can do about it.
+        brakes: by field of JOINTS what the motors can do about it; empty where they are not asked.
     """
 
     joints: tuple[str, ...] = ()
@@ -162,7 +149,7 @@ class JointLimit:
     upper: FloatArray = field(default_factory=_no_numbers)
     speed: FloatArray = field(default_factory=_no_numbers)
     acceleration: FloatArray = field(default_factory=_no_numbers)
-    brakes: Mapping[str, Any] = field(default_factory=_no_braking, repr=False)
+    brakes: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -170,7 +157,7 @@ class JointLimit:
         robot: Robot,
         joints: Sequence[str] | None = None,
         *,
-        acceleration: float | FloatArray = 100.0,
+        acceleration: float | FloatArray = np.inf,
         margin: float = 0.0,
         braking: MotorBraking | None = None,
     ) -> JointLimit:
@@ -178,16 +165,19 @@ class JointLimit:
 
         Args:
             robot: the robot.
-            joints: names of one-degree joints, all driven ones when left out.
-            acceleration: greatest acceleration and braking [rad/s^2], one number or one per joint.
+            joints: names of one-degree joints; when left out all driven ones of which the model
+                states a stop or a greatest speed.
+            acceleration: greatest acceleration and braking [rad/s^2], one number or one per joint;
+                left out there is none but what the motors can do.
             margin: distance kept from every stop [rad].
-            braking: how hard the motors can brake; left out they can with `acceleration`.
+            braking: how hard the motors can brake; left out they can with `acceleration`, or as
+                `MotorBraking()` says where that is infinite.
 
         Raises:
             ControlError: an acceleration that is not positive, or stops that leave no room.
             RobotError: no such joint.
         """
-        names = robot.transmission.joints if joints is None else tuple(joints)
+        names = _stated(robot) if joints is None else tuple(joints)
         rows = [robot.velocity_index(joint) for joint in names]
         places = [robot.position_index(joint) for joint in names]
         lower = np.asarray(robot.model.lowerPositionLimit)[places] + margin
@@ -195,11 +185,11 @@ class JointLimit:
         for joint, low, high in zip(names, lower, upper, strict=True):
             if not low < high:
                 raise ControlError(f"joint '{joint}': stops at {low:g} and {high:g} leave no room.")
-        greatest = checked(
-            np.broadcast_to(acceleration, (len(rows),)), (len(rows),), "acceleration", ControlError
-        )
-        if np.any(greatest <= 0.0):
+        greatest = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), (len(rows),))
+        if not np.all(greatest > 0.0):
             raise ControlError("the greatest acceleration of a joint must be positive.")
+        if braking is None and np.isinf(greatest).any():
+            braking = MotorBraking()
         speed = np.abs(np.asarray(robot.model.upperVelocityLimit)[rows])
         return cls(
             joints=names,
@@ -208,12 +198,14 @@ class JointLimit:
             lower=frozen(lower),
             upper=frozen(upper),
             speed=frozen(np.where(speed > 0.0, speed, np.inf)),
-            acceleration=greatest,
-            brakes=_no_braking() if braking is None else _braking(robot, names, braking),
+            acceleration=frozen(greatest),
+            brakes={} if braking is None else _braking(robot, names, braking),
         )
 
     def structure(self) -> Any:
         """Return JOINTS with a memory of the load that no other controller has."""
+        endless = np.full(len(self.rows), np.inf)
+        brakes = self.brakes or dict.fromkeys(("torque", "reflected", "least", "load"), endless)
         return JOINTS.of(
             rows=self.rows,
             positions=self.position_rows,
@@ -221,7 +213,7 @@ class JointLimit:
             upper=self.upper,
             speed=self.speed,
             acceleration=self.acceleration,
-            **{name: array.copy() for name, array in self.brakes.items()},
+            **{name: array.copy() for name, array in brakes.items()},
         )
 
     def bounds(
@@ -243,18 +235,26 @@ class JointLimit:
         return lowest, highest
 
 
-def _braking(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> dict[str, Any]:
+def _braking(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> dict[str, FloatArray]:
     """Return the fields of JOINTS for joints that their motors brake."""
-    braking.check(robot, joints)
-    own, gears = serial_gears(robot.transmission), robot.transmission
-    numbers = np.array([own[joint] for joint in joints], dtype=np.int_)
-    backward = gears.backward_efficiency[numbers]
-    eta = np.where(backward > 0.0, backward, 1.0)
-    torque = braking.share * np.abs(gears.gear_ratio * gears.torque_limit)[numbers] / eta
+    gears = robot.transmission
+    for joint in joints:
+        if joint not in gears.joints:
+            raise ControlError(
+                f"joint '{joint}' has no motor to brake it; give its braking as a number "
+                f"(acceleration=...). Joints that have one: {', '.join(gears.joints)}."
+            )
+    own = [gears.joints.index(joint) for joint in joints]
+    drives, eta = gears.backward_efficiency > 0.0, gears.backward_efficiency.clip(1e-9)
+    held = braking.share * np.abs(gears.gear_ratio * gears.torque_limit) / eta
+    held = np.where(drives & np.isfinite(held), held, np.inf)
+    with np.errstate(divide="ignore"):
+        torque = (held / np.abs(gears.topology)[own]).min(axis=1)
+    B = gears.motor_from_joint[:, own]
+    reflected = np.where(drives, gears.reflected_inertia / eta, gears.reflected_inertia)
     return {
-        "gears": numbers,
-        "torque": np.where(backward > 0.0, torque, np.inf),
-        "reflected": gears.reflected_inertia[numbers] / eta,
-        "least": np.array([braking.least]),
-        "load": np.full(gears.size, np.nan),
+        "torque": torque,
+        "reflected": (B * B * reflected[:, None]).sum(axis=0),
+        "least": np.full(len(own), braking.least),
+        "load": np.full(robot.model.nv, np.nan),
     }

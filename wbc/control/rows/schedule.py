@@ -7,38 +7,42 @@ from dataclasses import dataclass
 from math import inf
 from typing import final
 
-import numpy as np
-
 from wbc.errors import ControlError, unknown_name
 
 
 @final
 class ContactRamp:
-    """Greatest normal forces for `Controller.step` that follow a changing set of contacts.
+    """Greatest normal forces of contacts that come and go along ramps.
 
     A contact that is wanted no longer loses its ceiling in a straight line and leaves the set when
-    the ceiling reaches zero; one that is wanted again gets it back in the same way, and is free of
-    any ceiling at the end. The user owns the schedule:
+    the ceiling reaches zero; one that is wanted again gets it back in the same way, and is free at
+    the end. A ceiling that is asked for is kept at once. A controller has one of its own, see
+    `ControllerSettings.contact_ramp`; a slower one before it unloads a foot in time:
 
         ramp = ContactRamp(["left", "right"], load=weight, duration=0.2)
         ...
         command = controller.step(state, references, ramp.step({"left"}, dt))
     """
 
-    def __init__(self, contacts: Sequence[str], load: float, duration: float) -> None:
+    def __init__(
+        self, contacts: Sequence[str], load: float, duration: float, *, rise: float | None = None
+    ) -> None:
         """Start with every contact active.
 
         Args:
             contacts: names of all contacts.
             load: normal force [N] from which and to which the ceilings go, for example the weight.
             duration: of a ramp [s].
+            rise: of a ramp upwards [s] where that is another one. Flags that flicker evenly end
+                with all contacts active where it is shorter.
 
         Raises:
             ControlError: no contact, or a load or duration that is not positive.
         """
-        if not contacts or not load > 0.0 or not duration > 0.0:
+        rise = duration if rise is None else rise
+        if not contacts or not load > 0.0 or not duration > 0.0 or not rise > 0.0:
             raise ControlError("a contact ramp needs contacts, a load > 0 N and a duration > 0 s.")
-        self._load, self._rate = load, 1.0 / duration
+        self._load, self._fall, self._rise = load, 1.0 / duration, 1.0 / rise
         self._share = dict.fromkeys(contacts, 1.0)
 
     @property
@@ -46,8 +50,15 @@ class ContactRamp:
         """Whether no contact is on a ramp."""
         return all(share in (0.0, 1.0) for share in self._share.values())
 
-    def step(self, wanted: Collection[str], dt: float) -> Mapping[str, float]:
+    def step(
+        self, wanted: Collection[str] | Mapping[str, float], dt: float, *, at_once: bool = False
+    ) -> Mapping[str, float]:
         """Go on for `dt` [s]; return the ceiling [N] of every contact that may carry force.
+
+        Args:
+            wanted: the contacts that are to carry force, or their ceilings.
+            dt: [s].
+            at_once: whether to begin with what is wanted, without a ramp.
 
         Raises:
             ControlError: a contact that there is not.
@@ -55,13 +66,16 @@ class ContactRamp:
         for name in wanted:
             if name not in self._share:
                 raise ControlError(unknown_name("contact", name, self._share))
+        given = wanted if isinstance(wanted, Mapping) else dict.fromkeys(wanted, inf)
+        fall, rise = (inf, inf) if at_once else (dt * self._fall, dt * self._rise)
         ceilings = {}
         for name, share in self._share.items():
-            change = dt * self._rate if name in wanted else -dt * self._rate
-            share = min(max(share + change, 0.0), 1.0)
+            ceiling = given.get(name, 0.0)
+            goal = min(ceiling / self._load, 1.0)
+            share = min(goal, share + rise) if goal > 0.0 else max(share - fall, 0.0)
             self._share[name] = share
             if share > 0.0:
-                ceilings[name] = np.inf if share == 1.0 else share * self._load
+                ceilings[name] = ceiling if share == goal else share * self._load
         return ceilings
 
 
