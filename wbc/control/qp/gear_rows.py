@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numba import types
 
 from wbc.arrays import BoolArray, FloatArray
@@ -192,6 +193,19 @@ def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: 
         along, against = forward[i] - rest[i], backward[i] - rest[i]
         positive[i] = ahead * along + astern * against + rest[i]
         negative[i] = ahead * against + astern * along + rest[i]
+
+
+@compiled(Nothing, GEARS.kind, *[Vector] * 2, Number, OutDense)
+def place_prospects(
+    gears: Any, expected: FloatArray, measured: FloatArray, dt: float, motors: FloatArray
+) -> None:
+    """Write what efforts are told: expected dpsi, its certainty, e for T <= 0 and for T > 0 (5, m).
+
+    Arguments as for `place_judged`; a row of the result is memory.
+    """
+    judged = motors[0], motors[1], motors[2]
+    place_judged(gears, expected, measured, dt, np.empty(len(measured)), judged)
+    place_slopes(gears, motors[2], motors[4], motors[3])
 
 
 @compiled(Flag, GEARS.kind, *[Row] * 3, _Three)

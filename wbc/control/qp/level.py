@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.control.command import Status
 from wbc.control.inputs import Complaint
 from wbc.control.qp.directions import DirectedSolution, DirectionSearch, ProgramSolver
-from wbc.control.qp.gear_rows import place_judged, place_slopes
+from wbc.control.qp.gear_rows import place_prospects
 from wbc.control.qp.lock_rows import hold, place_above
 from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus, is_finite
 from wbc.control.qp.program import REACH, Program, Recipe
@@ -187,15 +187,10 @@ class Level:
 
     def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
         """Take what efforts cost for the gears as they are judged now."""
-        gears = self.program.memory.gears
-        memory = np.empty((5, len(asked.output)))
-        turning, speed, sigma, negative, positive = memory
-        motors = turning, speed, sigma
-        velocity = asked.motion.velocity
-        place_judged(gears, asked.expected, velocity, asked.dt, np.empty(len(velocity)), motors)
-        place_slopes(gears, sigma, positive, negative)
+        told, gears = np.empty((5, len(asked.output))), self.program.memory.gears
+        place_prospects(gears, asked.expected, asked.motion.velocity, asked.dt, told)
         first = asked.output if above is None else above.gears[OUTPUT]
-        self.program.take_efforts(memory[3:], turning, asked.output, first)
+        self.program.take_efforts(told[3:], told[0], asked.output, first)
 
     def _hold(self, above: SolvedLevel, sigma: FloatArray) -> None:
         """Hold what the level above has decided, with the rows of torque limits that bound it."""

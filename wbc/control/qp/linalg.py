@@ -8,7 +8,7 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutRow, compiled
 
 _INDEPENDENT = 1e-8
-_PASSES = 2  # the first leaves rounding along rows nearly parallel to those removed
+_SHORT = 0.25  # of a squared length, from which rounding along the other rows counts
 
 
 @compiled(Flag, OutDense, Count)
@@ -120,9 +120,8 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
         scale = 1.0 / sqrt(length) if length > 0.0 else 0.0
         for j in range(n):
             left[i, j] = scale * rows[i, j]
-        for _ in range(_PASSES):
-            remove(kept, count, left, i)
-    for done in range(total):
+        remove(kept, count, left, i)
+    for done in range(min(total, n - count)):
         best, longest = done, -1.0
         for i in range(done, total):
             length = 0.0
@@ -135,10 +134,12 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
         for j in range(n):
             kept[count, j] = left[best, j]
             left[best, j] = left[done, j]
-        remove(kept, count, kept, count)
-        length = 0.0
-        for j in range(n):
-            length += kept[count, j] * kept[count, j]
+        length = longest
+        if longest < _SHORT:
+            remove(kept, count, kept, count)
+            length = 0.0
+            for j in range(n):
+                length += kept[count, j] * kept[count, j]
         scale = 1.0 / sqrt(length)
         for j in range(n):
             kept[count, j] *= scale

@@ -287,8 +287,11 @@ def hold(
     top = counts[COST]
     first = extend_basis(solver.rows[top : top + unlocked], lock.left, lock.kept, 0)
     last = extend_basis(lock.above, lock.left, lock.kept, first)
-    start = 0 if limited else counts[TORQUE]
-    last = _extend_by_bounds(program, lock, last, x, start, reach)
+    if last < len(x):
+        start = 0 if limited else counts[TORQUE]
+        last = _extend_by_bounds(program, lock, last, x, start, reach)
+    else:
+        lock.decided[:] = 0
     counts[HARD] = unlocked + last - first
     for i in range(first, last):
         row, right = top + unlocked + i - first, 0.0
