@@ -8,6 +8,8 @@ from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.control.gears import gear_directions
 from wbc.control.qp.problem import BlockProblem, QPSolution
@@ -57,28 +59,6 @@ class Prospect(Protocol):
         """Return position and velocity of the driven joints (m,) one tick later."""
 
 
-class KnownProspect(NamedTuple):
-    """A prospect that is worked out.
-
-    Attributes:
-        found: the forces by contact.
-        position: of the driven joints (m,) one tick later.
-        velocity: of the driven joints (m,) one tick later.
-    """
-
-    found: Mapping[str, FloatArray]
-    position: FloatArray
-    velocity: FloatArray
-
-    def forces(self) -> Mapping[str, FloatArray]:
-        """Return the forces by contact."""
-        return self.found
-
-    def targets(self) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity."""
-        return self.position, self.velocity
-
-
 @dataclass(frozen=True, eq=False)
 class Command:
     """Rotor torques for one tick, and what they were computed from.
@@ -98,7 +78,7 @@ class Command:
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
-        prospect: what `forces`, `position` and `velocity` are worked out from.
+        prospect: what `forces`, `position` and `velocity` are worked out from, None once they are.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
         passed: limit of a joint or distance -> by how much [rad/s^2, m/s^2] the acceleration is
             beyond it, because nothing that the motors and the ground can do keeps it.
@@ -118,7 +98,7 @@ class Command:
     rounds: int
     iterations: int
     solution: QPSolution | None
-    prospect: Prospect = field(repr=False)
+    prospect: Prospect | None = field(repr=False)
     refused: Refused | None = None
     passed: Mapping[str, float] = field(default_factory=dict)
 
@@ -133,9 +113,9 @@ class Command:
         return made
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields for a copy, with a prospect that holds no part of the controller."""
-        known = KnownProspect(self.forces, self.position, self.velocity)
-        return {**self.__dict__, "prospect": known}
+        """Return the fields for a copy, with what the prospect leads to in its place."""
+        found = {"forces": self.forces, "_targets": self._targets}
+        return {**self.__dict__, **found, "prospect": None}
 
     @cached_property
     def forces(self) -> Mapping[str, FloatArray]:
@@ -143,7 +123,7 @@ class Command:
 
         (3,) [N] in world axes for a point, (6,) [N, N m] in its frame for a surface.
         """
-        return self.prospect.forces()
+        return {} if self.prospect is None else self.prospect.forces()
 
     @property
     def position(self) -> FloatArray:
@@ -161,7 +141,8 @@ class Command:
 
     @cached_property
     def _targets(self) -> tuple[FloatArray, FloatArray]:
-        return self.prospect.targets()
+        unknown = np.full(len(self.rotor_torque), np.nan)
+        return (unknown, unknown) if self.prospect is None else self.prospect.targets()
 
     @property
     def directions(self) -> FloatArray:

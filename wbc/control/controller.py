@@ -22,11 +22,9 @@ from wbc.control.inputs import (
     StateCheck,
     TickInputs,
     size_complaint,
-    step_complaint,
 )
 from wbc.control.kinematics import Kinematics
 from wbc.control.outcome import command_of
-from wbc.control.qp.directions import DirectedSolution
 from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
 from wbc.control.qp.problem import QPProblem
 from wbc.control.qp.program import Recipe
@@ -101,7 +99,7 @@ class Controller:
         limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
         self._states = StateCheck(robot)
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
-        frames = [f for bound in self._contacts.values() for f in bound.frames(robot.model)]
+        frames = [f for bound in self._contacts.values() for f in bound.frames]
         self._kinematics = Kinematics(robot, frames)
         self._stacks = _stacks_by_level(robot, self.tasks, self._kinematics.model)
         law = GearLaw(robot.transmission, settings.rest_policy, settings.rest_margin)
@@ -115,7 +113,7 @@ class Controller:
             robot,
             self._drivetrain,
             Standing(robot, self._drivetrain, frames),
-            settings.safety,
+            settings,
             tuple(self._contacts.values()),
         )
         force_tasks = _checked_force_tasks(self.tasks, self._contacts)
@@ -217,16 +215,16 @@ class Controller:
         try:
             admitted = self._admitted(given)
             if not isinstance(admitted, Motion):
-                return self._safe(None, admitted, given.dt, start)
+                return self._fallback.command(None, admitted, given.dt, start)
             motion = admitted
             complaint = self._inputs.complaint(given)
             if complaint is not None:
-                return self._safe(motion, complaint, given.dt, start)
+                return self._fallback.command(motion, complaint, given.dt, start)
             motion = self._drivetrain.true_motion(motion)
             levels, ceilings = self._levels.of(given.contacts, given.dt)
             asked = self._asked(motion, given, ceilings, levels[0].program.contacts)
             if not isinstance(asked, PendingTick):
-                return self._safe(motion, asked, given.dt, start)
+                return self._fallback.command(motion, asked, given.dt, start)
             answer = descend(levels, asked)
             self._level = answer.level
             if isinstance(answer, Refusal):
@@ -237,7 +235,7 @@ class Controller:
             )
         except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._safe(motion, complaint, given.dt, start)
+            return self._fallback.command(motion, complaint, given.dt, start)
 
     def _asked(
         self,
@@ -322,7 +320,9 @@ class Controller:
         if refusal.found is not None:
             program = refusal.level.program
             refused = Refused(program.blocks().copied(), program)
-        return self._safe(asked.motion, complaint, asked.dt, start, refusal.found, refused)
+        return self._fallback.command(
+            asked.motion, complaint, asked.dt, start, refusal.found, refused
+        )
 
     def _remember(self, answer: SolvedLevel, asked: PendingTick) -> None:
         """Take what the next tick starts from."""
@@ -338,19 +338,6 @@ class Controller:
             self._drivetrain.remember(leads_to, contacts)
         if np.isfinite(self._joints.torque).any():
             self._drivetrain.place_load(block[at.x], gears[OUTPUT], self._joints.load)
-
-    def _safe(
-        self,
-        motion: Motion | None,
-        complaint: Complaint,
-        dt: float,
-        start: float,
-        found: DirectedSolution | None = None,
-        refused: Refused | None = None,
-    ) -> Command:
-        self._drivetrain.interrupt()
-        step = dt if step_complaint(dt) is None else self.settings.time_step
-        return self._fallback.command(motion, complaint, step, start, found, refused)
 
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)

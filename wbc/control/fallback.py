@@ -10,14 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.command import Command, KnownProspect, Refused
+from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
-from wbc.control.inputs import Complaint
+from wbc.control.inputs import Complaint, step_complaint
 from wbc.control.kinematics import Kinematics
-from wbc.control.policies import LastGood, SafetyPolicy, Situation, Statics
+from wbc.control.policies import LastGood, Situation, Statics
 from wbc.control.qp.directions import DirectedSolution
 from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.contacts import BoundContact
+from wbc.control.settings import ControllerSettings
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -78,7 +79,7 @@ class Fallback:
         robot: Robot,
         drivetrain: GearModel,
         standing: Standing,
-        policy: SafetyPolicy,
+        settings: ControllerSettings,
         contacts: tuple[BoundContact, ...],
     ) -> None:
         """Start without a tick to look back on.
@@ -86,11 +87,12 @@ class Fallback:
         Args:
             robot, drivetrain: of the controller.
             standing: what finds the torques that hold the robot.
-            policy: what chooses the torque.
+            settings: of the controller, with the policy that chooses the torque.
             contacts: that carry the robot until a good tick says which do.
         """
         self._robot, self._motors = robot, drivetrain
-        self._standing, self._policy, self._all = standing, policy, contacts
+        self._standing, self._all = standing, contacts
+        self._policy, self._time_step = settings.safety, settings.time_step
         gears = robot.transmission
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
         self.forget()
@@ -131,11 +133,13 @@ class Fallback:
         Args:
             motion: the state, None where it is what the complaint is about.
             complaint: why the tick has no solution.
-            dt: time until the next tick [s].
+            dt: time until the next tick [s]; that of the settings where it makes no sense.
             start: when the tick began, by `perf_counter` [s].
             found: what the solver returned, None where it was not asked.
             refused: the program that has no solution, None where there is none.
         """
+        self._motors.interrupt()
+        dt = dt if step_complaint(dt) is None else self._time_step
         self._ticks += 1
         self._time += dt
         return self._made(self._rotor_torque(motion, dt), motion, complaint, start, found, refused)
@@ -171,7 +175,8 @@ class Fallback:
             rounds=0 if found is None else found.rounds,
             iterations=0 if found is None else found.iterations,
             solution=None if found is None else found.solution,
-            prospect=KnownProspect({}, self._place(motion), np.zeros(m)),
+            prospect=None,
+            _targets=(self._place(motion), np.zeros(m)),
             refused=refused,
             passed={},
         )

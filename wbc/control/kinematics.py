@@ -172,18 +172,11 @@ class Kinematics:
         """
         found = self._fixed.get(name)
         if found is None:
-            frame = self.model.frames[self.frame_id(name)]
-            joint, placement = int(frame.parentJoint), frame.placement
-            supports = [self.model.joints[i] for i in self.model.supports[joint] if i]
-            moves = [row for s in supports for row in range(s.idx_v, s.idx_v + s.nv)]
-            offset = np.concatenate([placement.rotation.T.reshape(-1), placement.translation])
-            found = FixedFrame(joint, frozen(offset), frozen(moves, np.int_))
-            self._fixed[name] = found
+            self.frame_id(name)
+            joint, offset = _fixed_at(self.model, name)
+            columns = self.tree.columns[slice(*self.tree.starts[joint : joint + 2])]
+            found = self._fixed[name] = FixedFrame(joint, frozen(offset), frozen(columns, np.int_))
         return found
-
-    def joint_place(self, joint: int) -> pin.SE3:
-        """Return the placement of a joint in the world."""
-        return self._data.oMi[joint]
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""

@@ -66,8 +66,8 @@ TASKS = Structure(
 )
 """The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
 
-targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, -1 where
-their task says its error itself, and goals (c,); gains and parts (5, k + c) of error, rate, drift,
+targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, and goals
+(c,); gains and parts (5, k + c) of error, rate, drift,
 velocity and acceleration; limits of what is fed back, weights and wanted (k + c,); of the selecting
 rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
@@ -165,8 +165,7 @@ def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
             parts[0, row + k] = targets[e, 9 + a] - places[e, 9 + a] if a < 3 else turn[a - 3]
     for i in range(len(chosen)):
         parts[1, count + i] = velocity[chosen[i]]
-        if tasks.positions[i] >= 0:
-            parts[0, count + i] = tasks.goals[i] - position[tasks.positions[i]]
+        parts[0, count + i] = tasks.goals[i] - position[tasks.positions[i]]
     for i in range(total):
         most = tasks.limits[i]
         back = min(max(gains[0, i] * parts[0, i], -most), most)

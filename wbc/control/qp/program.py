@@ -467,7 +467,7 @@ class _ForceCost:
         self._tasks: list[tuple[ContactForceTask, slice, IntArray]] = []
         for contact, rows in zip(contacts.contacts, contacts.slices, strict=True):
             own = [task for task in tasks if task.contact == contact.name]
-            self._tasks += [(task, rows, contact.components) for task in own]
+            self._tasks += [(task, rows, contact.axes) for task in own]
         self.tracks = bool(self._tasks)
         self.fill({})
 

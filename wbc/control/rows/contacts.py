@@ -81,18 +81,24 @@ class Cone:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BoundContact(ABC):
-    """A contact resolved on a robot.
+class BoundContact:
+    """A contact resolved on a robot; one whose rows are not those of a frame overrides `fill`.
 
     Attributes:
         contact: what it was made from.
-        rows: k, rows of its Jacobian and components of its force.
         cone: rows <= 0 that its force must keep.
+        axes: which components (k,) of the force as users see it its own rows are.
+        size: how many components that force has: 3 [N] in world axes, 6 [N, N m] in its frame.
+        state_rows: its rows where they are those of a frame.
+        frames: that it reads and that the robot's model does not have.
     """
 
     contact: Contact
-    rows: int
     cone: Cone
+    axes: IntArray
+    size: int = 3
+    state_rows: StateRows | None = None
+    frames: tuple[pin.Frame, ...] = ()
 
     @property
     def name(self) -> str:
@@ -100,9 +106,9 @@ class BoundContact(ABC):
         return self.contact.name
 
     @property
-    def state_rows(self) -> StateRows | None:
-        """Its rows where they are those of a frame; None for a contact with a `fill` of its own."""
-        return None
+    def rows(self) -> int:
+        """How many rows its Jacobian, and components its force have."""
+        return len(self.axes)
 
     def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
         """Write J (k, nv) and dJ/dt v (k,) at the present state; columns without motion are zero.
@@ -110,23 +116,17 @@ class BoundContact(ABC):
         Raises:
             ControlError: the contact has neither `state_rows` nor a `fill` of its own.
         """
-        rows = self.state_rows
-        if rows is None:
+        if self.state_rows is None:
             raise ControlError(f"contact '{self.name}' must define state_rows or fill.")
-        FrameTable(kinematics.model, [rows], [0], jacobian, drift).fill(kinematics)
+        FrameTable(kinematics.model, [self.state_rows], [0], jacobian, drift).fill(kinematics)
 
-    def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
-        """Return frames that the contact reads and that `model` does not have; none by default."""
-        return ()
-
-    @property
-    def components(self) -> IntArray:
-        """Which components of the user's force (3,) or (6,) its own rows are, (k,)."""
-        return np.arange(self.rows)
-
-    @abstractmethod
     def wrench(self, force: FloatArray) -> FloatArray:
-        """Return the force (k,) as users see it, (3,) [N] world or (6,) [N, N m] in its frame."""
+        """Return the force (k,) as users see it, (size,)."""
+        if self.rows == self.size:
+            return force
+        result = np.zeros(self.size)
+        result[self.axes] = force
+        return result
 
 
 class ConeApproximation(Enum):
@@ -195,7 +195,7 @@ class PointContact(Contact):
         if not normal[2] > 0.0:
             raise ControlError(f"contact '{self.name}': ground_normal must point up, z > 0.")
 
-    def bind(self, robot: Robot) -> BoundPoint:
+    def bind(self, robot: Robot) -> BoundContact:
         """Return the contact with its movable axes and its cone.
 
         Raises:
@@ -216,20 +216,16 @@ class PointContact(Contact):
         turn = self._ground_axes(axes)
         labels = tuple(f"friction cone, face {i}" for i in range(len(matrix)))
         cone = Cone(frozen(matrix @ turn), labels, frozen(turn[-1]))
-        return BoundPoint(
+        up = np.array(self.ground_normal)
+        x, y, z = (point.radius / np.linalg.norm(up) * up).tolist()
+        step = axes[1] - axes[0] if len(axes) > 1 else 1
+        rows = slice(axes[0], axes[-1] + 1, step)
+        return BoundContact(
             contact=self,
-            rows=len(axes),
             cone=cone,
             axes=frozen(axes, np.int_),
-            frame=f"contact:{self.name}",
-            arm=self._arm(point.radius),
+            state_rows=StateRows(RowKind.FRAME, f"contact:{self.name}", rows, (x, y, z)),
         )
-
-    def _arm(self, radius: float) -> tuple[float, float, float]:
-        """Return the vector from where a ball touches the ground to its centre [m]."""
-        normal = np.array(self.ground_normal)
-        x, y, z = (radius / np.linalg.norm(normal) * normal).tolist()
-        return x, y, z
 
     def _ground_axes(self, axes: list[int]) -> FloatArray:
         """Return two tangents and the normal of the ground as rows over the movable axes."""
@@ -244,43 +240,6 @@ class PointContact(Contact):
         along = np.array([normal[2], 0.0, -normal[0]])
         along /= np.linalg.norm(along)
         return np.array([along, np.cross(normal, along), normal])[np.ix_(axes, axes)]
-
-
-@final
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BoundPoint(BoundContact):
-    """A point contact resolved on a robot.
-
-    Attributes:
-        axes: the world axes (k,) that it has, the last one z.
-        frame: name of the point among the tick's frames.
-        arm: (3,) [m] world axes, from where a ball touches the ground to its centre.
-    """
-
-    axes: IntArray
-    frame: str
-    arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    @property
-    def state_rows(self) -> StateRows:
-        """The point's linear rows, those of the rolling ball where it has a radius."""
-        chosen = self.axes
-        step = int(chosen[1] - chosen[0]) if len(chosen) > 1 else 1
-        rows = slice(int(chosen[0]), int(chosen[-1]) + 1, step)
-        return StateRows(RowKind.FRAME, self.frame, rows, self.arm)
-
-    @property
-    def components(self) -> IntArray:
-        """The world axes that it has, (k,)."""
-        return self.axes
-
-    def wrench(self, force: FloatArray) -> FloatArray:
-        """Return the force (3,) [N], world axes."""
-        if self.rows == 3:
-            return force
-        result = np.zeros(3)
-        result[self.axes] = force
-        return result
 
 
 def movable_axes(robot: Robot, index: int) -> list[int]:

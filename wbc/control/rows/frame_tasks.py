@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass, field
 from math import atan2
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, checked
-from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.reference import Target
 from wbc.control.rows.task import (
+    AxesTask,
+    StateTask,
     Task,
     axis_rows,
     pose_target,
@@ -25,11 +26,9 @@ from wbc.control.tree import NO_DISTANCE
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
-_ALL = slice(0, 6)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FrameTask(Task):
+class FrameTask(StateTask):
     """A task on the placement of a frame; subclasses are final and choose rows of it.
 
     Seen from the world, rates and accelerations are those of the frame's origin and its angular
@@ -47,17 +46,14 @@ class FrameTask(Task):
 
     frame: str
     relative_to: str | None = None
+    kind: ClassVar[RowKind] = RowKind.FRAME
 
     def check(self, robot: Robot) -> int:
         """Return the number of rows; raise ControlError where a frame is missing."""
         require_frame(robot, self.frame, self.name)
         if self.relative_to is not None:
             require_frame(robot, self.relative_to, self.name)
-        return len(range(*self.rows().indices(6)))
-
-    @abstractmethod
-    def rows(self) -> slice:
-        """Return which of the six rows, linear over angular, the task has."""
+        return super().check(robot)
 
     def placement(self, kinematics: Kinematics) -> pin.SE3:
         """Return the frame's placement in the world or in the frame it is seen from."""
@@ -68,28 +64,25 @@ class FrameTask(Task):
 
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
         """Return the rows of the frame's Jacobian, (k, nv)."""
-        own = kinematics.frame_jacobian(kinematics.frame_id(self.frame))
         if self.relative_to is None:
-            return own[self.rows()]
-        root = kinematics.frame_id(self.relative_to)
+            return super().jacobian(kinematics)
+        own, root = kinematics.frame_id(self.frame), kinematics.frame_id(self.relative_to)
         turn, between = self._between(kinematics)
         base = kinematics.frame_jacobian(root)
-        relative = own - base
+        relative = kinematics.frame_jacobian(own) - base
         relative[:3] += pin.skew(between) @ base[3:]
         relative[:3], relative[3:] = turn.T @ relative[:3], turn.T @ relative[3:]
         return relative[self.rows()]
 
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return the rows of dJ/dt v, (k,) [m/s^2, rad/s^2]."""
-        own = kinematics.frame_drift(kinematics.frame_id(self.frame))
         if self.relative_to is None:
-            return own[self.rows()]
-        root = kinematics.frame_id(self.relative_to)
+            return super().drift(kinematics)
+        own, root = kinematics.frame_id(self.frame), kinematics.frame_id(self.relative_to)
         turn, between = self._between(kinematics)
-        base = kinematics.frame_drift(root)
-        rate = kinematics.frame_velocity(kinematics.frame_id(self.frame))
-        omega, rate = kinematics.frame_velocity(root)[3:], rate - kinematics.frame_velocity(root)
-        relative = own - base
+        base, omega = kinematics.frame_drift(root), kinematics.frame_velocity(root)[3:]
+        rate = kinematics.frame_velocity(own) - kinematics.frame_velocity(root)
+        relative = kinematics.frame_drift(own) - base
         relative[:3] -= np.cross(base[3:], between) + 2.0 * np.cross(omega, rate[:3])
         relative[:3] += np.cross(omega, np.cross(omega, between))
         relative[3:] -= np.cross(omega, rate[3:])
@@ -101,7 +94,7 @@ class FrameTask(Task):
         """The rows of the frame where it is seen from the world."""
         if self.relative_to is not None:
             return None
-        return StateRows(RowKind.FRAME, self.frame, self.rows())
+        return StateRows(self.kind, self.frame, self.rows())
 
     def _between(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
         """Return the rotation world-from-root (3, 3) and p - p_r in world axes (3,)."""
@@ -119,64 +112,25 @@ def turn_missing(placement: pin.SE3, target: FloatArray) -> FloatArray:
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FramePositionTask(FrameTask):
-    """Position of a frame's origin along some axes of the world, or of another frame [m].
-
-    Attributes:
-        axes: which of "xyz" belong to the task.
-    """
-
-    axes: str = "xyz"
-    _rows: slice = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the axes."""
-        super().__post_init__()
-        object.__setattr__(self, "_rows", axis_rows(self.axes, self.name))
-
-    def rows(self) -> slice:
-        """Return the linear rows of the axes."""
-        return self._rows
+class FramePositionTask(FrameTask, AxesTask):
+    """Position of a frame's origin along some axes of the world, or of another frame [m]."""
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the origin along the axes, (k,) [m]."""
-        return np.asarray(self.placement(kinematics).translation[self._rows])
-
-    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
-        """Return target - value, (k,) [m]."""
-        return np.asarray(target - self.value(kinematics))
-
-    def pack(self, target: Target, place: FloatArray) -> None:
-        """Write the target (k,) as the origin of a placement (12,)."""
-        place[9:][self._rows] = target
+        return np.asarray(self.placement(kinematics).translation[self.rows()])
 
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FrameOrientationTask(FrameTask):
+class FrameOrientationTask(FrameTask, AxesTask):
     """Orientation of a frame; the value is its rotation matrix (3, 3), world from frame.
 
     The error is the rotation vector R log3(R' R_target) in world axes [rad], of which the task
-    takes some components. Relative to another frame, that frame stands for the world.
-
-    Attributes:
-        axes: which of "xyz" belong to the task, "y" for the pitch of a planar robot.
+    takes the components along its axes, "y" for the pitch of a planar robot. Relative to another
+    frame, that frame stands for the world.
     """
 
-    axes: str = "xyz"
-    _rows: slice = field(init=False, repr=False)
-    _angular: slice = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Check the axes."""
-        super().__post_init__()
-        rows = axis_rows(self.axes, self.name)
-        object.__setattr__(self, "_rows", rows)
-        object.__setattr__(self, "_angular", slice(rows.start + 3, rows.stop + 3, rows.step))
-
-    def rows(self) -> slice:
-        """Return the angular rows of the axes."""
-        return self._angular
+    turns: ClassVar[bool] = True
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the rotation matrix, world from frame, (3, 3)."""
@@ -188,7 +142,7 @@ class FrameOrientationTask(FrameTask):
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the components of R log3(R' R_target), world axes, (k,) [rad]."""
-        return turn_missing(self.placement(kinematics), target)[self._rows]
+        return turn_missing(self.placement(kinematics), target)[axis_rows(self.axes, self.name)]
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write the target (3, 3) as the rotation of a placement (12,)."""
@@ -206,7 +160,7 @@ class FramePoseTask(FrameTask):
 
     def rows(self) -> slice:
         """Return all six rows."""
-        return _ALL
+        return slice(0, 6)
 
     def value(self, kinematics: Kinematics) -> pin.SE3:
         """Return the placement, world from frame."""
@@ -219,10 +173,8 @@ class FramePoseTask(FrameTask):
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return [p_target - p; R log3(R' R_target)], world axes, (6,)."""
         placement = self.placement(kinematics)
-        result = np.empty(6)
-        result[:3] = target.translation - placement.translation
-        result[3:] = turn_missing(placement, target.rotation)
-        return result
+        away = target.translation - placement.translation
+        return np.concatenate([away, turn_missing(placement, target.rotation)])
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write the target as a placement (12,)."""
@@ -231,7 +183,7 @@ class FramePoseTask(FrameTask):
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FrameDistanceTask(Task):
+class FrameDistanceTask(StateTask):
     """Distance between the origins of two frames [m].
 
     With r from one to the other and n = r/|r|, the one row is n'(J_other - J_one) and
@@ -245,12 +197,17 @@ class FrameDistanceTask(Task):
     name: str = "distance"
     frame: str
     other: str
+    kind: ClassVar[RowKind] = RowKind.DISTANCE
 
     def check(self, robot: Robot) -> int:
         """Return 1."""
         require_frame(robot, self.frame, self.name)
         require_frame(robot, self.other, self.name)
         return 1
+
+    def rows(self) -> slice:
+        """Return the one row."""
+        return slice(0, 1)
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the distance, (1,) [m]."""
@@ -259,31 +216,10 @@ class FrameDistanceTask(Task):
         apart = kinematics.placement(other).translation - start
         return np.array([max(float(np.linalg.norm(apart)), NO_DISTANCE)])
 
-    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
-        """Return target - value, (1,) [m]."""
-        return np.asarray(target - self.value(kinematics))
-
-    def jacobian(self, kinematics: Kinematics) -> FloatArray:
-        """Return n'(J_other - J_one), (1, nv)."""
-        return self._evaluated(kinematics)[0]
-
-    def drift(self, kinematics: Kinematics) -> FloatArray:
-        """Return dJ/dt v, (1,) [m/s^2]."""
-        return self._evaluated(kinematics)[1]
-
-    def _evaluated(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
-        jacobian, drift = np.zeros((1, len(kinematics.velocity))), np.zeros(1)
-        FrameTable(kinematics.model, [self.state_rows], [0], jacobian, drift).fill(kinematics)
-        return jacobian, drift
-
     @property
     def state_rows(self) -> StateRows:
         """The rate of the distance."""
-        return StateRows(RowKind.DISTANCE, self.frame, slice(0, 1), other=self.other)
-
-    def pack(self, target: Target, place: FloatArray) -> None:
-        """Write the distance in front."""
-        place[0] = target[0]
+        return StateRows(self.kind, self.frame, self.rows(), other=self.other)
 
 
 @final

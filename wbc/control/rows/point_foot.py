@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, sqrt
-from typing import final
+from typing import Any, ClassVar, cast, final
 
 import numpy as np
 from numba import types
@@ -13,7 +13,6 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import (
     Count,
     Dense,
-    Matrix,
     Nothing,
     Number,
     OutDense,
@@ -21,15 +20,18 @@ from wbc.compiled import (
     Row,
     Vector,
     compiled,
+    group,
 )
-from wbc.control.kinematics import Kinematics, RowKind, StateRows
+from wbc.control.kinematics import FixedFrame, Kinematics, RowKind
 from wbc.control.qp.linalg import factorise, substitute
 from wbc.control.reference import Reference, Target
-from wbc.control.rows.task import Task, number_target, require_frame
+from wbc.control.rows.task import StateTask, number_target, require_frame
+from wbc.control.tree import TREE
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
+_FIXED = group(FixedFrame, Count, Row, Places)
 
 
 @compiled(types.UniTuple(Number, 3), Dense, Count, Row)
@@ -58,12 +60,11 @@ def pitch_of(joints: FloatArray, joint: int, offset: FloatArray) -> float:
     )
 
 
-@compiled(Nothing, Places, Places, Matrix, Matrix, *[Number] * 3, OutDense)
+@compiled(Nothing, TREE.kind, Places, Places, *[Number] * 3, OutDense)
 def place_rows(
+    tree: Any,
     foot_moves: IntArray,
     frame_moves: IntArray,
-    jacobian: FloatArray,
-    momentum: FloatArray,
     foot_x: float,
     foot_z: float,
     mass: float,
@@ -75,13 +76,13 @@ def place_rows(
     and the pitch of the frame.
 
     Args:
+        tree: a TREE.
         foot_moves, frame_moves: columns of J that move foot and frame.
-        jacobian: J (6, nv) of all joints, of world axes at the world's origin.
-        momentum: centroidal momentum matrix (6, nv).
         foot_x, foot_z: where the foot is [m].
         mass: [kg].
         rows: result.
     """
+    jacobian, momentum = tree.jacobian, tree.momentum
     for j in range(rows.shape[1]):
         rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
         rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
@@ -119,23 +120,11 @@ def pitch_rate(rows: FloatArray) -> tuple[float, float]:
     return weights[_COM_X], weights[_SPIN]
 
 
-@compiled(
-    Number,
-    *(Count, Row, Places, Count, Row, Places),
-    *(Dense, Matrix, Matrix, Vector, Vector),
-    *[Number] * 4,
-)
+@compiled(Number, *[_FIXED] * 2, TREE.kind, Vector, *[Number] * 4)
 def balancing(
-    foot: int,
-    foot_offset: FloatArray,
-    foot_moves: IntArray,
-    frame: int,
-    frame_offset: FloatArray,
-    frame_moves: IntArray,
-    joints: FloatArray,
-    jacobian: FloatArray,
-    momentum: FloatArray,
-    com: FloatArray,
+    contact: tuple[int, FloatArray, IntArray],
+    held: tuple[int, FloatArray, IntArray],
+    tree: Any,
     velocity: FloatArray,
     mass: float,
     gravity: float,
@@ -149,20 +138,18 @@ def balancing(
         s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
 
     Args:
-        foot, foot_offset, foot_moves: where the foot is fixed, a `FixedFrame`.
-        frame, frame_offset, frame_moves: the same of the frame whose pitch is kept.
-        joints: placements (j, 12) of all joints.
-        jacobian, momentum: J and centroidal momentum matrix (6, nv), as for `place_rows`.
-        com: the centre of mass (3,) [m].
+        contact, held: where the foot is fixed, and the frame whose pitch is kept.
+        tree: a TREE.
         velocity: v (nv,).
         mass, gravity: m [kg] and g [m/s^2].
         bandwidth: p [1/s], or 0 for that of the pendulum's fall, sqrt(g/z).
         target: theta wanted [rad].
     """
-    nv = len(velocity)
+    (foot, foot_offset, foot_moves), (frame, frame_offset, frame_moves) = contact, held
+    nv, joints, com = len(velocity), tree.places, tree.com
     x, _, z = placed(joints, foot, foot_offset)
     rows = np.empty((6, nv))
-    place_rows(foot_moves, frame_moves, jacobian, momentum, x, z, mass, rows)
+    place_rows(tree, foot_moves, frame_moves, x, z, mass, rows)
     from_speed, from_momentum = pitch_rate(rows)
     place, height = com[0] - x, com[2] - z
     speed, spin = 0.0, 0.0
@@ -182,7 +169,7 @@ def balancing(
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PointFootBalanceTask(Task):
+class PointFootBalanceTask(StateTask):
     """Horizontal acceleration of the centre of mass that keeps a robot up on a point foot.
 
     On a point no torque holds the robot: with x the horizontal distance of the centre of mass
@@ -206,6 +193,11 @@ class PointFootBalanceTask(Task):
     contact: str
     frame: str
     bandwidth: float | None = None
+    kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
+
+    def rows(self) -> slice:
+        """Return x."""
+        return slice(0, 1)
 
     def check(self, robot: Robot) -> int:
         """Return 1."""
@@ -228,38 +220,21 @@ class PointFootBalanceTask(Task):
         """Return the pitch that is missing, (1,) [rad]."""
         return np.array([float(target) - self.value(kinematics)])
 
-    def jacobian(self, kinematics: Kinematics) -> FloatArray:
-        """Return the x row of J_com, (1, nv)."""
-        return kinematics.center_of_mass_jacobian()[:1]
-
-    def drift(self, kinematics: Kinematics) -> FloatArray:
-        """Return the x row of dJ_com/dt v, (1,) [m/s^2]."""
-        return kinematics.center_of_mass_drift()[:1]
-
-    def command(self, kinematics: Kinematics, reference: Reference, rate: FloatArray) -> FloatArray:
+    def command(self, kinematics: Kinematics, reference: Reference) -> FloatArray:
         """Return xdd, (1,) [m/s^2]: state feedback on (x, xd, k, theta)."""
-        target: Target = reference.position
         wanted = balancing(
-            *kinematics.fixed_frame(self.contact),
-            *kinematics.fixed_frame(self.frame),
-            kinematics.joint_places,
-            kinematics.joint_jacobian,
-            kinematics.momentum_matrix(),
-            kinematics.center_of_mass(),
+            kinematics.fixed_frame(self.contact),
+            kinematics.fixed_frame(self.frame),
+            kinematics.tree,
             kinematics.velocity,
             kinematics.mass,
             kinematics.gravity,
             self.bandwidth or 0.0,
-            float(target),
+            float(cast(Any, reference.position)),
         )
         if reference.acceleration is not None:
             wanted += float(reference.acceleration[0])
         return np.array([wanted])
-
-    @property
-    def state_rows(self) -> StateRows:
-        """The x axis of the centre of mass."""
-        return StateRows(RowKind.CENTER_OF_MASS, "", slice(0, 1))
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write nothing: the pitch is fed back by `command`."""

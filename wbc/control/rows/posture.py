@@ -24,14 +24,14 @@ class PostureTask(Task):
 
     Attributes:
         joints: names of the joints, in the order of the rows.
+        positions, velocities: where (k,) q and v hold them.
     """
 
     name: str = "posture"
     joints: tuple[str, ...]
-    _positions: IntArray = field(repr=False)
-    _velocities: IntArray = field(repr=False)
+    positions: IntArray = field(repr=False)
+    velocities: IntArray = field(repr=False)
     _jacobian: FloatArray = field(repr=False)
-    _drift: FloatArray = field(repr=False)
 
     @classmethod
     def of(
@@ -70,10 +70,9 @@ class PostureTask(Task):
             acceleration_limit=acceleration_limit,
             level=level,
             joints=names,
-            _positions=frozen([robot.position_index(j) for j in names], np.int_),
-            _velocities=frozen(rows, np.int_),
+            positions=frozen([robot.position_index(j) for j in names], np.int_),
+            velocities=frozen(rows, np.int_),
             _jacobian=frozen(jacobian),
-            _drift=frozen(np.zeros(len(rows))),
         )
 
     def check(self, robot: Robot) -> int:
@@ -84,11 +83,11 @@ class PostureTask(Task):
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the joints' positions, (k,)."""
-        return kinematics.position[self._positions]
+        return kinematics.position[self.positions]
 
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return target - value, (k,)."""
-        return np.asarray(target - kinematics.position[self._positions])
+        return np.asarray(target - self.value(kinematics))
 
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
         """Return the selection of the joints' rows, (k, nv)."""
@@ -96,13 +95,4 @@ class PostureTask(Task):
 
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return zeros, (k,)."""
-        return self._drift
-
-    def selection(self, robot: Robot) -> IntArray:
-        """Return the joints' velocity rows."""
-        return self._velocities
-
-    @property
-    def positions(self) -> IntArray:
-        """The joints' position rows."""
-        return self._positions
+        return np.zeros(len(self.joints))

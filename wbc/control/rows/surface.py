@@ -50,7 +50,7 @@ class SurfaceContact(Contact):
                     f"contact '{self.name}': '{self.corners[i]}' lies between the other corners."
                 )
 
-    def bind(self, robot: Robot) -> BoundSurface:
+    def bind(self, robot: Robot) -> BoundContact:
         """Return the contact with its placement and its cone.
 
         Raises:
@@ -84,48 +84,18 @@ class SurfaceContact(Contact):
             matrix, labels = polygon_cone(slope, around)
         normal = np.zeros(6)
         normal[2] = 1.0
-        return BoundSurface(
-            contact=self,
-            rows=6,
-            cone=Cone(frozen(matrix), labels, normal),
-            frame=points[0].frame,
-            middle=frozen(middle),
-        )
-
-
-@final
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BoundSurface(BoundContact):
-    """A surface contact resolved on a robot.
-
-    Attributes:
-        frame: the frame it sits in.
-        middle: (3,) [m] of the sole in that frame.
-    """
-
-    frame: str
-    middle: FloatArray
-
-    @property
-    def _middle_frame(self) -> str:
-        return f"middle of {self.name}"
-
-    def frames(self, model: pin.Model) -> tuple[pin.Frame, ...]:
-        """Return the frame at the middle of the sole."""
-        number = model.getFrameId(self.frame)
-        parent = model.frames[number]
-        placement = parent.placement * pin.SE3(np.eye(3), np.array(self.middle))
+        number, name = robot.model.getFrameId(points[0].frame), f"middle of {self.name}"
+        parent = robot.model.frames[number]
+        placement = parent.placement * pin.SE3(np.eye(3), middle)
         kind = pin.FrameType.OP_FRAME
-        return (pin.Frame(self._middle_frame, parent.parentJoint, number, placement, kind),)
-
-    @property
-    def state_rows(self) -> StateRows:
-        """The spatial velocity at the middle of the sole, its own axes."""
-        return StateRows(RowKind.OWN, self._middle_frame, slice(0, 6))
-
-    def wrench(self, force: FloatArray) -> FloatArray:
-        """Return the wrench (6,) [N, N m] at the middle, along the frame's axes."""
-        return force
+        return BoundContact(
+            contact=self,
+            cone=Cone(frozen(matrix), labels, normal),
+            axes=frozen(np.arange(6), np.int_),
+            size=6,
+            state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
+            frames=(pin.Frame(name, parent.parentJoint, number, placement, kind),),
+        )
 
 
 def wrench_cone(friction: float, length: float, width: float) -> tuple[FloatArray, tuple[str, ...]]:

@@ -6,15 +6,15 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import pairwise
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, reals
+from wbc.arrays import FloatArray, reals
 from wbc.compiled import Matrix, Number, compiled
-from wbc.control.kinematics import Kinematics, StateRows
-from wbc.control.reference import Reference, Target
+from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.reference import Target
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot
 
@@ -124,57 +124,94 @@ class Task(ABC):
     def drift(self, kinematics: Kinematics) -> FloatArray:
         """Return dJ/dt v (k,)."""
 
-    def selection(self, robot: Robot) -> IntArray | None:
-        """Return the velocity rows (k,) that J selects, where it is a selection; None otherwise.
+    def gains(self, gravity: float) -> Gains:
+        """Return what the parts of the wanted acceleration count for, at a gravity [m/s^2].
 
-        The assembly then adds to a diagonal instead of multiplying matrices.
+        A task with a method `command(kinematics, reference)` wants what that returns (k,) instead,
+        and is asked in every tick.
         """
-        return None
+        return Gains(self.stiffness, -self.velocity_gain, self.velocity_gain, 1.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StateTask(Task):
+    """A task whose rows follow from the state, so that a tick evaluates those of all at once.
+
+    Its error is what is missing in these rows between the present placement and the one that `pack`
+    writes.
+
+    Attributes:
+        kind: what the rows are of.
+    """
+
+    kind: ClassVar[RowKind]
+
+    def __post_init__(self) -> None:
+        """Check the rows."""
+        super().__post_init__()
+        self.rows()
+
+    @abstractmethod
+    def rows(self) -> slice:
+        """Return which of the six rows, linear over angular, the task has."""
 
     @property
     def state_rows(self) -> StateRows | None:
-        """The rows where they are those of a frame or of the centre of mass; None otherwise.
+        """The rows; None where the task is asked for them after all."""
+        return StateRows(self.kind, "", self.rows())
 
-        The error must then be what is missing in these rows between the present placement and the
-        one that `pack` writes, and such a task is evaluated together with all others.
-        """
-        return None
+    def check(self, robot: Robot) -> int:
+        """Return the number of rows."""
+        return len(range(*self.rows().indices(6)))
+
+    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
+        """Return target - value (k,)."""
+        return np.asarray(target - self.value(kinematics))
+
+    def jacobian(self, kinematics: Kinematics) -> FloatArray:
+        """Return J (k, nv)."""
+        return self._evaluated(kinematics)[0]
+
+    def drift(self, kinematics: Kinematics) -> FloatArray:
+        """Return dJ/dt v (k,)."""
+        return self._evaluated(kinematics)[1]
+
+    def _evaluated(self, kinematics: Kinematics) -> tuple[FloatArray, FloatArray]:
+        rows, size = self.state_rows, len(range(*self.rows().indices(6)))
+        found = np.zeros((size, len(kinematics.velocity))), np.zeros(size)
+        if rows is not None:
+            FrameTable(kinematics.model, [rows], [0], *found).fill(kinematics)
+        return found
 
     def pack(self, target: Target, place: FloatArray) -> None:
-        """Write a target as a placement, where the task has `state_rows`.
+        """Write a target where the tick reads it.
 
         Args:
             target: as `admitted` returns it.
             place: result (12,), rotation column by column before the translation; of a momentum or
                 a distance its numbers in front.
         """
-        raise NotImplementedError
+        if self.kind in (RowKind.MOMENTUM, RowKind.DISTANCE):
+            place[: len(target)] = target
+        else:
+            place[9:][self.rows()] = target
 
-    @property
-    def positions(self) -> IntArray | None:
-        """Where (k,) a task that selects joints finds them in q; None to be asked itself.
 
-        The error must then be target - position.
-        """
-        return None
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxesTask(StateTask):
+    """A task along some axes of the world.
 
-    def gains(self, gravity: float) -> Gains:
-        """Return what the parts of the wanted acceleration count for.
+    Attributes:
+        axes: which of "xyz" belong to the task, for example "xz" or "z".
+    """
 
-        The error is that of `state_rows`, where the task has them.
+    axes: str = "xyz"
+    turns: ClassVar[bool] = False
 
-        Args:
-            gravity: [m/s^2].
-        """
-        return Gains(self.stiffness, -self.velocity_gain, self.velocity_gain, 1.0)
-
-    def command(self, kinematics: Kinematics, reference: Reference, rate: FloatArray) -> FloatArray:
-        """Return the acceleration (k,) that the task wants, given its present rate J v.
-
-        A task that overrides this commands in its own way and is asked in every tick; by default
-        the `gains` are applied, of all tasks at once.
-        """
-        raise NotImplementedError
+    def rows(self) -> slice:
+        """Return the linear rows of the axes, or the angular ones."""
+        chosen, first = axis_rows(self.axes, self.name), 3 if self.turns else 0
+        return slice(chosen.start + first, chosen.stop + first, chosen.step)
 
 
 def axis_rows(axes: str, task: str) -> slice:

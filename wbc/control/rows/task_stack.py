@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, reals
+from wbc.arrays import FloatArray, reals
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.reference import Reference, Target
-from wbc.control.rows.task import Task
+from wbc.control.rows.posture import PostureTask
+from wbc.control.rows.task import StateTask, Task
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -56,7 +57,7 @@ class TaskStack:
     """Weighted rows J qdd = wanted - drift, refilled in place every tick.
 
     Tasks that select joints go to a diagonal instead of rows. Rows that follow from the state
-    (`Task.state_rows`, `Task.positions`) are evaluated all at once by the tick, other tasks are
+    (`StateTask`) are evaluated all at once by the tick, other tasks are
     asked one by one before it. A task without weight is not evaluated.
 
     Attributes:
@@ -76,12 +77,12 @@ class TaskStack:
         self.tasks = tuple(tasks)
         nv = robot.model.nv
         sizes = {task.name: task.check(robot) for task in self.tasks}
-        chosen = {
-            task.name: None if np.isinf(task.weight).any() else task.selection(robot)
+        selecting = [
+            task
             for task in self.tasks
-        }
-        rowed = [task for task in self.tasks if chosen[task.name] is None]
-        selecting = [task for task in self.tasks if chosen[task.name] is not None]
+            if isinstance(task, PostureTask) and not np.isinf(task.weight).any()
+        ]
+        rowed = [task for task in self.tasks if task not in selecting]
         total = sum(sizes[task.name] for task in rowed)
         whole = sum(sizes.values())
         self._jacobian, self._drift = np.zeros((total, nv)), np.zeros(total)
@@ -93,38 +94,34 @@ class TaskStack:
         )
         limits = np.full(whole, np.inf)
         self._targets = np.zeros((len(self.tasks), 12))  # one for every row of the table, or more
-        goals, positions = np.zeros(whole - total), np.full(whole - total, -1)
+        goals = np.zeros(whole - total)
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
         self._entries: list[_Entry] = []
         table: list[StateRows] = []
         firsts: list[int] = []
         start = 0
         for task in [*rowed, *selecting]:
-            rows, selected = slice(start, start + sizes[task.name]), chosen[task.name]
-            start = rows.stop
-            own = type(task).command is not Task.command
+            rows = slice(start, start + sizes[task.name])
+            start, own = rows.stop, hasattr(task, "command")
             limits[rows] = task.acceleration_limit
             gains = (0.0, 0.0, 0.0, 1.0) if own else task.gains(gravity)
             self._gains[0, rows], self._gains[1, rows] = gains[:2]
             self._gains[2, rows], self._gains[3, rows], self._gains[4, rows] = -1.0, *gains[2:]
-            known = task.state_rows if selected is None else None
+            known = task.state_rows if isinstance(task, StateTask) else None
             if known is not None:
                 table.append(known)
                 firsts.append(rows.start)
-            goal = None
-            if selected is not None and task.positions is not None:
-                goal = goals[rows.start - total : rows.stop - total]
-                positions[rows.start - total : rows.stop - total] = task.positions
+            goal = goals[rows.start - total : rows.stop - total] if rows.start >= total else None
             self._entries.append(
                 self._entry(task, rows, own, known is not None, goal, len(table) - 1)
             )
         frames = FrameTable(model, table, firsts, self._jacobian, self._drift)
-        places: list[IntArray] = [np.asarray(chosen[task.name]) for task in selecting]
+        none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
             rows=frames.rows,
             targets=self._targets,
-            chosen=np.concatenate([*places, np.zeros(0, np.int_)]).astype(np.int_),
-            positions=positions,
+            chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
+            positions=np.concatenate([none, *[task.positions for task in selecting]]),
             goals=goals,
             gains=self._gains,
             limits=limits,
@@ -266,8 +263,7 @@ class TaskStack:
             if entry.own:
                 given = references.get(entry.name, _REST)
                 held = Reference(target, given.velocity, given.acceleration)
-                rate = task.jacobian(kinematics) @ kinematics.velocity
-                entry.acceleration[:] = task.command(kinematics, held, rate)
+                entry.acceleration[:] = cast(Any, task).command(kinematics, held)
                 self._moves = True
             else:
                 entry.error[:] = task.error(kinematics, target)
@@ -295,7 +291,7 @@ class TaskStack:
         """Write a target to where the tick reads it."""
         if entry.goals is not None:
             entry.goals[:] = target
-        elif entry.place is not None:
+        elif entry.place is not None and isinstance(entry.task, StateTask):
             entry.task.pack(target, entry.place)
         self._pending[entry.name] = self._packed[entry.name] = target
         self._stale = True
