@@ -52,9 +52,7 @@ def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
     for key in table:
         if key not in _KEYS:
             raise RobotError(f"{path}: " + unknown_name("key", key, _KEYS))
-    beside = path.parent / base
-    described = beside.is_file() or (beside / "robot.toml").is_file()
-    robot = _load(read_description(beside if described else base), (*referring, path.resolve()))
+    robot = _load(description.base(), (*referring, path.resolve()))
     if table.get("lossless", False):
         robot = robot.lossless()
     if "gears" in table:
@@ -156,7 +154,7 @@ def save_robot(
     Raises:
         RobotError: a robot built or changed in code, which no file can refer to.
     """
-    if robot.source is None:
+    if robot.source is None or robot.source.changed:
         raise RobotError(
             f"'{robot.name}' was built or changed in code; only a robot loaded by name or path, "
             "with effects added to it, can be saved."

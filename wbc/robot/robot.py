@@ -38,10 +38,13 @@ class RobotSource:
     Attributes:
         name: a shipped robot's name or the path of its description.
         lossless: whether its gears were made perfect after loading.
+        changed: whether bodies, gears or gravity were changed in code after loading: then no saved
+            file can refer to it, but links still look and touch as the model file has them.
     """
 
     name: str
     lossless: bool = False
+    changed: bool = False
 
 
 _NAMED = 6  # names of one kind that a line shows
@@ -63,8 +66,7 @@ class Robot:
             number of the bodies or gears.
         rotors_turn_with_links: whether the spin of each rotor couples inertially to the motion of
             its housing (the paper's full H_s); without it rotors only feel their own spin.
-        source: where it was loaded from, None for a robot built or changed in code: only effects
-            can be added without losing it, because only they can be saved.
+        source: where it was loaded from, None for a robot built in code.
         poses: named configurations q (nq,) of the description, the first one its usual one.
         notes: what the loader read but could not use, for the user to see.
         loops: that the model file closes and nothing accounts for: here its links form a tree.
@@ -326,7 +328,9 @@ class Robot:
     def with_transmission(self, transmission: Transmission) -> Robot:
         """Return a copy with other gears."""
         change = replace if transmission.joints != self.transmission.joints else Robot._with
-        return change(self, transmission=transmission, source=None, before_effects=None)
+        return change(
+            self, transmission=transmission, source=self._changed_source(), before_effects=None
+        )
 
     def with_drive_times(self, target_delay: ArrayLike, velocity_lag: ArrayLike) -> Robot:
         """Return the same robot with these times (m,) [s] of its drives; a saved file has them."""
@@ -344,13 +348,13 @@ class Robot:
         model = self.model.copy()
         for joint_number, inertia in inertias.items():
             model.inertias[joint_number] = inertia
-        return self._with(model=model, source=None, before_effects=None)
+        return self._with(model=model, source=self._changed_source(), before_effects=None)
 
     def with_gravity(self, gravity: ArrayLike) -> Robot:
         """Return a copy in a gravity field `gravity` (3,) [m/s^2], world frame."""
         model = self.model.copy()
         model.gravity.linear = checked(gravity, (3,), "gravity", RobotError)
-        return self._with(model=model, source=None, before_effects=None)
+        return self._with(model=model, source=self._changed_source(), before_effects=None)
 
     def with_free_bodies(self, *bodies: FreeBody, pairs: Iterable[tuple[str, str]] = ()) -> Robot:
         """Return the same robot with free bodies behind its own coordinates, at the origin.
@@ -380,12 +384,16 @@ class Robot:
 
         Effects that changed a gear before are overruled; effects added afterwards act.
         """
-        source = None
+        source = self._changed_source()
         if self.source is not None and not self.effects:
             source = replace(self.source, lossless=True)
         before = None if self.before_effects is None else self.before_effects.lossless()
         gears = self.transmission.lossless()
         return replace(self, transmission=gears, source=source, before_effects=before)
+
+    def _changed_source(self) -> RobotSource | None:
+        """Return where the links are from, as the source of a robot that no file can refer to."""
+        return None if self.source is None else replace(self.source, changed=True)
 
     def _with(self, **changes: Any) -> Robot:
         """Return a copy with changes that leave names, joints and contacts as they are.

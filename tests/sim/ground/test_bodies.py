@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from wbc import Robot, load_robot
+from wbc.effects import PayloadMass, save_robot
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, bare_robot, body_contacts
 from wbc.sim import Plane, Plant, Stairs, Terrain
@@ -186,6 +187,21 @@ def test_a_description_says_which_links_touch(tmp_path: Path) -> None:
     path.write_text('model = "ball.urdf"\n[bodies]\nlinks = "arm"\n')
     with pytest.raises(RobotError, match="names of bodies expected"):
         load_robot(path)
+
+
+def test_a_robot_that_is_changed_in_code_or_saved_keeps_its_bodies(tmp_path: Path) -> None:
+    robot = load_robot("solo12")
+    first = save_robot(robot, tmp_path / "first.toml")
+    copies = (
+        robot.with_gravity([0.0, 0.0, -1.62]),
+        robot.with_inertia(2, robot.model.inertias[2] + robot.model.inertias[3]),
+        robot.with_transmission(robot.transmission.lossless()),
+        robot.with_effect(PayloadMass(robot.bodies[0], 1.0)).lossless(),
+        load_robot(first),
+        load_robot(save_robot(load_robot(first), tmp_path / "second.toml")),
+    )
+    for changed in copies:
+        assert len(Plant(changed).contacts) == len(Plant(robot).contacts) > len(robot.contacts)
 
 
 def test_bodies_without_geometry_and_unknown_words_are_said() -> None:

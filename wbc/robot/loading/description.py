@@ -96,6 +96,16 @@ class RobotDescription:
         reference = self.table.get("robot")
         return None if reference is None else str(reference)
 
+    def base(self) -> RobotDescription:
+        """Return the description of `base_robot`, which may lie beside this file.
+
+        Raises:
+            RobotError: see `read_description`.
+        """
+        beside = self.path.parent / str(self.base_robot)
+        described = beside.is_file() or (beside / "robot.toml").is_file()
+        return read_description(beside if described else str(self.base_robot))
+
 
 def read_description(name: str | Path) -> RobotDescription:
     """Find and parse the description of a robot.

@@ -88,8 +88,8 @@ def _model_path(robot: Robot) -> Path | None:
         return None
     try:
         description = read_description(robot.source.name)
-        if description.base_robot is not None:
-            return None
+        while description.base_robot is not None:
+            description = description.base()
         return find_model(str(description.table["model"]), description.path.parent)
     except RobotError:
         return None
