@@ -1,10 +1,11 @@
 """Solving the rows of a step: Newton on the pieces of their laws; where that fails, harder ways.
 
 Semi-smooth Newton with full steps is exact in one step once the pieces are the right ones, which
-those of the step before usually are. Steps that more rigid rows than freedoms (two flat feet, stuck
-gears) make singular are solved with a little compliance in every row about the last iterate, which
-carries nothing at the fixed point (proximal points). Where both turn in circles, rounds with the
-friction that the impulses before allow lead to the laws, or to a passive end near them.
+those of the step before usually are. A robot that lies on many points has more rigid rows than
+freedoms, and so many splits of its forces that Newton turns in circles: convex programs with
+shifted cones lead to one of them (`shifted_cones`). For gears that lock themselves there is no such
+program: their steps are solved with a little compliance in every row about the last iterate, which
+carries nothing at the fixed point (proximal points). Where all fail, friction gives way.
 """
 
 from __future__ import annotations
@@ -25,32 +26,34 @@ from wbc.compiled import (
     several,
 )
 from wbc.mechanics.in_velocities import solve_in_velocities
-from wbc.mechanics.rows import (
-    SYSTEM,
-    RowSystem,
-    pieces_at,
-    solve_pieces,
-)
+from wbc.mechanics.rows import SYSTEM, RowSystem, pieces_at, products_of, solve_pieces
+from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
-NEWTON, PROXIMAL, FRICTION, PASSIVE, UNSOLVED = range(5)
+NEWTON, PROXIMAL, CONVEX, PASSIVE, UNSOLVED = range(5)
 """What found a solution, that only a passive end was found, or nothing."""
 
-WAYS = ("newton", "proximal", "friction", "passive")
+WAYS = ("newton", "proximal", "convex", "passive")
 """The same as words."""
 
-_FULL_STEPS = 20
+FULL_STEPS = 20
 """Solo12 in stance needs up to 5, a robot on 20 feet that rock 13. Of 1600 dense steps (corpora of
-tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 and 30; proximal
-rounds for the others included, all took 46 900, 30 500, 28 300 and 28 400 linear systems."""
-_SHORTEST = 1e-2
+tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 and 30."""
+
+SHORTENED, _SHORTEST = 12, 1e-2
+_ROUNDS, _LAST_STEPS = 40, 6
+"""Of convex programs, and of Newton's steps tried in between: with 4, 6 and 10 of them steps of
+TALOS at rest take 31, 34 and 39 linear systems, and hard ones of it 248, 242 and 244."""
+_HARD, _HARDER_CONES = 1e-2, 0.1
+"""Share to which the compliance of the rounds falls, and by which in each: down to 1e-2 and 1e-3,
+rests take 39 and 141 linear systems, since rounding then hides the end of a program."""
+_CLOSE, _NEAR, _PASSABLE = 10.0, 1e3, 1e6
+"""Of the tolerance: where rounds that come no nearer may end; what counts as a solution; and where
+impulses are good enough to say which friction there is."""
+_PASSIVE_ROUNDS, _PASSIVE_SYSTEMS = 5, 100
 _SOFTEST, _HARDEST, _FIRST = 1.0, 1e-9, 1e-6
-_HARDER, _SOFTER = 0.3, 30.0
-_ROUNDS = 60
-_INNER = 10
-_NEAR = 1e3
-_FRICTION_ROUNDS, _PLAIN_ROUNDS, _PASSIVE_SYSTEMS = 40, 15, 100
+_HARDER, _SOFTER, _PROXIMAL_ROUNDS = 0.3, 30.0, 60
 _WORK = 1e8
-"""Multiplications and additions, r^3 per linear system, after which no other way is begun."""
+"""Multiplications and additions, thrice as many, after which no other way is begun."""
 
 
 @compiled(Nothing, Dense, Row, Row, OutRow, counted=False)
@@ -109,59 +112,54 @@ def merit_of(pieces: FloatArray) -> float:
     return merit
 
 
-@compiled(Count, SYSTEM, Row, Number, Count, OutRow)
+@compiled(Count, SYSTEM, Row, Number, Count, Count, OutRow)
 def newton(
-    system: RowSystem, start: FloatArray, tolerance: float, limit: int, impulse: FloatArray
+    system: RowSystem,
+    start: FloatArray,
+    tolerance: float,
+    whole: int,
+    shortened: int,
+    impulse: FloatArray,
 ) -> int:
     """Write the row impulses (r,) at which every row is on its law.
 
-    Full steps first: with the right pieces one step is exact. Where they do not settle, at most
-    `limit` steps follow that are shortened until the residual falls.
+    Whole steps first: with the right pieces one step is exact. Where they do not settle, steps
+    follow that are shortened until the residual falls.
 
     Args:
         system: of the rows.
         start: (r,).
         tolerance: largest accepted residual.
-        limit: of shortened steps.
+        whole, shortened: how many of these steps, at most.
         impulse: to write.
 
     Returns:
-        the number of linear systems solved, as a negative number where it did not converge (less
-        one, so that it is never zero).
+        the number of linear systems solved, as a negative number where it did not converge.
     """
-    size = len(start)
+    size, merit = len(start), 0.0
     pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
     impulse[:] = start
     look_at(system, impulse, speed, pieces, sliding)
-    for iteration in range(1, _FULL_STEPS + 1):
-        if not solve_smaller(system, pieces, sliding, impulse, aim):
+    for iteration in range(1, whole + shortened + 1):
+        if iteration == whole + 1:
             impulse[:] = start
-            return -iteration - 1
-        impulse[:] = aim
-        if look_at(system, impulse, speed, pieces, sliding) <= tolerance:
-            return iteration
-    # Full steps did not settle: shorten them until the residual falls.
-    impulse[:] = start
-    look_at(system, impulse, speed, pieces, sliding)
-    merit = merit_of(pieces)
-    for iteration in range(1, limit + 1):
+            look_at(system, impulse, speed, pieces, sliding)
+            merit = merit_of(pieces)
         if not solve_smaller(system, pieces, sliding, impulse, aim):
-            return -iteration - _FULL_STEPS - 1
+            return -iteration
         share = 1.0
         while True:
             for i in range(size):
                 trial[i] = impulse[i] + share * (aim[i] - impulse[i])
-            worst = look_at(system, trial, speed, pieces, sliding)
-            lower = merit_of(pieces)
-            if lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
+            worst, lower = look_at(system, trial, speed, pieces, sliding), merit_of(pieces)
+            if iteration <= whole or lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
                 break
             share *= 0.5
-        impulse[:] = trial
-        merit = lower
+        impulse[:], merit = trial, lower
         if worst <= tolerance:
-            return iteration + _FULL_STEPS
-    return -limit - _FULL_STEPS - 1
+            return iteration
+    return -whole - shortened
 
 
 @compiled(SYSTEM, SYSTEM, Number, Row)
@@ -199,8 +197,9 @@ def proximal(
     used, compliance = 0, _FIRST
     impulse[:] = start
     following = np.empty(len(start))
-    for _ in range(_ROUNDS):
-        count = newton(softened(system, compliance, impulse), impulse, tolerance, _INNER, following)
+    for _ in range(_PROXIMAL_ROUNDS):
+        soft = softened(system, compliance, impulse)
+        count = newton(soft, impulse, tolerance, FULL_STEPS, SHORTENED, following)
         used += abs(count)
         if distance(system, following) <= tolerance:
             impulse[:] = following
@@ -215,30 +214,69 @@ def proximal(
     return -used - 1
 
 
-@compiled(several(Count, Count), SYSTEM, Row, Number, Count, OutRow)
-def solve_plainly(
-    system: RowSystem, start: FloatArray, tolerance: float, most: int, impulse: FloatArray
-) -> tuple[int, int]:
-    """Write row impulses (r,) by Newton's iteration, or proximal rounds; see `solve_system`."""
-    # With more rows than freedoms shortened steps crawl along directions that move nothing.
-    limit = 0 if len(start) > len(system.half) else 12
-    used, none, good = newton(system, start, tolerance, limit, impulse), np.zeros(len(start)), 0.0
-    if used > 0:
-        return used, NEWTON
-    used = -used - 1
-    # The last step's pieces lead astray: start from none.
-    count = newton(system, none, tolerance, limit, impulse)
-    used += abs(count)
-    if count > 0:
-        return used, NEWTON
-    for i in range(len(start)):
-        good += system.free[i] + system.delassus[i, i]
-    for fresh in range(2 if np.isfinite(good) else 0):
-        count = proximal(system, none if fresh else start, tolerance, most - used, impulse)
-        used += abs(count)
-        if count > 0:
-            return used, PROXIMAL
-    return used, UNSOLVED
+@compiled(several(Count, Number), SYSTEM, SYSTEM, Row, Number, Count, OutRow)
+def shift_cones(
+    system: RowSystem,
+    convex: RowSystem,
+    start: FloatArray,
+    tolerance: float,
+    most: int,
+    impulse: FloatArray,
+) -> tuple[int, float]:
+    """Write row impulses (r,) by rounds of convex programs, see `shifted_cones`.
+
+    Args:
+        system: whose laws are to be met.
+        convex: the same with laws that do not fall.
+        start: (r,) impulses to begin at.
+        tolerance: largest accepted residual.
+        most: no round begins after as many linear systems.
+        impulse: to write.
+
+    Returns:
+        the number of linear systems, and the distance of the farthest row from its law.
+    """
+    size, ways = len(start), np.ascontiguousarray(system.half.T)
+    own, x, shift = np.empty(size), np.zeros(len(system.half)), np.zeros(len(system.frictions))
+    about, speed, found = start.copy(), np.empty(size), np.empty(size)
+    compliance_of(system, own)
+    if np.any(start != 0.0):
+        speeds_at(system.delassus, system.free, start, speed)
+        slips(system, speed, shift)
+        for i in range(size):
+            for j in range(len(x)):
+                x[j] += start[i] * ways[i, j]
+    used, least, tried, share = 0, np.inf, np.inf, 1.0
+    for _ in range(_ROUNDS):
+        used += minimise(convex, ways, own, about, shift, x, speed, found)
+        slips(system, speed, shift)
+        about[:] = found
+        off = distance(system, found)
+        stalls = off > 0.5 * least
+        if off < least:
+            least, impulse[:] = off, found
+        if least <= tolerance or (stalls and least <= _CLOSE * tolerance) or used > most:
+            break
+        if least <= 0.1 * tried:
+            tried = least
+            count = newton(system, impulse, tolerance, _LAST_STEPS, 0, found)
+            used += abs(count)
+            if count > 0:
+                impulse[:] = found
+                return used, tolerance
+        if share > _HARD:
+            share *= _HARDER_CONES
+            own *= _HARDER_CONES
+    # With the slip kept, what rounds lead to is one convex program: its rows take energy.
+    for _ in range(_ROUNDS if _NEAR * tolerance < least <= _PASSABLE * tolerance else 0):
+        used += minimise(convex, ways, own, about, shift, x, speed, impulse)
+        least, moved = distance(system, impulse), 0.0
+        for i in range(size):
+            moved = max(moved, own[i] * abs(impulse[i] - about[i]))
+        about[:] = impulse
+        if moved <= _CLOSE * tolerance:
+            break
+    return used, least
 
 
 @compiled(several(Count, Count), SYSTEM, Row, Number, Number, OutRow)
@@ -247,18 +285,17 @@ def solve_system(
 ) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
-    Where Newton and proximal rounds fail, contacts get the friction that the impulses found so far
-    allow, whatever they press then, and gears that lock themselves pass nothing back. That is a
-    convex program, and every row of its solution takes energy. Rounds with the friction that each
-    solution allows come nearer to the laws (Haslinger's iteration); where none meets them, the last
-    one is a passive end.
+    Where convex programs come near the laws but not to them, the last one is a passive end. Where
+    they do not come near, contacts get the friction that the impulses found so far allow, whatever
+    they press then, and gears that lock themselves pass nothing back. That is a convex program,
+    too. Rounds with the friction that each solution allows come nearer (Haslinger's iteration).
 
     Args:
         system: of the rows.
         start: (r,) impulses of the step before, or zeros.
         tolerance: largest accepted residual.
         work: share of `_WORK` beyond which nothing more is tried; below one for what may fail, and
-            has no such rounds.
+            has no passive end.
         impulse: to write.
 
     Returns:
@@ -268,38 +305,59 @@ def solve_system(
     size = len(start)
     if size == 0:
         return 0, NEWTON
-    most = int(work * _WORK / size**3)
-    used, way = solve_plainly(system, start, tolerance, most, impulse)
-    if way < UNSOLVED or work < 1.0:
-        return used, way
-    laws, grips = system.laws.copy(), np.zeros(len(system.frictions))
-    first = len(laws) + len(system.targets) - len(grips)
+    found, good, laws, shortened = np.zeros(size), 0.0, system.laws.copy(), 0
     for i in range(len(laws)):
-        laws[i, 4] = max(laws[i, 4], 0.0)
+        if laws[i, 4] < 0.0:
+            laws[i, 4], shortened = 0.0, SHORTENED
+    used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
+    if used > 0:
+        return used, NEWTON
+    # The last step's pieces lead astray: start from none.
+    count = newton(system, np.zeros(size), tolerance, FULL_STEPS, shortened, impulse)
+    used = abs(count) - used
+    if count > 0:
+        return used, NEWTON
+    for i in range(size):
+        good += system.free[i] + system.delassus[i, i]
+    if not np.isfinite(good):
+        return used, UNSOLVED
+    frictions, grips = system.frictions.copy(), np.zeros(len(system.frictions))
     convex = RowSystem(
         system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
-        laws, system.targets, np.zeros(len(grips)), grips, system.tangents,
+        laws, system.targets, frictions, grips, system.tangents,
     )  # fmt: skip
-    found, passive, least = np.zeros(size), UNSOLVED, np.inf
-    for turn in range(_FRICTION_ROUNDS):
-        count, way = solve_plainly(convex, found, 0.1 * tolerance, _PASSIVE_SYSTEMS, impulse)
+    most, least = int(work * _WORK / products_of(size, len(system.half))), np.inf
+    impulse[:] = start
+    if shortened == 0:
+        count, least = shift_cones(system, convex, start, tolerance, most, impulse)
         used += count
-        if way == UNSOLVED:
-            break
-        passive, found[:] = PASSIVE, impulse
-        least = distance(system, found)
-        if least > tolerance:
-            count = newton(system, found, tolerance, 0, impulse)
-            used += abs(count)
-            if count > 0:
-                return used, FRICTION
-        if least <= tolerance or (turn > 0 and used > most):
-            break
+        if least <= _NEAR * tolerance:
+            return used, CONVEX
+    for fresh in range(2 if shortened else 1):
+        if fresh:
+            impulse[:] = 0.0
+        count = proximal(system, impulse, tolerance, most - used, found)
+        used += abs(count)
+        if count > 0:
+            impulse[:] = found
+            return used, PROXIMAL
+    if least <= _PASSABLE * tolerance:
+        return used, PASSIVE
+    # Where the cones cannot be met, impulses grow without end: begin without friction.
+    passive, first = UNSOLVED, len(laws) + len(system.targets) - len(grips)
+    impulse[:], frictions[:] = 0.0, 0.0
+    for _ in range(_PASSIVE_ROUNDS if work >= 1.0 else 0):
         for i in range(len(grips)):
-            fresh = system.frictions[i] * max(found[first + i], 0.0)
-            grips[i] = fresh if turn < _PLAIN_ROUNDS else 0.5 * (grips[i] + fresh)
-    impulse[:] = found
-    return used, FRICTION if least <= _NEAR * tolerance else passive
+            grips[i] = system.frictions[i] * max(impulse[first + i], 0.0)
+        count = newton(convex, impulse, 0.1 * tolerance, FULL_STEPS, 0, found)
+        used += abs(count)
+        if count < 0:
+            count = proximal(convex, impulse, 0.1 * tolerance, _PASSIVE_SYSTEMS, found)
+            used += abs(count)
+        if count < 0:
+            break
+        passive, impulse[:] = PASSIVE, found
+    return used, passive
 
 
 @compiled(Nothing, SYSTEM, Dense, Row, Row, OutRow, counted=False)

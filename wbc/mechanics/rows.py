@@ -67,15 +67,15 @@ class RowSystem(NamedTuple):
 SYSTEM = group(RowSystem, *(OutDense,) * 3, *(OutRow,) * 3, OutDense, *(OutRow,) * 3, Count)
 
 
-@compiled(Flag, Count, Count, counted=False)
-def fewer_products(rows: int, freedoms: int) -> bool:
-    """Return whether the system in velocities takes fewer products than that in impulses.
+@compiled(Count, Count, Count, counted=False)
+def products_of(rows: int, freedoms: int) -> int:
+    """Return thrice the products of a system of the pieces, solved in impulses or in velocities.
 
     In velocities it is put together by r n^2 products and factored by n^3/3, in impulses factored
-    by r^3/3: from r = 1.9 n on. (Newton's loop for Solo12 in stance, r = 24 and n = 18, takes 11 us
-    in velocities and 4.4 us in impulses.)
+    by r^3/3: fewer in velocities from r = 1.9 n on. (Newton's loop for Solo12 in stance, r = 24 and
+    n = 18, takes 11 us in velocities and 4.4 us in impulses.)
     """
-    return freedoms * freedoms * (3 * rows + freedoms) < rows**3
+    return min(rows**3, freedoms * freedoms * (3 * rows + freedoms))
 
 
 @compiled(Nothing, Dense, Dense, Count, OutRow, OutRow, counted=False)
@@ -140,7 +140,9 @@ def system_of(
     halfway(lower, half)
     products(half, delassus)
     lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
-    ways = np.ascontiguousarray(half.T) if fewer_products(size, n) else np.empty((0, 0))
+    ways = np.empty((0, 0))
+    if products_of(size, n) < size**3:
+        ways = np.ascontiguousarray(half.T)
     grips = np.zeros(len(frictions))
     return RowSystem(
         half, ways, delassus, own, spring, slope, laws, targets, frictions, grips, tangents

@@ -202,6 +202,9 @@ def test_a_robot_that_is_changed_in_code_or_saved_keeps_its_bodies(tmp_path: Pat
     )
     for changed in copies:
         assert len(Plant(changed).contacts) == len(Plant(robot).contacts) > len(robot.contacts)
+    for changed in copies[:4]:
+        with pytest.raises(RobotError, match="changed in code"):
+            save_robot(changed, tmp_path / "third.toml")
 
 
 def test_bodies_without_geometry_and_unknown_words_are_said() -> None:

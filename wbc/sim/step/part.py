@@ -189,8 +189,8 @@ SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
 
 MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION, CONTACT, NORMAL, TRAFFIC, KINETIC, MISSED = range(11)
-"""Work and losses of a part [J]: see `EnergyFlow`; what normals made; bounds of what moved; and the
-speed by which a passive end misses the laws."""
+"""Work and losses of a part [J]: see `EnergyFlow`; what one contact or stop made; bounds of what
+moved; and the speed by which a passive end misses the laws."""
 
 _COUPLING_ROUNDS = 200
 _COUPLING_TOLERANCE = 1e-13
@@ -662,6 +662,9 @@ def books_of(
             continue
         contact = i - elements - limits
         if len(rows.depths) == 0 or contact < 0:
+            for a in range(plant.obstacles.tangents if contact >= 0 else 0):
+                along = elements + both + contact * plant.obstacles.tangents + a
+                made += solved.impulse[along] * solved.speed[along]
             books[NORMAL] = max(books[NORMAL], made)
         mean = -ground
         for c in range(n):
@@ -675,7 +678,9 @@ def books_of(
             continue
         books[CONTACT] += max(-push * mean, 0.0)
     for i in range(len(solved.impulse)):
-        books[TRAFFIC] += abs(solved.impulse[i] * solved.speed[i])
+        # A speed below 10 ACCURACY is rounding; `result` takes 1e-8 of what moves as such.
+        speed_of = abs(solved.speed[i]) + 1e9 * plant.bounds[ACCURACY]
+        books[TRAFFIC] += abs(solved.impulse[i]) * speed_of
     for c in range(n):
         square = speed[c] * speed[c] + solved.after[c] * solved.after[c]
         books[KINETIC] += abs(inertia[c, c]) * square

@@ -208,8 +208,8 @@ class StepSolution:
         impulse: (r,) of every row, in the order of `StepProgram.rows`.
         speed: (r,) of every row, G v, counted from the ground's.
         iterations: linear systems solved.
-        method: "newton", "proximal" or "sweeps", whichever found it; "ranges" where self-locking
-            gears were held to a range of their laws.
+        method: "newton", "convex" or "proximal", whichever found it, "passive" where friction gave
+            way; "ranges" where self-locking gears were held to a range of their laws.
         program: that it solves.
         system: the same as the rows see it.
     """

@@ -29,7 +29,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import distance, newton, proximal
+from wbc.mechanics.newton import FULL_STEPS, SHORTENED, distance, newton, proximal
 from wbc.mechanics.rows import RowSystem
 
 _SLOWEST = 1e-9
@@ -173,7 +173,7 @@ def _candidates(
     for origin in (np.ascontiguousarray(start[kept]), np.zeros(len(kept))):
         part, used = np.empty(len(kept)), 1
         if len(kept):
-            used = newton(inner, origin, 0.1 * tolerance, 8, part)
+            used = newton(inner, origin, 0.1 * tolerance, FULL_STEPS, SHORTENED, part)
             if used < 0:
                 used = proximal(inner, origin, 0.1 * tolerance, _SYSTEMS, part) - used
         if used > 0:
