@@ -10,9 +10,14 @@ caches and cores stretch processor time as well. A peer that is not there is nam
 is the solver alone on the programs of the same ticks. `--peers` leaves out all but the dissipative
 controller and its peers, which takes seconds instead of minutes.
 
+Every contestant keeps torque limits, and stops and speeds of joints, and knows a Coulomb friction
+of 0.1 N m at every joint; peers, which have none, add it to their torques.
+
 A peer runs in a Python of its own, which WBC_TSID_PYTHON and WBC_PLACO_PYTHON name, each in a fresh
-environment: `pip install placo==0.10.2`, and `pip install tsid==1.7.1 pin==3.4.0 "cmeel-urdfdom<5"
-"cmeel-tinyxml2<11"` (the last TSID whose wheel holds its library).
+environment: `pip install placo==0.10.2`; and, of Python 3.11, `pip install pin==4.0.0 eiquadprog`,
+`pip install --no-deps tsid==1.10.0`, and its library from another wheel: `pip download --no-deps
+--python-version 3.14 --only-binary=:all: libtsid==1.10.0`, `python -m zipfile -e libtsid*.whl
+SITE-PACKAGES`.
 """
 
 from __future__ import annotations
@@ -41,9 +46,8 @@ HERE = Path(__file__).resolve().parent
 TICKS, BLOCK = 4000, 100
 ROBOTS = ("planar_leg_strong", "solo12", "anymal", "talos")
 PEERS = (
-    ("TSID, eiquadprog", "WBC_TSID_PYTHON", "tsid_controller.py", ("fast",)),
-    ("TSID, ProxQP", "WBC_TSID_PYTHON", "tsid_controller.py", ("proxqp",)),
-    ("PlaCo, eiquadprog", "WBC_PLACO_PYTHON", "placo_controller.py", ()),
+    ("TSID, eiquadprog", "WBC_TSID_PYTHON", "tsid_controller.py"),
+    ("PlaCo, eiquadprog", "WBC_PLACO_PYTHON", "placo_controller.py"),
 )
 
 
@@ -149,9 +153,9 @@ def start_peers(robot, states, folder, messages):
     if robot.name not in URDF:
         return found
     file = write_scene(robot, states, folder)
-    for name, variable, script, options in PEERS:
+    for name, variable, script in PEERS:
         try:
-            found.append(Peer(name, variable, HERE / "peers" / script, file, *options))
+            found.append(Peer(name, variable, HERE / "peers" / script, file))
         except (LookupError, RuntimeError) as cause:
             messages.add(str(cause))
     return found

@@ -20,10 +20,11 @@ from wbc.control import (
     SurfaceContact,
 )
 from wbc.dynamics import evaluate
-from wbc.effects import load_robot
+from wbc.effects import EFFECTS, load_robot
 from wbc.robot import Motion
 
 COM_WEIGHT, TRUNK_WEIGHT, POSTURE_WEIGHT, STIFFNESS = 10.0, 1.0, 0.1, 50.0
+FRICTION = 0.1  # [N m]
 AIRBORNE, RAMP = 0.35, 0.3  # [rad] of the phase, half of the time without load, and its ramp
 REACH = {"talos": [0.0, 0.07, 0.0], "solo12": [0.02, 0.02, 0.0], "anymal": [0.04, 0.04, 0.0]}
 TRUNK = {
@@ -163,6 +164,9 @@ def motion(robot, ticks, *, step=1e-3, rate=0.25):
 
 
 def scene(name, ticks):
-    """Return a robot by name and its motion."""
+    """Return a robot by name, with Coulomb friction at every joint, and its motion."""
     robot = load_robot(name)
-    return robot, motion(robot.lossless(), ticks)
+    kind, states = EFFECTS["coulomb_friction"], motion(robot.lossless(), ticks)
+    value = {kind.parameters[0].name: FRICTION}
+    joints = robot.transmission.joints
+    return robot.with_effects(*[kind.at(joint, value) for joint in joints]), states

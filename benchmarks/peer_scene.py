@@ -10,12 +10,14 @@ import pinocchio as pin
 
 from benchmarks.controller_scenes import (
     COM_WEIGHT,
+    FRICTION,
     POSTURE_WEIGHT,
     STIFFNESS,
     TRUNK,
     TRUNK_WEIGHT,
     URDF,
 )
+from wbc.control import JointLimit
 
 SWING_WEIGHT, SWING_STIFFNESS = 5.0, 100.0
 
@@ -31,7 +33,7 @@ def write_scene(robot, states, folder, swings=()):
     if flat:
         frame_of |= {side: frame_of[f"{side}_sole_front_left"] for side in ("left", "right")}
     feet = sorted({contact.frame for contact in robot.contacts})
-    gears = robot.transmission
+    gears, limit = robot.transmission, JointLimit.of(robot)
     description = {
         "urdf": str(without_meshes(prefix / "robots" / URDF[robot.name], Path(folder))),
         "joints": list(robot.joints[1:]),
@@ -55,6 +57,10 @@ def write_scene(robot, states, folder, swings=()):
         "sole": [0.21, 0.13],
         "friction": 0.7,
         "weight": 9.81 * pin.computeTotalMass(robot.model),
+        "lower": limit.lower.tolist(),
+        "upper": limit.upper.tolist(),
+        "speed": limit.speed.tolist(),
+        "dry": FRICTION,
         "torque_limit": (gears.gear_ratio * gears.torque_limit).tolist(),
     }
     path = Path(folder) / f"{robot.name}_{len(swings)}.json"

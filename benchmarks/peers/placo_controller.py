@@ -36,6 +36,8 @@ def main():
             com = peer.com
             com.target_world, com.dtarget_world, com.ddtarget_world = states[2][tick]
             result = peer.solver.solve(False)
+            if result.success:  # it has no friction of joints: known friction is added
+                result.tau[rows] + scene["dry"] * np.sign(states[1][tick][6:])
             stop = time.process_time_ns(), time.perf_counter_ns()
             times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
             if not result.success:
@@ -75,6 +77,13 @@ class Problem:
         self.active = {}
         self.switch(scene["feet"])
         self.solver.enable_torque_limits(True)
+        for joint, low, high, speed in zip(
+            *(scene[key] for key in ("joints", "lower", "upper", "speed")), strict=True
+        ):
+            robot.set_joint_limits(joint, low, high)
+            robot.set_velocity_limit(joint, speed)
+        self.solver.enable_joint_limits(True)
+        self.solver.enable_velocity_limits(True)
 
     def switch(self, wanted):
         """Add and remove contacts until those wanted are active."""

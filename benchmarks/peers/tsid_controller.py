@@ -1,8 +1,7 @@
 """TSID on the same robot, tasks, contacts and states; run by its own Python.
 
-Arguments: a scene (JSON) and the solver, "fast" (eiquadprog) or "proxqp". Then one line
-"first count" per block of ticks from standard input, each answered with the ticks' times in
-microseconds as JSON.
+Argument: a scene (JSON). Then one line "first count" per block of ticks from standard input, each
+answered with the ticks' times in microseconds as JSON.
 """
 
 from __future__ import annotations
@@ -15,9 +14,6 @@ from importlib.metadata import version
 import numpy as np
 import pinocchio as pin
 import tsid
-
-if not hasattr(tsid, "RobotWrapper"):  # wheels of 1.7.1 have their __init__ one folder too deep
-    from tsid import tsid_pywrap as tsid
 
 
 def main():
@@ -32,7 +28,7 @@ def main():
     if list(model.names)[2:] != scene["joints"]:
         raise RuntimeError("the URDF orders the joints in another way")
     robot = tsid.RobotWrapper(model, False)
-    peer = Formulation(robot, scene, sys.argv[2])
+    peer = Formulation(robot, scene)
     states = np.array(scene["positions"]), np.array(scene["velocities"]), np.array(scene["com"])
     print(
         json.dumps([f"tsid {version('tsid')}, pin {pin.__version__}", peer.problem.nVar]),
@@ -53,7 +49,7 @@ def main():
 class Formulation:
     """The tasks and contacts of the scene, gains and weights as given."""
 
-    def __init__(self, robot, scene, solver):
+    def __init__(self, robot, scene):
         self.robot, self.scene = robot, scene
         q, v = np.array(scene["positions"][0]), np.array(scene["velocities"][0])
         self.problem = tsid.InverseDynamicsFormulationAccForce("tsid", robot, False)
@@ -84,9 +80,13 @@ class Formulation:
         limit = np.array(scene["torque_limit"])
         bounds.setBounds(-limit, limit)
         self.problem.addActuationTask(bounds, 1.0, 0, 0.0)
-        self.trunk, self.posture, self.bounds = trunk, posture, bounds
-        make = {"fast": "SolverHQuadProgFast", "proxqp": "SolverProxQP"}[solver]
-        self.solver = getattr(tsid, make)("solver")  # ProxQP is there if TSID was built with it
+        stops = tsid.TaskJointPosVelAccBounds("stops", robot, 1e-3, False)
+        stops.setPositionBounds(np.array(scene["lower"]), np.array(scene["upper"]))
+        stops.setVelocityBounds(np.array(scene["speed"]))
+        stops.setAccelerationBounds(np.full(robot.na, 1e3))
+        self.problem.addMotionTask(stops, 1.0, 0, 0.0)
+        self.trunk, self.posture, self.bounds, self.stops = trunk, posture, bounds, stops
+        self.solver = tsid.SolverHQuadProgFast("solver")
         self.resize()
 
     @staticmethod
@@ -154,7 +154,8 @@ class Formulation:
         solution = self.solver.solve(data)
         if solution.status != 0:
             raise RuntimeError(f"TSID failed at tick {number}: {solution.status}")
-        return self.problem.getActuatorForces(solution)
+        # it has no friction of joints: known friction is added
+        return self.problem.getActuatorForces(solution) + self.scene["dry"] * np.sign(v[6:])
 
 
 if __name__ == "__main__":

@@ -336,8 +336,6 @@ class Controller:
         if self._drivetrain.learns:
             leads_to = asked.motion.velocity + asked.dt * block[at.x][: program.nv]
             self._drivetrain.remember(leads_to, contacts)
-        if np.isfinite(self._joints.torque).any():
-            self._drivetrain.place_load(block[at.x], gears[OUTPUT], self._joints.load)
 
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)

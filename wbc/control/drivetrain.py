@@ -257,11 +257,6 @@ class GearModel:
         self.memory.learned[:], self.memory.predicted[:] = self.memory.disturbance, velocity
         self._contacts = contacts
 
-    def place_load(self, x: FloatArray, output: FloatArray, load: FloatArray) -> None:
-        """Write the torque on the coordinates less M qdd (nv,) of a solution x = [qdd, ..]."""
-        load[:] = -self.memory.mass @ x[: len(self.memory.bias)]
-        load[self.memory.driven] += self.memory.from_joints.T @ output
-
     def interrupt(self) -> None:
         """Predict nothing of the next tick, as the last one had no solution."""
         self.memory.predicted[:] = np.nan

@@ -360,6 +360,11 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
         block[counts[NQ] + 2 * nv + i] = block[counts[NQ] + nv + i] + dt * x[i]
     jacobian, scale = program.contacts.rows.jacobian, program.numbers[SCALE]
     place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
+    load, mass, driven = program.joints.load, program.gears.mass, program.gears.driven
+    for i in range(m if len(load) > 0 else 0):
+        load[driven[i]] = program.gears.joint[i]
+        for j in range(nv):
+            load[driven[i]] -= mass[driven[i], j] * x[j]
     results = gears[MESH], gears[TORQUE_ROW], gears[CLIPPED]
     exact = place_torques(program.gears, gears[OUTPUT], gears[SHARE], gears[SIGMA], results)
     for i in range(m):

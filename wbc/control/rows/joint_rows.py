@@ -24,14 +24,14 @@ JOINTS = Structure(
     torque=Row,
     reflected=Row,
     least=Row,
-    load=Row,
+    load=OutRow,
 )
 """Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
 
 What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
 known to limit it, `reflected` (k,) is the inertia of the rotors then, `least` (k,) a deceleration
 to count on; `load` (nv,) is the torque on the coordinates less M qdd of the last tick, NaN where
-there was none.
+there was none, (0,) where nobody asks.
 """
 
 _MOST = 1e9

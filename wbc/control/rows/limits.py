@@ -205,7 +205,10 @@ class JointLimit:
     def structure(self) -> Any:
         """Return JOINTS with a memory of the load that no other controller has."""
         endless = np.full(len(self.rows), np.inf)
-        brakes = self.brakes or dict.fromkeys(("torque", "reflected", "least", "load"), endless)
+        brakes = self.brakes or {
+            **dict.fromkeys(("torque", "reflected", "least"), endless),
+            "load": np.zeros(0),
+        }
         return JOINTS.of(
             rows=self.rows,
             positions=self.position_rows,
