@@ -296,16 +296,19 @@ def _gears(
 def test_links_that_strike_together_are_followed(
     springs: tuple[tuple[float, float], ...], play: tuple[float, float], seed: int
 ) -> None:
-    """Over a whole log what a link does depends on the last digits: fits ended 5 % off, or not."""
+    """Over a whole log what a link does depends on the last digits: fits ended 5 % off, or not.
+
+    Derivatives in numbers alone, each with starts of its own, ended 6 and 42 % off from here.
+    """
     problem = EstimationProblem.from_logs(
         load_robot("planar_leg_fixed").lossless(),
         _last_digits(_struck_logs(springs, play), seed),
     )
-    fit = problem.fit(_gears(springs, play, 1.01, 1.03))
+    fit = problem.fit(_gears(springs, play, 1.1, 1.2))
     assert fit.error < 0.02**2 * problem.fit(()).error
     for effect, width, (k, _) in zip(fit.effects, play, springs, strict=True):
         name, true = ("width", width) if width else ("stiffness", k)
-        assert effect.values[name] == pytest.approx(true, rel=0.05)
+        assert effect.values[name] == pytest.approx(true, rel=0.03)
 
 
 @pytest.mark.parametrize(("springs", "play"), TOGETHER)

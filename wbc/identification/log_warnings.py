@@ -19,6 +19,7 @@ _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a s
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
+_UNSEEN = 1e-7  # of the largest column: rounding
 
 
 def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -151,7 +152,9 @@ def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     step = fit.step(rows)
     left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
     a = fit.jacobian[rows].reshape(-1, len(fit.parameters))
-    norm = np.maximum(np.sqrt(np.sum(a**2, axis=0)), 1e-150)
+    size = np.sqrt(np.sum(a**2, axis=0))
+    seen = size > _UNSEEN * size.max()
+    norm = np.where(seen, size, 1.0)
     gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)
     spread = np.sqrt(ROWS_PER_SAMPLE * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
-    return step, np.asarray(spread / norm)
+    return step, np.where(seen, spread / norm, np.inf)

@@ -37,6 +37,10 @@ class Motions(NamedTuple):
     """(N, n, S) their accelerations."""
     dry: FloatArray
     """(N, n, S) dry friction of the links [N m]."""
+    reached: FloatArray
+    """(N, n, S) rates at the ends of the intervals that begin with a sample; the last one stays."""
+    rubbed: FloatArray
+    """(N, n, S) mean dry friction in these intervals."""
     ends: FloatArray
     """(W, 2, n, S) deflections and rates at the ends of the windows."""
 
@@ -131,26 +135,41 @@ class DrivenLinks:
             self.step, parts, late, stiffness, damping, half, _FARTHEST,
             first, whole(starts[:, 0]), whole(starts[:, 1]), d, v, dry, ended, last,
         )  # fmt: skip
-        after = np.array(v[1:])  # where windows end, not where others begin
-        after[first[1:] - 1] = last[:-1]
-        with np.errstate(invalid="ignore"):  # a link that flies off has no numbers
-            a = self._accelerations(gears, d, v, dry, after)
-        return Motions(d, v, a, at_samples(dry), np.stack([ended, last], axis=1))
+        reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
+        reached[first[1:] - 1] = last[:-1]
+        return self._motions(gears, d, v, reached, dry, np.stack([ended, last], axis=1))
 
-    def _accelerations(
+    def chosen(
+        self, gears: Sequence[Flanks], moved: Motions, window: IntArray, which: IntArray
+    ) -> Motions:
+        """Return one motion of S, in each window one (W,); `window` (N,) is that of each sample."""
+
+        def own(values: FloatArray, each: IntArray) -> FloatArray:
+            each = each.reshape(-1, *(1,) * (values.ndim - 1))
+            return np.asarray(np.take_along_axis(values, each, axis=-1))
+
+        samples = np.stack([moved.d, moved.v, moved.reached, moved.rubbed], axis=1)
+        d, v, reached, rubbed = own(samples, which[window]).swapaxes(0, 1)
+        return self._motions(gears, d, v, reached, rubbed, own(moved.ends, which))
+
+    def _motions(
         self,
         gears: Sequence[Flanks],
         d: FloatArray,
         v: FloatArray,
-        dry: FloatArray,
-        after: FloatArray,
-    ) -> FloatArray:
-        """Return accelerations (N, n, S); `after` are rates (N - 1, n, S) at ends of intervals."""
-        if any(gear.play > 0.0 for gear in gears):
-            return at_samples(np.concatenate([after - v[:-1], np.zeros_like(v[:1])]) / self.step)
-        pushed = np.stack([g.torque(d[:, k], v[:, k]) for k, g in enumerate(gears)], axis=1)
-        needed = self.drag @ v + self.pull @ d + self.load[..., None] + at_samples(dry)
-        return np.asarray(np.linalg.solve(self.inertia, pushed - needed))
+        reached: FloatArray,
+        rubbed: FloatArray,
+        ends: FloatArray,
+    ) -> Motions:
+        dry = at_samples(rubbed)
+        with np.errstate(invalid="ignore"):  # a link that flies off has no numbers
+            if any(gear.play > 0.0 for gear in gears):
+                a = at_samples((reached - v) / self.step)
+            else:
+                torques = [g.torque(d[:, k], v[:, k]) for k, g in enumerate(gears)]
+                needed = self.drag @ v + self.pull @ d + self.load[..., None] + dry
+                a = np.asarray(np.linalg.solve(self.inertia, np.stack(torques, axis=1) - needed))
+        return Motions(d, v, a, dry, reached, rubbed, ends)
 
     def torques(self, moved: Motions) -> FloatArray:
         """Return the links' additional torques (N, n, S) along motions."""

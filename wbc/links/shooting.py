@@ -8,8 +8,6 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, eye_array, vstack
-from scipy.sparse.linalg import spsolve
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.links.driven_links import DrivenLinks, Motions
@@ -20,7 +18,7 @@ _WINDOW = 0.3  # [s] after which a motion is compared with the log again
 _CORRECTED = 0.03  # share of a typical state by which a window may begin elsewhere than the last
 _STEPS = 6  # of Gauss-Newton, at most, where nothing is known of the starts; beside others one
 _VARIED = 1e-3  # of a typical state, for derivatives
-_SHARES = (0.0, 1.0, 0.4, 0.1)  # shares of a step that are tried
+_SHARES = (1.0, 0.4, 0.1)  # shares of a step that are tried
 _PROMISING = 0.999  # of what is left, above which a step is the last
 _SLACK = 1e-9  # [N m/rad] below which a flank holds nothing
 _FAR = 1e100  # [N m] left by a link that flies off
@@ -40,6 +38,7 @@ class Deflections:
 
     paths: list[FloatArray]
     starts: FloatArray
+    _shots: _Shots | None = None
 
     @property
     def finite(self) -> bool:
@@ -56,11 +55,17 @@ class Deflections:
         pairs = zip(self.paths, before.paths, strict=True)
         return max(float(np.abs(now[:, 0] - then[:, 0]).max()) for now, then in pairs)
 
+    @cached_property
+    def _around(self) -> _Around | None:
+        return None if self._shots is None else self._shots.around(self.starts)
+
 
 def deflections(
     responses: Sequence[LinkResponse],
     gears: Sequence[Flanks],
     near: Deflections | None = None,
+    *,
+    straight: bool = False,
 ) -> Deflections:
     """Return the motion of n links together (`DrivenLinks.follow`), from the likeliest starts.
 
@@ -77,13 +82,64 @@ def deflections(
         gears: in front of them.
         near: motion with numbers close by, from whose starts one step is made; None where nothing
             is known.
+        straight: for derivatives: what other starts change is taken from `near`, a motion that was
+            returned here.
     """
     shots = _Shots.of(responses, gears)
     # Where the links of a trial fly off, so do its numbers: it leaves infinity, and loses.
     with np.errstate(over="ignore", invalid="ignore"):
-        starts, moved = shots.likeliest() if near is None else shots.settled(near.starts, 1)
+        around = near._around if near is not None and straight else None
+        if near is None:
+            starts, moved = shots.likeliest()
+        elif around is not None:
+            starts, moved = shots.beside(around)
+        else:
+            starts, moved = shots.settled(near.starts, 1)
     columns = [moved.d, moved.v, moved.a] + [moved.dry] * shots.links.rubs
-    return Deflections(list(np.stack(columns, axis=-1)[:, :, 0].transpose(1, 0, 2)), starts)
+    paths = list(np.stack(columns, axis=-1)[:, :, 0].transpose(1, 0, 2))
+    return Deflections(paths, starts, shots)
+
+
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """How links move from K = W 2 n starts close by.
+
+    Attributes:
+        shots: the log.
+        starts: (W, 2, n) in whose neighbourhood.
+        moved: from them, and with each number of all windows varied.
+        left: (R,) of the log by the first.
+        slopes: (R, K) change of it per size of the starts.
+        ties: (K, K) change of the jumps.
+        gram: (K, K) of both.
+        scatter: squared, of what is left: how much the jumps weigh.
+    """
+
+    shots: _Shots
+    starts: FloatArray
+    moved: Motions
+    left: FloatArray
+    slopes: FloatArray
+    ties: FloatArray
+    gram: FloatArray
+    scatter: float
+
+    def step(self, left: FloatArray, jumps: FloatArray) -> FloatArray:
+        """Return the step (W, 2, n) of least squares, in sizes, from (R,) left and (K,) jumps."""
+        moment = self.slopes.T @ left + self.scatter * (self.ties.T @ jumps)
+        return np.asarray(np.linalg.solve(self.gram, -moment)).reshape(self.starts.shape)
+
+    def change(self, step: FloatArray) -> Motions:
+        """Return the change of the motion by a step, in sizes, of the starts."""
+        own = step.reshape(len(step), -1) / _VARIED
+
+        def along(values: FloatArray, steps: FloatArray) -> FloatArray:
+            change = values[..., 1:] - values[..., :1]
+            return np.asarray(np.einsum("i...s,is->i...", change, steps))[..., None]
+
+        each = own[self.shots.window]
+        parts = [along(values, each) for values in self.moved[:-1]]
+        return Motions._make([*parts, along(self.moved.ends, own)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +183,8 @@ class _Shots:
 
     def _least(self, offers: FloatArray) -> FloatArray:
         """Return of some starts (W, 2, n, S) those that leave least in each window (W, 2, n)."""
+        if offers.shape[-1] == 1:
+            return offers[..., 0]
         best = np.argmin(self._squares(self._left(self._follow(offers))), axis=0)
         return _chosen(offers, best)
 
@@ -148,50 +206,63 @@ class _Shots:
 
         by Gauss-Newton; the scatter is that of r after a step without the other rows. A window
         hardly feels others but its neighbours, so that each takes the share of its step that leaves
-        least in and beside it.
+        least in and beside it. Behind springs one step is all: the motion is linear in its start.
         """
-        given, found = starts[:1], self._follow(starts[..., None])
+        given, linear = starts[:1], all(gear.play == 0.0 for gear in self.gears)
         for _ in range(steps):
-            step, scatter = self._step(starts, given)
+            around = self.around(starts)
+            moved = around.moved.part(slice(1))
+            jumps = self._jumps(starts[..., None], given, moved)
+            step = around.step(around.left, jumps.ravel())
             if not np.isfinite(step).all():
                 break
-            shares = starts[..., None] + (self.size * step)[..., None] * np.array(_SHARES)
-            tried = self._follow(shares)
-            cost, own = self._cost(shares, given, tried, scatter)
-            chosen = _chosen(shares, np.argmin(own, axis=0))
-            moved = self._follow(chosen[..., None])
-            after, _ = self._cost(chosen[..., None], given, moved, scatter)
-            if not after[0] < cost[0]:
+            if linear and not self.links.rubs:
+                return starts + self.size * step, _sum(moved, around.change(step))
+            shares = (self.size * step)[..., None] * np.array(_SHARES)
+            offers = starts[..., None] + np.concatenate([0.0 * shares[..., :1], shares], axis=-1)
+            tried = [moved, self._follow(offers[..., 1:])]
+            tried_all = Motions(*(np.concatenate(v, axis=-1) for v in zip(*tried, strict=True)))
+            cost, own = self._cost(offers, given, tried_all, around.scatter)
+            which = np.argmin(own, axis=0)
+            chosen = _chosen(offers, which)
+            after = self.links.chosen(self.gears, tried_all, self.window, which)
+            gained, _ = self._cost(chosen[..., None], given, after, around.scatter)
+            if not gained[0] < cost[0]:
                 break
-            starts, found = chosen, moved
-            if after[0] > _PROMISING * cost[0]:
+            starts, moved = chosen, after
+            if gained[0] > _PROMISING * cost[0]:
                 break
-        return starts, found
+        return starts, moved
+
+    def beside(self, around: _Around) -> tuple[FloatArray, Motions]:
+        """Return starts and motion one step from those of other numbers, by their derivatives."""
+        moved = self._follow(around.starts[..., None])
+        jumps = around.shots._jumps(around.starts[..., None], around.starts[:1], moved)
+        step = around.step(self._left(moved)[:, 0], jumps.ravel())
+        return around.starts + around.shots.size * step, _sum(moved, around.change(step))
 
     def _follow(self, starts: FloatArray) -> Motions:
         return self.links.follow(self.gears, self.first, starts)
 
-    def _step(self, starts: FloatArray, given: FloatArray) -> tuple[FloatArray, float]:
-        """Return a step (W, 2, n) of least squares, in sizes, and the squared scatter."""
+    def around(self, starts: FloatArray) -> _Around:
+        """Return how the links move from starts (W, 2, n) and from others close by."""
         units = _VARIED * np.eye(self.size.size).reshape(*starts.shape[1:], -1)
         units = np.concatenate([np.zeros_like(units[..., :1]), units], axis=-1)
         moved = self._follow(starts[..., None] + self.size[..., None] * units)
-        left, slopes = self._slopes(moved)
-        jumps = self._jumps(starts[..., None], given, moved.part(slice(1))).ravel()
+        left, slopes, gram = self._slopes(moved)
         ties = self._ties(moved)
-        gram, moment = slopes.T @ slopes, -(slopes.T @ left)
         # Where nothing is left of a start in the log, the smallest step is taken.
-        ridge = _RIDGE * max(float(gram.diagonal().max()), _RIDGE) * eye_array(gram.shape[0])
-        free = left + slopes @ spsolve(csc_matrix(gram + ridge), moment)
+        ridge = _RIDGE * max(float(gram.diagonal().max()), _RIDGE) * np.eye(len(gram))
+        free = left - slopes @ np.linalg.solve(gram + ridge, slopes.T @ left)
         scatter = float(np.mean(free**2))
-        gram = csc_matrix(gram + scatter * (ties.T @ ties) + _RIDGE * ridge)
-        step = spsolve(gram, moment - scatter * (ties.T @ jumps))
-        return np.asarray(step.reshape(starts.shape)), scatter
+        gram = gram + scatter * (ties.T @ ties) + _RIDGE * ridge
+        return _Around(self, starts, moved, left, slopes, ties, gram, scatter)
 
     def _left(self, moved: Motions) -> FloatArray:
-        """Return (R, S) what motions leave of the log, in the band."""
+        """Return (R,) or (R, S) what motions leave of the log, in the band."""
         torques = self._torques(moved)
-        return np.concatenate([r.left(torques[:, k]) for k, r in enumerate(self.responses)])
+        left = [r.left(torques[:, k]) for k, r in enumerate(self.responses)]
+        return np.concatenate(left)
 
     def _torques(self, moved: Motions) -> FloatArray:
         torques = self.links.torques(moved)
@@ -200,11 +271,11 @@ class _Shots:
 
     def _squares(self, left: FloatArray) -> FloatArray:
         """Return the squares (S, W), by window, of what is left (R, S)."""
-        rows = np.concatenate([self._window[r.rows] for r in self.responses])
+        rows = np.concatenate([self.window[r.rows] for r in self.responses])
         return np.array([np.bincount(rows, column, len(self.first)) for column in left.T**2])
 
     @cached_property
-    def _window(self) -> IntArray:
+    def window(self) -> IntArray:
         """(N,) the window of each sample."""
         lengths = np.diff([*self.first, len(self.links.load)])
         return np.repeat(np.arange(len(self.first)), lengths)
@@ -232,8 +303,10 @@ class _Shots:
         beside = np.concatenate([jumps[:, 1:], np.zeros((len(jumps), 1))], axis=1)
         return np.sum(left + jumps, axis=1), left + jumps + beside
 
-    def _slopes(self, moved: Motions) -> tuple[FloatArray, csr_matrix]:
-        """Return what a motion leaves (R,), and its change (R, W 2 n) per size of the starts.
+    def _slopes(self, moved: Motions) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what a motion leaves (R,), its change (R, K) per size of the starts, their Gram.
+
+        A row feels the start of its own window and of those beside it alone.
 
         Args:
             moved: from the starts, and from each of their 2 n numbers varied in all windows.
@@ -241,24 +314,28 @@ class _Shots:
         torques = self._torques(moved)
         change = (torques[..., 1:] - torques[..., :1]) / _VARIED
         windows, count = len(self.first), change.shape[2]
-        colours = min(windows, _APART)
-        colour = np.arange(colours)
-        mine = self._window[:, None] % colours == colour
-        parts = []
+        colour = np.arange(min(windows, _APART))
+        mine = self.window[:, None] % colour.size == colour
+        near = np.arange(windows)[:, None] + colour - colour.size // 2
+        near += colour.size * ((near < 0).astype(int) - (near >= windows))
+        near = np.take_along_axis(near, np.argsort(near % colour.size, axis=1), axis=1)
+        places = (near[..., None] * count + np.arange(count)).reshape(windows, -1)
+        gram = np.zeros((windows * count,) * 2)
+        left, slopes = [], []
         for k, response in enumerate(self.responses):
-            found = response.band(mine[..., None] * change[:, None, k])
-            place = self._window[response.rows][:, None]
-            near = place + (colour - place + colours // 2) % colours - colours // 2
-            near += colours * (near < 0) - colours * (near >= windows)
-            column = near[..., None] * count + np.arange(count)
-            row = np.arange(len(found))[:, None, None] + np.zeros_like(column)
-            entries = -found.ravel(), (row.ravel(), column.ravel())
-            parts.append(csr_matrix(entries, shape=(len(found), windows * count)))
-        left = [r.left(torques[:, k, 0]) for k, r in enumerate(self.responses)]
-        return np.concatenate(left), vstack(parts, format="csr")
+            left.append(response.left(torques[:, k, 0]))
+            found = -response.band(mine[..., None] * change[:, None, k]).reshape(len(left[-1]), -1)
+            whole = np.zeros((len(found), len(gram)))
+            ends = np.searchsorted(self.window[response.rows], np.arange(windows + 1))
+            for place, begin, end in zip(places, ends[:-1], ends[1:], strict=True):
+                rows = found[begin:end]
+                whole[begin:end, place] = rows
+                gram[np.ix_(place, place)] += rows.T @ rows
+            slopes.append(whole)
+        return np.concatenate(left), np.concatenate(slopes), gram
 
-    def _ties(self, moved: Motions) -> csr_matrix:
-        """Return the change (W 2 n, W 2 n) of jumps per size of the starts."""
+    def _ties(self, moved: Motions) -> FloatArray:
+        """Return the change (K, K) of jumps per size of the starts."""
         windows, count = len(self.first), self.size.size
         carried = (moved.ends[..., 1:] - moved.ends[..., :1]) / (_VARIED * self.size[..., None])
         carried = np.nan_to_num(carried).reshape(windows, count, count)
@@ -266,7 +343,11 @@ class _Shots:
         own = np.arange(windows)
         ties[own, :, own] = np.eye(count) / self._share
         ties[own[1:], :, own[:-1]] = -carried[:-1] / _CORRECTED
-        return csr_matrix(ties.reshape(windows * count, -1))
+        return ties.reshape(windows * count, -1)
+
+
+def _sum(moved: Motions, change: Motions) -> Motions:
+    return Motions(*(values + more for values, more in zip(moved, change, strict=True)))
 
 
 def _chosen(starts: FloatArray, which: IntArray) -> FloatArray:

@@ -11,7 +11,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 
 from wbc.effects import Backlash, CoulombFriction, TorqueOffset
 from wbc.identification.choice.weighing.certainty import Support
-from wbc.identification.choice.weighing.evidence import log_densities, weigh
+from wbc.identification.choice.weighing.evidence import left_to_gain, log_densities, weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis
 from wbc.identification.choice.weighing.odds import odds_of
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -81,6 +81,17 @@ def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:
     assert one == pytest.approx(other)
     worse, one = weigh(rough, [hypothesis(22.0, effects=(play,)), beside])  # type: ignore[arg-type]
     assert one - worse == pytest.approx(100.0 * np.log(2.0))
+
+
+def test_no_cause_is_worth_more_than_leaving_nothing() -> None:
+    """Beside a spring that left 1.04 floors nine causes more were fitted: none could win."""
+    rough = begun_at(4001.0)
+    rough.white_samples = np.array([0.4])
+    play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
+    at_floor, above = (hypothesis(left, effects=(play,)) for left in (9.0, 22.0))
+    assert left_to_gain(rough, at_floor) == 0.0  # type: ignore[arg-type]
+    assert left_to_gain(rough, above) == pytest.approx(100.0 * np.log(2.0))  # type: ignore[arg-type]
+    assert left_to_gain(rough, hypothesis(9.0)) == np.inf  # type: ignore[arg-type]
 
 
 def test_each_output_is_judged_with_the_samples_of_the_one_that_leaves_least_there() -> None:

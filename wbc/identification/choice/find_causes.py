@@ -23,6 +23,7 @@ INTERRUPTED, _OVER = "it was interrupted", "its time was over"
 
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
 _SIMULATED = 0.04  # share of the first error to which links behind soft gears are simulated
+_AT_ONCE = 2  # causes that act at once, which are fitted beside the gears for a second one
 _SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
 
@@ -138,8 +139,11 @@ def _swung(
     trials, current = direct.proposer.trials, origin
     while current is origin or current.error > enough:
         offers = gears_beside(trials.problem, current, trials.fit(current), gears, alone=alone)
+        if current is not origin:
+            # What acts at once at a link that swings is no second gear.
+            offers += direct.proposer.beside(current, _AT_ONCE)
         longer = direct.best(trials.all_of(offers), current)
-        if longer is None:
+        if longer is None or not deflects(longer.effects[-1]):
             break
         direct.report(
             f"{longer.effects[-1].name} at {longer.effects[-1].where}: "

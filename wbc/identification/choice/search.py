@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from wbc.identification.choice import moves
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.weighing.certainty import doubted_names
-from wbc.identification.choice.weighing.evidence import weigh
+from wbc.identification.choice.weighing.evidence import left_to_gain, weigh
 from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
+from wbc.identification.choice.weighing.prior import LEAST_ASKED
 
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
@@ -99,8 +100,10 @@ class Search:
         best = f"best so far {current.error**0.5:.2f} noise floors"
         if current.effects and (fewer := self.best(moves.drops(proposer, current), current)):
             return fewer
-        self.report(f"trying one effect more ({best})")
-        more = self._addition(current)
+        room = left_to_gain(proposer.trials.problem, current) > LEAST_ASKED
+        if room:
+            self.report(f"trying one effect more ({best})")
+        more = self._addition(current) if room else None
         if several := self.best(moves.usual(proposer, current), more or current):
             return several
         if more:

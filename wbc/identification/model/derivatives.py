@@ -110,11 +110,12 @@ def evaluate(
 
 
 def _swings_of(
-    robot: Robot, records: Sequence[Record], near: Evaluation | None
+    robot: Robot, records: Sequence[Record], near: Evaluation | None, *, straight: bool = False
 ) -> tuple[LinkSwing | None, ...]:
     known = [None] * len(records) if near is None else near.swings
-    pairs = zip(records, known, strict=True)
-    return tuple(swing_of(robot, r, None if k is None else k.bent) for r, k in pairs)
+    bents = [None if swing is None else swing.bent for swing in known]
+    pairs = zip(records, bents, strict=True)
+    return tuple(swing_of(robot, record, bent, straight=straight) for record, bent in pairs)
 
 
 def _torques(swings: Sequence[LinkSwing | None]) -> tuple[FloatArray | None, ...]:
@@ -176,9 +177,13 @@ def derivatives(
             continue
         for row in group:
             columns[row] = found[:, felt[row]] @ whitening[felt[row]]
+    swinging = set(_taken(robot, at, slots, records[0].motion)) & set(single)
+    if swinging:
+        held = _torques(_swings_of(at.robot, records, at, straight=True))
+        stays = condensed_residual(at.robot, records, held)
     for row in single:
-        k, parameter = slots[row]
-        columns[row] = _derivative(robot, at, k, parameter, records) @ whitening
+        beside = (stays, True) if row in swinging else (at.condensed, False)
+        columns[row] = _derivative(robot, at, *slots[row], records, *beside) @ whitening
     size = np.array([np.linalg.norm(column) for column in columns])
     for row, (k, _) in enumerate(slots):
         beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
@@ -291,11 +296,25 @@ def _together(
 
 
 def _derivative(
-    robot: Robot, at: Evaluation, k: int, parameter: Parameter, records: Sequence[Record]
+    robot: Robot,
+    at: Evaluation,
+    k: int,
+    parameter: Parameter,
+    records: Sequence[Record],
+    stays: FloatArray,
+    swings: bool,
 ) -> FloatArray:
-    """Return the change (rows, m + b) of the residual per scale of a parameter of effect `k`."""
-    # What is no part of a soft gear nor of a link, nor rubs there, hardly changes how links swing.
-    swings = _swings(robot, at, k, records[0].motion)
+    """Return the change (rows, m + b) of the residual per scale of a parameter of effect `k`.
+
+    Args:
+        robot: that lacks the effects.
+        at: where.
+        k: number of the effect.
+        parameter: of it.
+        records: the logs.
+        stays: (rows, m + b) the residual with the parameter as it is.
+        swings: whether the parameter changes how links swing: one round from there.
+    """
     width = STEP
     if swings and loose(at.effects):
         value = abs(at.effects[k].values[parameter.name]) / parameter.scale
@@ -304,12 +323,12 @@ def _derivative(
         try:
             changed = with_changes(at.effects, {(k, parameter.name): size * parameter.scale})
             whole = _whole(robot, at, k, changed)
-            held = _torques(_swings_of(whole, records, at)) if swings else at.swinging
-            moved = condensed_residual(whole, records, held)
+            near = _torques(_swings_of(whole, records, at, straight=True)) if swings else None
+            moved = condensed_residual(whole, records, near or at.swinging)
         except IMPOSSIBLE:
             continue
         if np.isfinite(moved).all():
-            return np.asarray((moved - at.condensed) / size)
+            return np.asarray((moved - stays) / size)
     return np.zeros_like(at.condensed)
 
 
@@ -322,7 +341,10 @@ def _whole(robot: Robot, at: Evaluation, k: int, changed: Sequence[Effect]) -> R
 
 
 def _swings(robot: Robot, at: Evaluation, k: int, motion: Motion) -> bool:
-    """Whether the parameters of an effect change how links swing behind their gears."""
+    """Whether the parameters of an effect change how links swing behind their gears.
+
+    What is no part of a soft gear nor of a link, nor rubs there, hardly does.
+    """
     own = at.effects[k]
     if deflects(own):
         return True

@@ -197,7 +197,7 @@ def refine(
         return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
     at = again(at)
     jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
-    least = _CONVERGED_ROUGH if swings else _CONVERGED
+    least = _CONVERGED_ROUGH if loose(effects) else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):

@@ -41,7 +41,12 @@ class LinkSwing:
 
 
 def swing(
-    robot: Robot, record: Record, unexplained: Unexplained, near: Deflections | None = None
+    robot: Robot,
+    record: Record,
+    unexplained: Unexplained,
+    near: Deflections | None = None,
+    *,
+    straight: bool = False,
 ) -> LinkSwing:
     """Return how links swing behind their gears, all in one motion.
 
@@ -55,6 +60,7 @@ def swing(
         record: along the true motion of its motors.
         unexplained: by which links choose how they moved when the log began.
         near: how they move with numbers close by; where they bounce one round from there does.
+        straight: for derivatives: one round from `near`, as in `deflections`.
 
     Raises:
         DynamicsError: a link flies off, so that this robot explains nothing.
@@ -62,39 +68,44 @@ def swing(
     gears = yielding_gears(robot)
     struck = any(gear.play > 0.0 for gear in gears.values())
     rounds = _ROUNDS_STRUCK if struck else _ROUNDS
+    rounds = 1 if straight or (struck and near is not None) else rounds
     settled = _SETTLED_STRUCK if struck else _SETTLED
     load = record.links_of(robot) - record.contacts_of(robot)
-    sides = _rubbing(robot, record, gears)
-    beyond, torque = np.zeros_like(load), np.zeros_like(load)
     links = [record.response_of(robot, joint) for joint in gears]
-    bent = near if struck else None
-    if bent is not None:
+    sides = _rubbing(robot, record, gears)
+    beyond = np.zeros_like(load)
+
+    def linear_at(bent: Deflections) -> tuple[FloatArray, dict[str, LinkSide]]:
+        """Return what deflections add beyond their linear part, and the friction there."""
         moved = _moved(robot, record, gears, bent)
-        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
-        beyond = _needed(robot, record, moved) - load - _torque(links, bent)
-        rounds = 1
-    former = 1.0  # what is not linear in a deflection is at first the square of it in radians
-    for _ in range(rounds):
+        there = {joint: side.at(robot, moved) for joint, side in sides.items()}
+        return _needed(robot, record, moved) - load - _torque(links, bent), there
+
+    if near is not None:
+        beyond, sides = linear_at(near)
+    bent, former = near, 0.0
+    while True:
         known = beyond + _bends(load, sides.values())
         driving = _driving(robot, record, load + known, gears, sides)
         left = unexplained(known)
         plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
         responses = _with_friction(gears, plain, sides)
         before = bent
-        bent = deflections(responses, list(gears.values()), before)
+        bent = deflections(responses, list(gears.values()), before, straight=straight)
         if not bent.finite:
             raise DynamicsError(_flown(gears))
         torque = known + _torque(responses, bent)
-        change = bent.largest if before is None else bent.change(before)
-        moved, at_last = _moved(robot, record, gears, bent), sides
-        sides = {joint: side.at(robot, moved) for joint, side in sides.items()}
-        differs = any(side.differs(at_last[joint]) for joint, side in sides.items())
-        promised = change**2 / max(former, 1e-300)
-        if (promised < settled * bent.largest and not differs) or not bent.largest < _LARGEST:
+        rounds -= 1
+        if not rounds or not bent.largest < _LARGEST:
             break
-        former = change
-        beyond = _needed(robot, record, moved) - load - _torque(plain, bent)
-    assert bent is not None
+        change = bent.largest if before is None else bent.change(before)
+        # What is not linear in a deflection is at first the square of it in radians.
+        promised = change * (change / former if former else bent.largest)
+        beyond, there = linear_at(bent)
+        differs = any(side.differs(sides[joint]) for joint, side in there.items())
+        if promised < settled * bent.largest and not differs:
+            break
+        former, sides = change, there
     return LinkSwing(torque, bent)
 
 

@@ -81,18 +81,21 @@ def raw_residual(
     return _unexplained(robot, record, motion, links, contacts)
 
 
-def swing_of(robot: Robot, record: Record, near: Deflections | None = None) -> LinkSwing | None:
+def swing_of(
+    robot: Robot, record: Record, near: Deflections | None = None, *, straight: bool = False
+) -> LinkSwing | None:
     """Return how links swing behind their gears, None if none does.
 
     Args:
         robot: with its effects.
         record: one log.
         near: how they move with numbers close by.
+        straight: as in `swing`.
     """
     if not some_deflect(robot.effects):
         return None
     motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
-    return _swinging(robot, record, motion, links, contacts, near)
+    return _swinging(robot, record, motion, links, contacts, near, straight)
 
 
 def _loads(
@@ -170,11 +173,12 @@ def _swinging(
     links: FloatArray,
     contacts: FloatArray,
     near: Deflections | None = None,
+    straight: bool = False,
 ) -> LinkSwing:
     def unexplained(more: FloatArray) -> FloatArray:
         return _on_joints(robot, _unexplained(robot, record, motion, links + more, contacts))
 
-    return swing(robot, record.along(motion), unexplained, near)
+    return swing(robot, record.along(motion), unexplained, near, straight=straight)
 
 
 def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +41,20 @@ def weigh(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> Float
     """
     beside = np.array([h.prior - h.open + h.contacts for h in hypotheses])
     return np.asarray(log_densities(problem, hypotheses).sum(axis=1) + beside)
+
+
+def left_to_gain(problem: EstimationProblem, h: Hypothesis) -> float:
+    """Return what one cause more can add to the log density of a hypothesis at most [nats].
+
+    Where links are simulated, what leaves nothing at all has no more density than what leaves as
+    much as the simulation distorts.
+    """
+    if not h.swings:
+        return np.inf
+    nothing = np.zeros_like(h.beside)
+    best = replace(h, folds=nothing, beside=nothing, samples=problem.white_samples)
+    here, there = log_densities(problem, [h, best]).sum(axis=1)
+    return float(there - here)
 
 
 def log_densities(problem: EstimationProblem, hypotheses: Sequence[Hypothesis]) -> FloatArray:

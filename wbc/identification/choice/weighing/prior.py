@@ -15,6 +15,8 @@ from wbc.identification.model.yielding import deflects, plays, yielding_gears
 from wbc.robot import Effect
 
 _NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis
+LEAST_ASKED = _PLACE + _NUMBER
+"""What one cause more costs at least [nats]."""
 _GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
 _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
