@@ -6,9 +6,8 @@ Every round runs a motion of 4000 ticks with contact changes; blocks of ticks al
 contestants, so that a machine whose speed drifts slows all of them alike: only ratios count. Times
 are of one thread. Median and 99th percentile are of processor time; "wall p99" is what an observer
 with a clock saw. Of several rounds the least time of each tick counts: other programs that share
-caches and cores stretch processor time as well. A peer that is not there is named as absent. "raw"
-is the solver alone on the programs of the same ticks. `--peers` leaves out all but the dissipative
-controller and its peers, which takes seconds instead of minutes.
+caches and cores stretch processor time as well. A peer that is not there is named as absent.
+`--peers` leaves out all but the dissipative controller and its peers: seconds instead of minutes.
 
 Every contestant keeps torque limits, and stops and speeds of joints, and knows a Coulomb friction
 of 0.1 N m at every joint; peers, which have none, add it to their torques.
@@ -98,19 +97,14 @@ def processor():
 def compare(robot, states, rounds, messages, only_peers=False):
     """Return processor and wall time [us] (k, 2) by contestant, measured in alternating blocks."""
     always = {"warm_start": WarmStart.SOLVER}
-    ours = {
-        "dissipative": controller(robot),
-        "conservative": controller(robot.lossless()),
-        "dissipative, proxsuite every tick": controller(robot, **always),
-        "dissipative, daqp every tick": controller(robot, solver="daqp", **always),
-    }
-    raw = {
-        "dissipative, proxsuite every tick": "raw proxsuite",
-        "dissipative, daqp every tick": "raw daqp",
-    }
-    if only_peers:
-        ours, raw = {"dissipative": ours["dissipative"]}, {}
-    times = {key: [] for key in (*ours, *raw.values())}
+    ours = {"dissipative": controller(robot)}
+    if not only_peers:
+        ours |= {
+            "conservative": controller(robot.lossless()),
+            "dissipative, proxsuite every tick": controller(robot, **always),
+            "dissipative, daqp every tick": controller(robot, solver="daqp", **always),
+        }
+    times = {key: [] for key in ours}
     with tempfile.TemporaryDirectory() as folder:
         peers = start_peers(robot, states, folder, messages)
         times |= {peer.name: [] for peer in peers}
@@ -119,7 +113,7 @@ def compare(robot, states, rounds, messages, only_peers=False):
             for key, contestant in ours.items():
                 if first == 0:
                     contestant.reset()
-                run(contestant, block, times[key], times.get(raw.get(key)))
+                run(contestant, block, times[key])
             for peer in peers:
                 times[peer.name] += peer.run(first, len(block))
         for peer in peers:
@@ -130,7 +124,7 @@ def compare(robot, states, rounds, messages, only_peers=False):
     }
 
 
-def run(contestant, block, times, raw):
+def run(contestant, block, times):
     """Add processor and wall time [us] of each tick of a block.
 
     The first tick runs once before the clock does: the others have had the caches meanwhile.
@@ -141,8 +135,6 @@ def run(contestant, block, times, raw):
         command = contestant.step(tick.motion, tick.references, tick.contacts)
         stop = time.process_time_ns(), time.perf_counter_ns()
         times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
-        if raw is not None:
-            raw.append([1e6 * command.solve_time] * 2)
         if not command.status.usable:
             raise RuntimeError(command.message)
 

@@ -1,6 +1,6 @@
 """Ticks on hostile states and inputs: what they cost beside good ones, and what they command.
 
-    python -m benchmarks.controller_hostile [ticks] [robot ...] [--kept FILE] [--quick]
+    python -m benchmarks.controller_hostile [ticks] [robot ...] [--quick]
 
 Good ticks are slow states around the stance. Hostile ones have joint speeds from 0.3 to 1e8 rad/s,
 poses far off, single wild encoders, contacts that come and go, and inputs that make no sense. Times
@@ -11,8 +11,7 @@ does not. Hostile ticks are given as multiples of the median good one; "worst on
 single time. Ticks of all runs must have the same commands. With `--quick` every part is run twice,
 to count broken promises; its times say little. Python's garbage collector is off, as a loop should
 have it (a tick leaves nothing for it). The ticks come in parts of 2500, each with a seed of its
-own, and a line is printed after each. With `--kept` every part is written to a file, and parts that
-stand there are not run again: a long run may stop and go on. 2000 ticks per robot by default.
+own, and a line is printed after each. 2000 ticks per robot by default.
 """
 
 from __future__ import annotations
@@ -22,12 +21,10 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import gc
-import json
 import sys
 import time
 from collections import Counter
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -51,36 +48,14 @@ def main():
     if "--quick" in rest:
         rest.remove("--quick")
         runs = QUICK
-    kept = None
-    if "--kept" in rest:
-        at = rest.index("--kept")
-        kept = Path(rest[at + 1])
-        rest = rest[:at] + rest[at + 2 :]
     print(machine(), flush=True)
     gc.freeze()
     gc.disable()
     for name in rest or ROBOTS:
-        sizes = dict(enumerate(min(EVERY, ticks - start) for start in range(0, ticks, EVERY)))
-        parts = [part for part in read(kept) if part["robot"] == name]
-        parts = [part for part in parts if sizes.get(part["seed"]) == part["ticks"]]
-        done = {part["seed"] for part in parts}
-        for seed, size in sizes.items():
-            if seed in done:
-                continue
-            parts.append(run(name, size, seed, runs) | {"robot": name})
-            if kept is not None:
-                with kept.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(parts[-1]) + "\n")
+        parts = []
+        for seed, start in enumerate(range(0, ticks, EVERY)):
+            parts.append(run(name, min(EVERY, ticks - start), seed, runs))
             print(line(name, parts), flush=True)
-        if sizes.keys() <= done:
-            print(line(name, parts), flush=True)
-
-
-def read(kept):
-    """Return the parts that an earlier run wrote."""
-    if kept is None or not kept.exists():
-        return []
-    return [json.loads(text) for text in kept.read_text(encoding="utf-8").splitlines()]
 
 
 def line(name, parts):
@@ -135,7 +110,6 @@ def run(name, ticks, seed=0, runs=(RUNS, MOST_RUNS)):
     base = middle(good)
     median, high, worst = np.percentile(ratios(good, times), (50, 99, 100)).tolist()
     return {
-        "seed": seed,
         "ticks": ticks,
         "good": base,
         "median": median,

@@ -19,14 +19,9 @@ from benchmarks.controller_scenes import (
 )
 from wbc.control import JointLimit
 
-SWING_WEIGHT, SWING_STIFFNESS = 5.0, 100.0
 
-
-def write_scene(robot, states, folder, swings=()):
-    """Write what a peer needs to know of a scene as JSON into a folder; return the file.
-
-    `swings` are frames of feet that a task holds all the time.
-    """
+def write_scene(robot, states, folder):
+    """Write what a peer needs to know of a scene as JSON into a folder; return the file."""
     prefix = Path(pin.__file__).resolve().parents[4] / "share" / "example-robot-data"
     flat = robot.name == "talos"
     frame_of = {contact.name: contact.frame for contact in robot.contacts}
@@ -50,9 +45,6 @@ def write_scene(robot, states, folder, swings=()):
         "posture_weight": POSTURE_WEIGHT,
         "trunk": TRUNK[robot.name],
         "feet": feet,
-        "swings": list(swings),
-        "swing_weight": SWING_WEIGHT,
-        "swing_stiffness": SWING_STIFFNESS,
         "flat": flat,
         "sole": [0.21, 0.13],
         "friction": 0.7,
@@ -63,7 +55,7 @@ def write_scene(robot, states, folder, swings=()):
         "dry": FRICTION,
         "torque_limit": (gears.gear_ratio * gears.torque_limit).tolist(),
     }
-    path = Path(folder) / f"{robot.name}_{len(swings)}.json"
+    path = Path(folder) / f"{robot.name}.json"
     path.write_text(json.dumps(description), encoding="utf-8")
     return path
 

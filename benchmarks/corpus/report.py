@@ -70,20 +70,9 @@ def _by_family(judged: Judged) -> str | None:
     return str(judged.result["family"])
 
 
-def _by_richness(judged: Judged) -> str | None:
-    return str(judged.result["richness"])
-
-
-def _by_sensors(judged: Judged) -> str | None:
-    sensors = judged.result["sensors"]
-    return f"{sensors['rate']:4.0f} Hz" + ("" if sensors["velocity"] else ", encoders only")
-
-
 _TABLES: dict[str, Callable[[Judged], str | None]] = {
     "what is hidden": _by_kind,
     "effect, alone": _by_effect,
     "size, alone": _by_size,
     "robot": _by_family,
-    "runs": _by_richness,
-    "sensors": _by_sensors,
 }

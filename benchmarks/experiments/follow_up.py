@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,6 @@ from wbc.robot import Robot
 DURATION = 10.0  # [s] of one planned run
 ROUNDS = 60  # changes tried: CPU time bounds this study, `wbc experiment` tries 300
 WORDS, RANDOM, CLASSIC, DESIGNED = "advice in words", "random", "D-optimal", "designed"
-BEST = "designed, values known"
 ARMS = (WORDS, RANDOM, CLASSIC, DESIGNED)
 # The corpus' own runs stay within these: strokes of 1 rad, 6 rad/s, 60 rad/s^2 (shaking).
 _SPAN, _SPEED, _ACCELERATION = 1.0, 6.0, 60.0
@@ -66,24 +65,6 @@ def _task(case: Case, robot: Robot) -> tuple[MotionLimits, dict[str, Any]]:
     rate = min(case.sensors.rate, 100.0)
     settings = {"rate": rate, "rounds": ROUNDS, "seed": case.number}
     return limits, settings
-
-
-def owed(
-    case: Case, robot: Robot, causes: Sequence[Cause], said: Mapping[str, Designed]
-) -> dict[str, float]:
-    """Return the expected nats of the first cause, as it truly is, over its best rival.
-
-    Along each planned motion, and as `BEST` along one that is designed for the true values alone:
-    no plan can know these, so that what this one does not tell apart, none does in this time.
-    """
-    rivals = Rivals(robot, tuple(causes), noise_of(case))
-    limits, settings = _task(case, robot)
-    told = {
-        name: expected(rivals, limits, one.path, settings["rate"]) for name, one in said.items()
-    }
-    told[BEST] = _best(case, rivals, said)
-    against = [(0, k) for k in range(1, len(causes))]
-    return {name: min(one.odds[pair] for pair in against) for name, one in told.items()}
 
 
 def attainable(

@@ -44,11 +44,3 @@ def share(hits: Sequence[bool]) -> str:
     test = binomtest(int(np.sum(hits)), len(hits))
     low, high = test.proportion_ci(0.9, method="wilson")
     return f"{100 * np.mean(hits):4.0f} % ({100 * low:3.0f} to {100 * high:3.0f}) of {len(hits)}"
-
-
-def paired(ours: Sequence[bool], other: Sequence[bool]) -> str:
-    """Return how often only one of two follow-ups resolved a case (exact sign test)."""
-    more = sum(a and not b for a, b in zip(ours, other, strict=True))
-    less = sum(b and not a for a, b in zip(ours, other, strict=True))
-    p = binomtest(more, more + less).pvalue if more + less else 1.0
-    return f"designed alone {more}, the other alone {less}, p = {p:.2f}"

@@ -75,7 +75,6 @@ class Formulation:
         self.gains(posture, robot.na, gain)
         posture.setReference(tsid.TrajectoryEuclidianConstant("posture", q[7:]).computeNext())
         self.problem.addMotionTask(posture, scene["posture_weight"], 1, 0.0)
-        self.swings = [self.swing(frame) for frame in scene["swings"]]
         bounds = tsid.TaskActuationBounds("torque", robot)
         limit = np.array(scene["torque_limit"])
         bounds.setBounds(-limit, limit)
@@ -93,19 +92,6 @@ class Formulation:
     def gains(task, size, stiffness):
         task.setKp(stiffness * np.ones(size))
         task.setKd(2.0 * stiffness**0.5 * np.ones(size))
-
-    def swing(self, frame):
-        """Add and return the task that holds a swinging foot: its pose, or the place of a point."""
-        scene, robot = self.scene, self.robot
-        task = tsid.TaskSE3Equality(f"swing {frame}", robot, frame)
-        self.gains(task, 6, scene["swing_stiffness"])
-        if not scene["flat"]:
-            task.useLocalFrame(False)
-            task.setMask(np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
-        placement = robot.framePosition(self.problem.data(), robot.model().getFrameId(frame))
-        task.setReference(tsid.TrajectorySE3Constant(frame, placement).computeNext())
-        self.problem.addMotionTask(task, scene["swing_weight"], 1, 0.0)
-        return task
 
     def contact(self, frame, gain):
         scene, up = self.scene, np.array([0.0, 0.0, 1.0])

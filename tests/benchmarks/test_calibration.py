@@ -42,12 +42,6 @@ def test_large_causes_must_reach_certainty() -> None:
     assert reached(results) == (1, 3)
 
 
-def test_the_drawing_of_all_links_is_the_cause_where_that_of_some_is_wrong() -> None:
-    wrong = result("link_inertias", 0.99)
-    wrong["causes"][0]["effect"] = "link_inertia"
-    assert reached([wrong]) == (1, 1)
-
-
 def test_cases_beyond_the_count_hold_a_cause_of_the_list_beside_one_outside() -> None:
     case = draw_case(COUNT + 3)
     listed, outside = case.causes
