@@ -5,12 +5,9 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-import pytest
 
 from wbc.control import (
     CenterOfMassTask,
-    ContactRamp,
-    ContactSchedule,
     Controller,
     ControllerSettings,
     PointContact,
@@ -18,7 +15,6 @@ from wbc.control import (
     Status,
 )
 from wbc.effects import load_robot
-from wbc.errors import ControlError
 from wbc.robot import JointMap, Motion
 
 SOLO = load_robot("solo12")
@@ -99,29 +95,3 @@ def test_a_second_thread_is_told_so():
     np.testing.assert_allclose(refused.rotor_torque, good.rotor_torque, atol=1e-12)
     assert found[0].status is Status.SOLVED
     assert controller.step(still).status is Status.SOLVED
-
-
-def test_a_trot_by_schedule_and_ramp():
-    names = [c.name for c in SOLO.contacts]
-    pairs = {n: 0.0 if n[:2] in ("FL", "HR") else 0.5 for n in names}
-    trot = ContactSchedule(0.4, pairs, duty=0.6)
-    ramp = ContactRamp(names, load=15.0, duration=0.02)
-    controller, seen = solo(), set()
-    for tick in range(400):
-        time = 1e-3 * tick
-        standing = trot.standing(time)
-        seen.add(standing)
-        for name in names:
-            assert (trot.swing(name, time) is None) == (name in standing)
-            assert (trot.stance(name, time) is None) == (name not in standing)
-        command = controller.step(Motion(STAND, np.zeros(18)), contacts=ramp.step(standing, 1e-3))
-        assert command.status.usable, (tick, command.message)
-    diagonal = frozenset(n for n in names if pairs[n] == 0.0)
-    assert {diagonal, frozenset(names) - diagonal, frozenset(names)} == seen
-    assert trot.swing(names[0], 0.24 + 0.08) == pytest.approx(0.5)
-    with pytest.raises(ControlError, match="paw"):
-        trot.swing("paw", 0.0)
-    with pytest.raises(ControlError, match="duty"):
-        ContactSchedule(0.4, pairs, duty=0.0)
-    with pytest.raises(ControlError, match="offset"):
-        ContactSchedule(0.4, {"a": 2.0})

@@ -13,7 +13,6 @@ import pinocchio as pin
 from sims.legged import controller, feet
 from wbc.control import Controller, ControllerSettings
 from wbc.control.qp.problem import QPProblem
-from wbc.control.qp.solvers import solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -58,24 +57,3 @@ def test_talos_is_the_same_to_the_last_bit_in_three_processes(tmp_path):
         one, other = (QPProblem.load(tmp_path / f"{n}.program.npz") for n in ("here", "there"))
         for name, mine, its in zip(one._fields, one, other, strict=True):
             np.testing.assert_array_equal(mine, its, err_msg=name)
-
-
-def test_a_tick_of_talos_is_solved_again_from_its_file(tmp_path):
-    """The first tick in full from the state that was written, the last one from its program."""
-    run(str(tmp_path / "run"), 0)
-    ticks = dict(np.load(tmp_path / "run.ticks.npz"))
-    talos = load_robot("talos")
-    again = Controller(
-        talos,
-        controller(talos, talos).tasks,
-        feet(talos),
-        settings=ControllerSettings(solver="daqp"),
-    ).step(Motion(ticks["position"][0], ticks["velocity"][0]))
-    np.testing.assert_array_equal(again.rotor_torque, ticks["torque"][0])
-    program = QPProblem.load(tmp_path / "run.program.npz")
-    names = "daqp", "daqp", "proxqp"
-    one, same, other = (solve(name, program, tolerance=1e-9, most=1000).x for name in names)
-    np.testing.assert_array_equal(one, same)
-    scale = 1.0 + np.abs(one).max()
-    np.testing.assert_allclose(one, ticks["solution"][-1], atol=1e-6 * scale)
-    np.testing.assert_allclose(other, ticks["solution"][-1], atol=1e-6 * scale)

@@ -10,8 +10,6 @@ import pytest
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import (
-    constraint_jacobian,
-    constraint_nullspace,
     dissipative_equation,
     evaluate,
     redundant_model,
@@ -102,38 +100,6 @@ def test_they_agree_with_inertial_rotor_coupling_too(random_state) -> None:
             )
             compared += 1
     assert compared >= 30
-
-
-@pytest.mark.parametrize("name", [*NAMES, "differential_biped", "talos"])
-def test_the_null_space_of_the_constraint(name: str) -> None:
-    robot = load_robot(name)
-    nullspace, jacobian = constraint_nullspace(robot), constraint_jacobian(robot)
-    np.testing.assert_allclose(jacobian @ nullspace, 0.0, atol=1e-12)
-    assert np.linalg.matrix_rank(nullspace) == robot.model.nv
-    assert np.linalg.matrix_rank(jacobian) == robot.transmission.size
-
-
-def test_without_coupling_the_inertia_is_links_plus_reflected_rotors(random_state) -> None:
-    robot = load_robot("parallelogram_leg")
-    q, v = random_state(robot, 0)
-    terms = evaluate(robot, q, v)
-    gears = robot.transmission
-    select = gears.motor_from_joint @ np.eye(5)[robot.actuated]
-    for directions, eta in (([1, -1], [0.8, 1 / gears.backward_efficiency[1]]), ([0, 0], [1, 1])):
-        equation = dissipative_equation(robot, terms, np.array(directions, dtype=float))
-        reflected = select.T @ np.diag(np.array(eta) * gears.reflected_inertia) @ select
-        np.testing.assert_allclose(equation.inertia, terms.mass_matrix + reflected, atol=1e-12)
-        np.testing.assert_allclose(equation.actuation[3:], gears.distribution * np.array(eta))
-        np.testing.assert_array_equal(equation.actuation[:3], 0.0)
-        np.testing.assert_allclose(equation.bias, terms.bias)
-
-
-def test_only_coupling_makes_the_inertia_asymmetric(random_state) -> None:
-    plain = load_robot("planar_leg")
-    q, v = random_state(plain, 1)
-    for robot, symmetric in ((plain, True), (replace(plain, rotors_turn_with_links=True), False)):
-        inertia = dissipative_equation(robot, evaluate(robot, q, v), np.ones(2)).inertia
-        assert np.allclose(inertia, inertia.T, atol=1e-12) == symmetric
 
 
 def test_a_self_locking_gear_is_never_driven_backward(random_state) -> None:

@@ -122,41 +122,6 @@ def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(
     np.testing.assert_allclose(rest[0], needed[:nv][robot.unactuated], atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["planar_leg", "solo12", "staubli_tx40", "tiago"])
-def test_a_motor_sits_on_the_link_before_its_joint_and_spins_about_the_joint_s_axis(
-    name: str, random_state
-) -> None:
-    robot = load_robot(name)
-    q, _ = random_state(robot, 8)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q)
-    pin.computeJointJacobians(robot.model, data, q)
-    for gear, joint in enumerate(robot.transmission.joints):
-        number = robot.model.getJointId(joint)
-        housing = int(robot.mounting.housing[gear])
-        assert housing == robot.model.parents[number]
-        axis = data.oMi[housing].rotation @ robot.mounting.axis[gear]
-        turn = data.J[:, robot.velocity_index(joint)]
-        spatial = turn[3:] if np.any(turn[3:]) else turn[:3]
-        np.testing.assert_allclose(axis, spatial, atol=1e-9)
-
-
-def test_without_coupling_rotors_only_feel_their_own_spin(random_state) -> None:
-    robot = load_robot("planar_leg")
-    q, v = random_state(robot, 0)
-    model = redundant_model(robot, evaluate(robot, q, v))
-    np.testing.assert_array_equal(model.inertia[5:, :5], 0.0)
-    np.testing.assert_array_equal(model.bias[5:], 0.0)
-
-
-def test_a_motor_on_the_world_couples_to_nothing(random_state) -> None:
-    robot = replace(load_robot("planar_leg_fixed"), rotors_turn_with_links=True)
-    q, v = random_state(robot, 0)
-    model = redundant_model(robot, evaluate(robot, q, v))
-    np.testing.assert_array_equal(model.inertia[2, :2], 0.0)
-    assert model.inertia[3, 0] == pytest.approx(robot.transmission.rotor_inertia[1])
-
-
 def test_a_housing_that_does_not_exist_is_named() -> None:
     robot = load_robot("planar_leg")
     gears = robot.transmission.replace(housings=("base", "tigh"))

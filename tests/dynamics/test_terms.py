@@ -9,7 +9,6 @@ import pytest
 
 from wbc.dynamics import Workspace, dissipative_equation, evaluate
 from wbc.effects import load_robot
-from wbc.errors import DynamicsError
 
 # The paper's leg written down a second time, from its numbers alone.
 LEG = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>
@@ -73,15 +72,6 @@ def test_lossless_accelerations_are_those_of_mujoco_with_armature(name: str, ran
     equation = dissipative_equation(robot, evaluate(robot, q, v), np.zeros(2))
     ours = equation.acceleration(torque, np.zeros(robot.model.nv))
     np.testing.assert_allclose(ours, data.qacc, rtol=1e-9, atol=1e-9)
-
-
-def test_a_workspace_serves_its_own_robot_only() -> None:
-    robot = load_robot("planar_leg")
-    other = load_robot("planar_leg")
-    with pytest.raises(DynamicsError, match="another object"):
-        evaluate(other, robot.neutral(), np.zeros(5), Workspace(robot))
-    with pytest.raises(DynamicsError, match="shape"):
-        evaluate(robot, np.zeros(4), np.zeros(5))
 
 
 def test_evaluating_does_not_change_the_robot(random_state) -> None:

@@ -108,40 +108,6 @@ def test_every_window_begins_anew() -> None:
     np.testing.assert_array_equal(whole.ends[1, 0], whole.d[-1])
 
 
-@pytest.mark.parametrize("stiffness", [400.0, 3000.0, 24000.0])
-def test_a_link_that_crosses_its_play_keeps_its_energy(stiffness: float) -> None:
-    """Each arrival at a flank gained up to the share h^2 k / (4 I), here 0.1 to 6 percent."""
-    one, nothing = np.ones((3000, 1, 1)), np.zeros((3000, 1))
-    links = DrivenLinks(0.1 * one, 0.0 * one, 0.0 * one, *(nothing,) * 4, STEP / 2)
-    start = np.array([[[[0.0, 0.003]], [[1.0, -0.7]]]])
-    d, v, *_ = links.follow([Flanks(stiffness, 0.0, 0.02)], ONE, start)
-    outside = np.maximum(np.abs(d[:, 0]) - 0.01, 0.0)
-    energy = 0.05 * v[:, 0] ** 2 + 0.5 * stiffness * outside**2
-    assert np.count_nonzero(np.diff(np.sign(d[:, 0, 0]))) > 40
-    np.testing.assert_allclose(energy, np.broadcast_to(energy[0], energy.shape), rtol=1e-9)
-
-
-def test_a_flank_takes_energy_and_never_pulls() -> None:
-    one, nothing = np.ones((3000, 1, 1)), np.zeros((3000, 1))
-    links = DrivenLinks(0.1 * one, 0.0 * one, 0.0 * one, *(nothing,) * 4, 1e-4)
-    start = np.array([[[[0.0]], [[1.0]]]])
-    d, v, *_ = links.follow([Flanks(3000.0, 25.0, 0.02)], ONE, start)
-    d, v = d[:, 0, 0], v[:, 0, 0]
-    # The speed changes towards the middle only: no flank holds back a link that leaves it.
-    assert np.all(np.diff(v) * np.sign(d[:-1] + d[1:]) <= 1e-12)
-    outside = np.maximum(np.abs(d) - 0.01, 0.0)
-    energy = 0.05 * v**2 + 1500.0 * outside**2
-    assert np.all(np.diff(energy) < 1e-12 * energy[0])
-    assert energy[-1] < 0.3 * energy[0]
-
-
-@pytest.mark.parametrize("gear", [SOFT, LOOSE])
-def test_the_law_of_a_gear(gear: Flanks) -> None:
-    d, v = 0.03 * np.random.default_rng(1).standard_normal((2, 200)) * [[1.0], [40.0]]
-    wanted = [_push(gear, *pair) for pair in zip(d, v, strict=True)]
-    np.testing.assert_allclose(gear.torque(d, v), wanted, atol=1e-12)
-
-
 def test_a_link_that_falls_off_is_not_followed() -> None:
     one, nothing = np.ones((4000, 1, 1)), np.zeros((4000, 1))
     links = DrivenLinks(0.1 * one, 0.0 * one, -30.0 * one, *(nothing,) * 4, STEP)

@@ -65,15 +65,6 @@ def test_the_simulator_starts_as_the_exact_inertia_says(name: str) -> None:
         assert 1.0 / (n @ moved) == pytest.approx(mass, rel=1e-5)
 
 
-def test_some_directions_leave_a_gear_stuck() -> None:
-    robot = load_robot("planar_leg_fixed")
-    found = directional_inertia(robot, robot.pose("paper"), "foot", "xz", 720)
-    assert 0.2 < found.stuck.any(axis=1).mean() < 0.3
-    perfect = directional_inertia(robot.lossless(), robot.pose("paper"), "foot", "xz", 720)
-    assert not perfect.stuck.any()
-    np.testing.assert_allclose(perfect.driven, perfect.lossless)
-
-
 def test_self_locking_gears_still_drive_forward() -> None:
     robot = load_robot("planar_leg_fixed")
     gears = robot.transmission.replace(backward_efficiency=np.array([-0.2, 0.0]))

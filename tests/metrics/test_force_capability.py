@@ -135,18 +135,3 @@ def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
 
     assert one.lift - 1e-9 <= furthest_along(n) <= one.hold + 1e-9
     assert one.lift - 1e-9 <= furthest_along(-n) <= one.hold + 1e-9
-
-
-def test_the_combined_polygon_of_more_gears_than_axes_lies_between_lift_and_hold() -> None:
-    robot = load_robot("solo12")
-    reach = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "xz")
-    corners = reach.moving([0.0, 1.0])
-    low, high = reach.interval([0.0, 1.0])
-    torque = corners @ reach.torque_from_force.T
-    tight = 1e-7 * high.max()
-    assert np.all((torque >= low - tight) & (torque <= high + tight))
-    assert np.all(((np.abs(torque - low) < tight) | (np.abs(torque - high) < tight)).sum(1) >= 2)
-    one = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z")
-    below, above = np.sort(one.moving([1.0])[:, 0])
-    assert above == pytest.approx(one.along([1.0]).lift)
-    assert -below == pytest.approx(one.along([1.0]).hold)

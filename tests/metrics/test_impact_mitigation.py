@@ -52,24 +52,6 @@ def test_the_factor_is_the_share_of_the_impulse_that_the_gears_save(
     assert impact_mitigation(robot, q, "foot", "xz").along([0, 1]) == pytest.approx(1.0 - share)
 
 
-def test_one_axis_is_its_own_determinant() -> None:
-    robot = load_robot("solo12")
-    q = robot.configuration(FL_HFE=0.8, FL_KFE=-1.6)
-    vertical = impact_mitigation(robot, q, "FL_foot", "z")
-    assert vertical.determinant == pytest.approx(vertical.along([1.0]))
-    spatial = impact_mitigation(robot, q, "FL_foot")
-    assert spatial.along([0.0, 0.0, 2.0]) == pytest.approx(vertical.along([1.0]))
-    assert spatial.determinant == pytest.approx(np.prod(np.linalg.eigvals(spatial.matrix)).real)
-    assert 0.0 < spatial.determinant < 1.0
-
-
-def test_a_fixed_base_passes_everything_to_the_ground_when_blocked() -> None:
-    robot = load_robot("planar_leg_fixed")
-    factor = impact_mitigation(robot, robot.configuration(**POSE), "foot", "xz")
-    assert factor.along([0.0, 1.0]) == 1.0
-    np.testing.assert_array_equal(factor.matrix, np.eye(2))
-
-
 def test_a_direction_that_cannot_move_is_an_error() -> None:
     robot = load_robot("planar_leg_fixed")
     factor = impact_mitigation(robot, np.zeros(2), "foot", "xz")

@@ -78,17 +78,6 @@ def test_the_mean_torque_is_that_of_the_lag_in_small_steps(delay, bandwidth):
     np.testing.assert_allclose(got, path.reshape(-1, fine).mean(axis=1), atol=1e-5)
 
 
-def test_substeps_get_the_torque_of_their_own_time():
-    rng = np.random.default_rng(2)
-    coarse, fine = TorqueLag(delay=1.5e-3, bandwidth=40.0), TorqueLag(delay=1.5e-3, bandwidth=40.0)
-    for _ in range(10):
-        torque = rng.normal(size=2)
-        parts = [fine(torque, 0.25e-3) for _ in range(4)]
-        np.testing.assert_allclose(np.mean(parts, axis=0), coarse(torque, 1e-3), rtol=1e-10)
-    _, torques, _ = played(lag=TorqueLag(delay=0.7e-3, bandwidth=30.0), substeps=3)
-    assert np.isfinite(torques).all()
-
-
 def test_noise_has_its_deviation_and_keeps_orientations():
     robot = load_robot("solo12")
     noise = SensorNoise(robot, position=1e-3, velocity=0.05, seed=4)
@@ -128,15 +117,6 @@ def test_controllers_see_the_encoders_of_loose_gears():
         assert (tick.seen.position == plant.encoders(state).position).all()
         state = tick.state
     assert abs(control.seen[-1].position[0] - state.position[0]) > 1e-3
-
-
-def test_wrong_efficiencies_are_shares_and_stay_possible():
-    gears = LEG.transmission
-    low, high = (with_wrong_efficiencies(LEG, share).transmission for share in (-0.1, 0.3))
-    np.testing.assert_allclose(low.forward_efficiency, 0.9 * gears.forward_efficiency)
-    np.testing.assert_allclose(low.backward_efficiency, 0.9 * gears.backward_efficiency)
-    np.testing.assert_allclose(high.forward_efficiency, [1.0, 0.91])  # 0.8 and 0.7 times 1.3
-    assert (high.forward_efficiency * high.backward_efficiency <= 1.0).all()
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sims.leg import LegControl, balanced_pose, squat, with_gears
-from sims.legged import CenterOfMass
+from sims.leg import balanced_pose
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate, redundant_model
 from wbc.effects import CoulombFriction
@@ -27,18 +26,6 @@ def _weightless(robot: Robot) -> Robot:
     model = robot.model.copy()
     model.gravity.linear = np.zeros(3)
     return replace(robot, model=model)
-
-
-def test_a_stiff_spring_is_a_rigid_gear() -> None:
-    rigid, stiff = _arm(), _arm(stiffness=1e6, damping=10.0)
-    ends = []
-    for robot in (rigid, stiff):
-        plant = Plant(robot)
-        state = plant.state([0.4, -0.8])
-        for _ in range(300):
-            state = plant.step(state, np.array([0.1, 0.05]), 1e-3).state
-        ends.append(state.position)
-    assert np.abs(ends[0] - ends[1]).max() < 1e-3
 
 
 def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
@@ -98,23 +85,6 @@ def test_coupled_rotors_move_as_the_redundant_model_says() -> None:
         assert np.allclose(measured, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 
 
-def test_the_damping_of_a_soft_gear_is_no_source_of_energy() -> None:
-    """Booked at the mean speed of a step it was negative where the motor passes its joint."""
-    rigid, one = with_gears(load_robot("planar_leg_strong"), efficiency=0.55), np.ones(2)
-    gears = rigid.transmission.replace(stiffness=1e5 * one, damping=30.0 * one)
-    leg = rigid.with_transmission(gears)
-    plant, state = Plant(leg), Plant(leg).state(balanced_pose(leg))
-    control = LegControl(rigid, squat(float(CenterOfMass(leg)(state)[2]), 0.025, 0.5))
-    lost = []
-    for _ in range(100):
-        result = plant.step(state, control(plant.encoders(state)), 1e-3)
-        state = result.state
-        lost.append(result.energy.gear_damping)
-        assert not [event for event in result.events if event.kind == "energy"]
-    assert min(lost) >= -1e-12
-    assert max(lost) > 1e-6
-
-
 @pytest.mark.parametrize("play", [0.0, 0.01])
 def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) -> None:
     """What passes the gear in a short step is `Flanks.torque`, pushing and let go of."""
@@ -136,21 +106,6 @@ def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) 
     bent = np.array([0.0, 0.02])
     before, after = (plant.mechanical_energy(state.replace(deflection=d)) for d in (0 * bent, bent))
     assert after - before == pytest.approx(float(law.energy(0.02)), abs=1e-12)
-
-
-def test_a_gear_that_hangs_in_its_play_loses_and_makes_nothing() -> None:
-    """Its rotor's friction, taken at the end of the step, was an event of energy in every step."""
-    robot = _arm(backlash=0.5)
-    gears = robot.transmission
-    rubbing = gears.replace(rotor_viscous_friction=np.full(2, 1e-4))
-    plant = Plant(robot.with_transmission(rubbing))
-    state = plant.state([0.3, 0.4], [0.5, -1.0])
-    for _ in range(20):
-        result = plant.step(state, [0.0, 0.0], 1e-3)
-        state = result.state
-        assert result.energy.gear_damping == result.energy.mesh == 0.0
-        assert not result.events
-    assert result.energy.rotor_friction > 0.0
 
 
 def _loose_knee(stiffness: float, damping: float = 0.0) -> Robot:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from wbc import load_robot
-from wbc.effects import JointCompliance, JointEffect, TorqueConstant
+from wbc.effects import JointCompliance
 from wbc.errors import SimulationError
 from wbc.sim import (
     Plane,
@@ -18,7 +17,6 @@ from wbc.sim import (
     SensorModel,
     SimState,
     Simulation,
-    Stairs,
     StepEvent,
     simulate,
 )
@@ -109,53 +107,6 @@ def test_sensors_are_seeded_and_do_what_they_say() -> None:
         SensorModel(columns={"elbow.position": Sensor()}).measure(robot, log, 0)
     with pytest.raises(SimulationError, match="noise"):
         Sensor(noise=-1.0)
-
-
-def test_an_effect_nobody_told_the_plant_about_acts_in_it() -> None:
-    @dataclass(frozen=True)
-    class Push(JointEffect):
-        """A constant torque, unknown to every other part of the library."""
-
-        level: float
-        name: ClassVar[str] = "push"
-        parameters: ClassVar = ()
-        explanation: ClassVar[str] = "-"
-        experiment: ClassVar[str] = "-"
-
-        def joint_torque(self, robot, motion):
-            return self.on_joint(robot, motion, np.asarray(self.level))
-
-    robot = load_robot("planar_leg_fixed").lossless()
-    ends = []
-    for chosen, torque in (
-        (robot.with_effect(Push("hip", 3.0)), [0.0, 0.1]),
-        (robot, [3.0 / 20.0, 0.1]),
-        (robot.with_effect(TorqueConstant("hip", 2.0)), [1.5 / 20.0, 0.1]),
-    ):
-        plant = Plant(chosen, terrain=Plane(height=-5.0))
-        state = plant.state([0.1, 0.2])
-        for _ in range(100):
-            state = plant.step(state, torque, 1e-3).state
-        ends.append(state.position)
-    assert np.allclose(ends[0], ends[1], atol=1e-12)
-    assert np.allclose(ends[2], ends[1], atol=1e-12)
-
-
-def test_terrain_distances() -> None:
-    slope = Plane.slope(0.1, height=0.5)
-    gap, normal = slope.gap(np.array([[1.0, 7.0, 0.5 + np.tan(0.1)], [0.0, 0.0, 1.5]]))
-    assert np.allclose(gap, [0.0, np.cos(0.1)], atol=1e-12)
-    assert np.allclose(np.linalg.norm(normal, axis=1), 1.0)
-    stairs = Stairs(np.array([1.0]), np.array([0.0, 0.2]))
-    gap, normal = stairs.gap(
-        np.array([[0.5, 0, 0.3], [0.95, 0, 0.1], [1.5, 0, 0.3], [1.02, 0, 0.1]])
-    )
-    assert np.allclose(gap, [0.3, 0.05, 0.1, -0.02])
-    assert np.allclose(normal, [[0, 0, 1], [-1, 0, 0], [0, 0, 1], [-1, 0, 0]])
-    with pytest.raises(SimulationError, match="increase"):
-        Stairs(np.array([1.0, 0.5]), np.zeros(3))
-    with pytest.raises(SimulationError, match="point up"):
-        Plane(normal=np.array([1.0, 0.0, 0.0]))
 
 
 def test_encoders_on_the_motors_see_the_gear_wind_up() -> None:

@@ -23,23 +23,6 @@ def run(goal: float, rows: int, first: float = 0.0, enabled: float = 1.0) -> Ser
     return ServoRun("run", 2.0, np.full(rows, goal), np.full(rows, enabled), np.full(rows, first))
 
 
-def test_powered_step_follows_the_differential_equation(pendulum: Robot) -> None:
-    step, duration = 1e-3, 0.8
-    robot = pendulum.with_effect(ViscousFriction("shaft", 0.01))
-    drive = DcDrive(7.4, source_resistance=0.5)
-    reached = servo_rollout([(robot, drive)], [run(0.4, int(duration / step))], step)[:, 0, 0]
-
-    def rate(t: float, x: np.ndarray) -> list[float]:
-        duty = np.clip(2.0 * (0.4 - x[0]), -1.0, 1.0)
-        current = (duty * 7.4 - KT * x[1]) / (RESISTANCE + 0.5 * abs(duty))
-        torque = KT * current - MASS * 9.81 * LEVER * np.sin(x[0]) - 0.01 * x[1]
-        return [x[1], torque / (MASS * LEVER**2 + ARMATURE)]
-
-    time = np.arange(reached.size) * step
-    truth = solve_ivp(rate, (0.0, duration), [0.0, 0.0], rtol=1e-9, atol=1e-12, t_eval=time).y[0]
-    assert np.max(np.abs(reached - truth)) < 5e-4
-
-
 def test_a_winding_that_warms_gives_way_under_a_held_load(pendulum: Robot) -> None:
     step, duration, heating, cooling = 1e-3, 2.0, 0.15, 0.8
     robot = pendulum.with_effect(ViscousFriction("shaft", 0.05))

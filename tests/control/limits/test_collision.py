@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import coal
 import numpy as np
@@ -17,7 +16,6 @@ from wbc.control import (
     CollisionLimit,
     Controller,
     FramePositionTask,
-    PostureTask,
     Reference,
     RotorTorqueLimit,
     Shape,
@@ -25,10 +23,8 @@ from wbc.control import (
 )
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
-from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
-from wbc.robot.loading.library import find_model
 
 OTHER = "arm_right_7_link"
 
@@ -94,60 +90,6 @@ def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
         least[kept] = worst
     assert least[False] < 0.0
     assert 0.027 < least[True] < 0.05
-
-
-def test_an_arm_leaves_an_obstacle_that_it_is_too_near():
-    """It starts inside the margin and is driven out."""
-    arm = load_robot("planar_leg_fixed").lossless()
-    q = arm.configuration(hip=2.0, knee=0.3)
-    data = arm.model.createData()
-    pin.framesForwardKinematics(arm.model, data, q)
-    frame = arm.contacts[0].frame
-    tip = data.oMf[arm.model.getFrameId(frame)].act(np.array(arm.contacts[0].offset))
-    place = pin.SE3(np.eye(3), tip + np.array([0.11, 0.0, 0.0]))
-    limit = CollisionLimit(
-        [
-            Shape(
-                name="tip",
-                geometry=coal.Sphere(0.05),
-                frame=frame,
-                placement=pin.SE3(np.eye(3), np.array(arm.contacts[0].offset)),
-            ),
-            Shape(name="wall", geometry=coal.Sphere(0.05), placement=place),
-        ],
-        [("tip", "wall")],
-        margin=0.04,
-    )
-    controller = Controller(arm, [PostureTask.of(arm)], limits=[limit])
-    rows, kinematics, v = CollisionRows(limit, arm.model), Kinematics(arm), np.zeros(2)
-    start = q.copy()
-    for _ in range(800):
-        command = controller.step(Motion(q, v), {"posture": Reference(start)})
-        assert command.status is Status.SOLVED, command.message
-        v = v + 1e-3 * command.acceleration
-        q = pin.integrate(arm.model, q, 1e-3 * v)
-    kinematics.update(q, v)
-    rows.fill(kinematics)
-    assert rows.distances[0] == pytest.approx(0.04, abs=2e-3)
-
-
-def test_pairs_of_a_geometry_model():
-    geometry = pin.GeometryModel()
-    model = TALOS.model
-    for name, joint, solid in (
-        ("a", "arm_left_7_joint", coal.Sphere(0.05)),
-        ("b", "arm_right_7_joint", coal.Sphere(0.05)),
-    ):
-        place = pin.SE3.Identity()
-        geometry.addGeometryObject(pin.GeometryObject(name, model.getJointId(joint), place, solid))
-    geometry.addCollisionPair(pin.CollisionPair(0, 1))
-    limit = CollisionLimit.of(TALOS, geometry, margin=0.1)
-    data = model.createData()
-    pin.forwardKinematics(model, data, HALF)
-    one, two = (
-        data.oMi[model.getJointId(f"arm_{s}_7_joint")].translation for s in ("left", "right")
-    )
-    assert apart(limit, HALF)[0] == pytest.approx(np.linalg.norm(one - two) - 0.1)
 
 
 def mesh(corners):
@@ -226,30 +168,3 @@ def test_mistakes_are_named():
     limit = CollisionLimit([ball, lost], [("ball", "lost")])
     with pytest.raises(ControlError, match="hnd"):
         CollisionRows(limit, TALOS.model)
-
-
-@pytest.mark.parametrize("base", ["fixed", "free_flyer"])
-def test_a_geometry_of_another_model_is_refused(base):
-    """Without the free-flyer every solid would stand on the link before its own."""
-    file = "example_robot_data:robots/solo_description/robots/solo12.urdf"
-    robot = load_robot("solo12")
-    held = [] if base == "fixed" else [pin.JointModelFreeFlyer()]
-    other = pin.buildModelFromUrdf(str(find_model(file, Path())), *held)
-    geometry = pin.GeometryModel()
-    for frame in other.frames:
-        if frame.type == pin.FrameType.BODY:
-            geometry.addGeometryObject(
-                pin.GeometryObject(
-                    f"{frame.name}_0",
-                    frame.parentJoint,
-                    other.getFrameId(frame.name),
-                    frame.placement,
-                    coal.Sphere(0.01),
-                )
-            )
-    if base == "fixed":
-        with pytest.raises(ControlError, match="another model"):
-            CollisionLimit.of(robot, geometry)
-    else:
-        limit = CollisionLimit.of(robot, geometry)
-        assert len(limit.shapes) == geometry.ngeoms

@@ -109,28 +109,3 @@ def test_a_task_of_infinite_weight_gives_way_before_a_limit():
     assert command.acceleration[0] == pytest.approx(-30.0, rel=0.02)
     assert "task 'posture'" in command.message
     assert "joint limit of 'hip'" in command.message
-
-
-def test_lower_levels_go_on_where_a_limit_is_passed():
-    robot = load_robot("solo12")
-    q = next(iter(robot.poses.values()))
-    limit = at_their_stops(robot, q)
-    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(robot, weight=0.1, level=1)]
-    feet = [PointContact(name=contact.name) for contact in robot.contacts]
-    controller = Controller(robot, tasks, feet, [RotorTorqueLimit(), limit])
-    command = controller.step(overspeed(robot, q, limit, 1, 1.0))
-    assert command.status is Status.SOLVED
-    assert "left out" not in command.message
-    assert any(limit.joints[1] in label for label in command.passed)
-
-
-def test_nothing_is_passed_where_limits_can_be_kept():
-    robot = load_robot("solo12")
-    q = next(iter(robot.poses.values()))
-    limit = at_their_stops(robot, q, acceleration=100.0)
-    controller = Controller(robot, [PostureTask.of(robot)], limits=[RotorTorqueLimit(), limit])
-    command = controller.step(overspeed(robot, q, limit, 1, 1.0))
-    assert command.status is Status.SOLVED
-    assert command.acceleration[limit.rows[1]] == pytest.approx(-100.0)
-    assert not command.passed
-    assert command.message == ""

@@ -71,20 +71,6 @@ def test_a_motion_is_found_where_there_is_one(name):
     assert missed < 0.01 * possible
 
 
-@pytest.mark.parametrize("name", ["planar_leg_strong", "solo12"])
-def test_a_reset_controller_is_as_new(name):
-    robot, generator = load_robot(name), np.random.default_rng(0)
-    ours, new = controller(robot), controller(robot)
-    cases = list(islice(hostile_inputs(robot, ours, generator), 200))
-    for arguments in cases:
-        ours.step(*arguments)
-    ours.reset()
-    for arguments in cases[:60]:
-        one, other = ours.step(*arguments), new.step(*arguments)
-        np.testing.assert_array_equal(one.rotor_torque, other.rotor_torque)
-        assert (one.status, one.iterations) == (other.status, other.iterations)
-
-
 def test_a_tick_leaves_nothing_for_the_garbage_collector():
     """A full collection takes 64 ms in a process of usual size: a loop may turn it off."""
     robot, generator = load_robot("solo12"), np.random.default_rng(0)

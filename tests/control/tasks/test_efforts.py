@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from tests.control.scenes import CERTAIN, arm, random_state
+from tests.control.scenes import CERTAIN
 from wbc.control import (
     CenterOfMassTask,
     ContactForceTask,
     Controller,
     ControllerSettings,
-    FramePositionTask,
     JouleHeatEffort,
     MeshLossEffort,
     OutputTorqueEffort,
@@ -95,46 +92,6 @@ def test_joule_heat_needs_the_motor_and_lowers_the_heat():
     assert watts(cool) < 0.98 * watts(plain)
 
 
-def test_rotor_effort_is_the_gradient_it_says():
-    """At the optimum the cost, evaluated from torques alone, cannot be lowered by small steps."""
-    generator = np.random.default_rng(7)
-    robot = arm(3, generator)
-    robot = robot.with_transmission(robot.transmission.replace(torque_limit=np.full(3, np.inf)))
-    q, v = random_state(robot, generator)
-    wanted, weight = generator.normal(size=3), 50.0
-    task = PostureTask.of(robot, stiffness=0.0, damping=0.0)
-    effort = RotorTorqueEffort(weight=weight)
-    command = Controller(robot, [task, effort], settings=SETTINGS).step(
-        Motion(q, v), {"posture": Reference(q, None, wanted)}
-    )
-    exact = replace(SETTINGS, acceleration_weight=1e-9)
-
-    def total(acceleration):
-        # The torque of an acceleration: a controller that wants exactly this and nothing else.
-        only = Controller(robot, [task], settings=exact)
-        command = only.step(Motion(q, v), {"posture": Reference(q, None, acceleration)})
-        torque = command.rotor_torque
-        gap = acceleration - wanted
-        return 0.5 * gap @ gap + 0.5 * weight * torque @ torque
-
-    best = total(command.acceleration)
-    for _ in range(20):
-        assert total(command.acceleration + 0.05 * generator.normal(size=3)) >= best - 1e-7
-
-
-def test_contact_force_task_steers_the_load():
-    task = ContactForceTask(name="load", contact="FL_foot", weight=1.0)
-    controller = solo(task)
-    free = solo().step(Motion(STAND, np.zeros(18))).forces["FL_foot"]
-    target = free + np.array([0.0, 0.0, 2.0])
-    command = controller.step(Motion(STAND, np.zeros(18)), {"load": Reference(target)})
-    np.testing.assert_allclose(command.forces["FL_foot"], target, atol=0.05)
-    idle = controller.step(Motion(STAND, np.zeros(18)))
-    np.testing.assert_allclose(idle.forces["FL_foot"], free, atol=0.05)
-    with pytest.raises(ControlError, match="FL_foot"):
-        solo(ContactForceTask(name="load", contact="FL_fot"))
-
-
 def test_wrench_of_a_sole_is_tracked_where_the_other_can_carry_the_rest():
     """The asked wrench is reached, the tasks keep what they want, and the other sole gives way."""
     talos = load_robot("talos")
@@ -153,40 +110,3 @@ def test_wrench_of_a_sole_is_tracked_where_the_other_can_carry_the_rest():
     np.testing.assert_allclose(command.forces["left"], asked, atol=0.1)
     change = command.forces["right"] - free.forces["right"]
     assert change[2] == pytest.approx(-40.0, abs=2.0)
-
-
-def test_lower_level_moves_nothing_of_the_upper_one():
-    generator = np.random.default_rng(4)
-    robot = arm(6, generator, lossless=True)
-    robot = robot.with_transmission(robot.transmission.replace(torque_limit=np.full(6, np.inf)))
-    hand = robot.model.frames[robot.model.nframes - 1].name
-    q, v = random_state(robot, generator)
-    upper = FramePositionTask(name="hand", frame=hand)
-    wish = {"posture": Reference(q + generator.normal(size=6))}
-    wish["hand"] = Reference(generator.normal(size=3))
-
-    def solve(*tasks):
-        return Controller(robot, list(tasks), [], [], SETTINGS).step(Motion(q, v), wish)
-
-    alone = Controller(robot, [upper], [], [], SETTINGS).step(Motion(q, v), {"hand": wish["hand"]})
-    strict = solve(upper, PostureTask.of(robot, weight=1e4, level=1))
-    mixed = solve(upper, PostureTask.of(robot, weight=1e4))
-    jacobian = upper.jacobian(_kinematics(robot, q, v))
-    np.testing.assert_allclose(
-        jacobian @ strict.acceleration, jacobian @ alone.acceleration, atol=1e-4
-    )
-    assert np.abs(jacobian @ (mixed.acceleration - alone.acceleration)).max() > 1.0
-    # The lower task is as well off as the null space of the upper one allows.
-    posture = wish["posture"].position - q
-    wanted = 100.0 * posture - 20.0 * v
-    nullspace = np.linalg.svd(jacobian)[2][3:]
-    gap = nullspace @ (strict.acceleration - wanted)
-    np.testing.assert_allclose(gap, 0.0, atol=1e-3)
-
-
-def _kinematics(robot, q, v):
-    from wbc.control.kinematics import Kinematics
-
-    kinematics = Kinematics(robot)
-    kinematics.update(q, v)
-    return kinematics

@@ -6,8 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.control.program.independent import force_cost, solve_in_directions
 from tests.control.scenes import (
@@ -21,12 +19,9 @@ from tests.control.scenes import (
 from wbc.control import (
     Controller,
     ControllerSettings,
-    JointLimit,
     PostureTask,
     Reference,
     RotorTorqueLimit,
-    SpeedBlend,
-    Status,
 )
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
@@ -115,48 +110,3 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name):
         assert reached <= best + 1e-5 * (1.0 + best)
         solved += 1
     assert solved > 60
-
-
-@settings(max_examples=150, deadline=None)
-@given(
-    seed=st.integers(0, 10**6),
-    m=st.integers(1, 6),
-    full_speed=st.sampled_from([1e-9, 0.05, 0.5]),
-    speed=st.sampled_from([0.0, 0.05, 1.0, 5.0]),
-)
-def test_directions_agree_with_the_returned_solution(seed, m, full_speed, speed):
-    generator = np.random.default_rng(seed)
-    robot = arm(m, generator)
-    q, v = random_state(robot, generator, spread=2.0, speed=speed)
-    blend = SpeedBlend(full_speed=full_speed, correction=0.0, trusted_error=0.0)
-    task = PostureTask.of(robot, weight=generator.uniform(0.1, 10.0, m), stiffness=0.0, damping=0.0)
-    controller = Controller(
-        robot, [task], [], [RotorTorqueLimit()], ControllerSettings(speed_blend=blend)
-    )
-    for _ in range(3):
-        wanted = 20.0 * generator.normal(size=m)
-        command = controller.step(Motion(q, v), {"posture": Reference(q, None, wanted)})
-        limit = robot.transmission.torque_limit
-        assert np.all(np.abs(command.rotor_torque) <= limit * (1.0 + 1e-9))
-        if not command.status.usable:
-            continue
-        if not command.consistent:
-            # The budget of a tick ended the search: 11 of 2400 ticks of arms with five and six
-            # joints and tight limits. The command says so.
-            assert command.status is Status.INACCURATE
-            assert "directions of power not settled" in command.message
-            continue
-        turning = command.directions != 0
-        assert np.all(command.mesh_power[turning] * command.directions[turning] >= -1e-9)
-
-
-def test_lossless_directions_do_not_matter():
-    generator = np.random.default_rng(0)
-    robot = arm(4, generator, lossless=True)
-    q, v = random_state(robot, generator)
-    limit = JointLimit.of(robot)
-    task = PostureTask.of(robot)
-    settings_ = ControllerSettings(speed_blend=CERTAIN)
-    one = Controller(robot, [task], [], [limit], settings_).step(Motion(q, v))
-    two = Controller(robot, [task], [], [limit], settings_).step(Motion(q, -v))
-    assert one.rounds == two.rounds == 1

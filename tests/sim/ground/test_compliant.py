@@ -68,22 +68,6 @@ def test_the_loss_is_that_of_the_law_in_fine_steps() -> None:
     assert share == pytest.approx(-v, abs=1e-3)
 
 
-def test_a_box_sinks_as_deep_as_its_weight_says_and_makes_no_energy() -> None:
-    robot = bare_robot(pin.Model()).with_free_bodies(FreeBody("box", coal.Box(0.2, 0.2, 0.2), 1.0))
-    plant = Plant(robot, compliance=HuntCrossley(_K, 2.0))
-    turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.3, 0.2, 0.0)).coeffs()
-    state = plant.state([0.0, 0.0, 0.15, *turn])
-    energy = plant.mechanical_energy(state)
-    for _ in range(3000):
-        result = plant.step(state, [], 1e-3)
-        state, after = result.state, plant.mechanical_energy(result.state)
-        assert after < energy + 1e-5
-        assert {event.kind for event in result.events} <= {"coarse"}
-        energy = after
-    depth = (9.81 / 4.0 / _K) ** (2.0 / 3.0)
-    np.testing.assert_allclose(plant.gaps(state)[plant.gaps(state) < 0.0], -depth, rtol=0.2)
-
-
 def test_a_quadruped_and_a_plank_stand_on_compliant_ground() -> None:
     soft = HuntCrossley(1e6, 1.0)
     plank = bare_robot(pin.Model()).with_free_bodies(

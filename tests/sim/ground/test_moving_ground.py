@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.sim.ground.bodies import ball, block
+from tests.sim.ground.bodies import block
 from tests.sim.ground.random_grounds import random_scene
 from wbc import load_robot
 from wbc.errors import SimulationError
@@ -99,52 +99,6 @@ def test_a_leg_on_a_ground_that_moves_evenly_moves_with_it() -> None:
     assert impacts > 0
     assert two.velocity - carried == pytest.approx(one.velocity, abs=2e-6)
     assert two.position - carried * two.time == pytest.approx(one.position, abs=2e-7)
-
-
-@pytest.mark.parametrize(("turn", "slips"), [(3.0, False), (4.5, True)])
-def test_a_block_on_a_turntable_stays_while_friction_holds(turn: float, slips: bool) -> None:
-    """The way to the middle needs r w^2 <= mu g: 0.2 m at 4.4 rad/s."""
-    robot, q = _standing()
-    q[0] = 0.2
-    table = Moving(Plane(), lambda t: pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn * t), np.zeros(3)))
-    plant = Plant(robot, table)
-    result, _ = _run(plant, plant.state(q, [0, 0.2 * turn, 0, 0, 0, turn]), 1e-3, 0.5)
-    radius = float(np.hypot(*result.state.position[:2]))
-    assert (radius > 0.21) == slips
-    if not slips:
-        assert radius == pytest.approx(0.2, abs=4e-4)
-
-
-def test_a_block_on_a_table_that_tilts_slides_at_its_angle_of_friction() -> None:
-    robot, q = _standing()
-    rate, begin = 0.2, 0.35
-    turned = pin.rpy.rpyToMatrix(0.0, begin, 0.0)
-    table = Moving(
-        Plane(), lambda t: pin.SE3(pin.rpy.rpyToMatrix(0.0, begin + rate * t, 0.0), np.zeros(3))
-    )
-    q[:3], q[3:7] = turned @ q[:3], pin.Quaternion(turned).coeffs()
-    plant, start = Plant(robot, table), np.array([0.05 * rate, 0, 0, 0, rate, 0])
-    state = plant.state(q, start)
-    while table.pose(state.time).actInv(state.position[:3])[0] < 1e-4:
-        state = plant.step(state, [], 1e-3).state
-    # It gains g (sin - mu cos) on the table from its angle of friction on.
-    later = np.cbrt(6e-4 / (G * rate * np.cos(np.arctan(0.4)) * (1 + 0.4**2)))
-    expected = np.arctan(0.4) + rate * later
-    assert begin + rate * state.time == pytest.approx(expected, abs=3e-3)
-
-
-def test_a_ball_bounces_off_a_lift_with_their_relative_speed() -> None:
-    robot = ball(0.1, 0.0)
-    q = robot.neutral()
-    q[2] = 0.1005
-    plant = Plant(robot, Moving(Plane(), _along(lambda t: [0, 0, 0.5 * t])), restitution=0.8)
-    result, audit = _run(plant, plant.state(q, [0, 0, -1.0, 0, 0, 0]), 1e-3, 1e-3)
-    (hit,) = result.impacts
-    assert hit.after[2] - 0.5 == pytest.approx(0.8 * (0.5 - hit.before[2]), abs=1e-9)
-    assert hit.ground_work == pytest.approx(0.5 * (hit.after[2] - hit.before[2]), abs=1e-9)
-    lost = 0.5 * (1 - 0.8**2) * (0.5 - hit.before[2]) ** 2
-    assert hit.contact_loss == pytest.approx(lost, abs=1e-9)
-    assert abs(audit.residual) < 1e-6
 
 
 def test_what_the_balance_leaves_halves_with_the_step_and_contacts_make_nothing() -> None:

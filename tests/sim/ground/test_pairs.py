@@ -14,7 +14,7 @@ from sims import bodies
 from wbc import Robot
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import FreeBody, bare_robot
-from wbc.sim import Box, Plane, Plant, SimState, Stairs, Together
+from wbc.sim import Plane, Plant, SimState, Stairs
 
 _STEP = 1e-3  # [s]
 _FAR = Plane(height=-50.0)
@@ -115,14 +115,6 @@ def test_a_plank_lies_on_the_edge_of_a_stair(turn: list[float]) -> None:
     assert inside.max() < 1e-6
 
 
-def test_a_plank_lies_on_the_corner_of_a_box() -> None:
-    ground = Together([Plane(), Box(np.array([0.25, 0.15, 0.0]), np.array([0.4, 0.3, 0.3]))])
-    plant = Plant(free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)), ground)
-    state, deepest = watched(plant, placed(([0.0, 0.0, 0.35], [0.1, 0.05, 0.3])), 3.0)
-    assert np.abs(state.velocity).max() < 1e-9
-    assert deepest > -1e-6
-
-
 def boxes(*places: tuple[list[float], list[float]]) -> tuple[Plant, np.ndarray]:
     """Return two boxes of 0.2 m and 1 kg that touch each other, and where they begin."""
     both = [FreeBody(name, coal.Box(0.2, 0.2, 0.2), 1.0) for name in ("lower", "upper")]
@@ -149,17 +141,6 @@ def test_a_box_dropped_on_a_box_rests_on_it_or_topples_off() -> None:
         assert np.abs(state.velocity).max() < 1e-9
         assert state.position[9] == pytest.approx(height, abs=1e-6)
         assert deepest > -2e-6
-
-
-def test_a_capsule_and_a_ball_rest_on_a_box() -> None:
-    """Round ones roll without friction of rolling: in a corner of fixed boxes they rest."""
-    walls = [Box(np.array([x, 0.0, 0.1]), np.array([0.1, 1.0, 0.6])) for x in (-0.11, 0.11)]
-    both = FreeBody("rod", coal.Capsule(0.05, 0.2), 1.0), FreeBody("ball", coal.Sphere(0.05), 1.0)
-    plant = Plant(free(*both, pairs=(("rod", "ball"),)), Together([Plane(), *walls]))
-    q = placed(([0.0, 0.0, 0.06], [np.pi / 2, 0.0, 0.0]), ([0.005, 0.02, 0.2], [0.0] * 3))
-    state, deepest = watched(plant, q, 2.0)
-    assert state.position[2] == pytest.approx(0.05, abs=1e-5)
-    assert deepest > -1e-5
 
 
 def test_two_fingers_lift_a_box_by_friction() -> None:

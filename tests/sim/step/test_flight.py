@@ -72,21 +72,3 @@ def test_a_thrown_solo12_flies_along_its_parabola() -> None:
     fallen = center + 0.6 * speed - np.array([0.0, 0.0, 0.5 * 9.81 * 0.6**2])
     assert np.abs(after[0] - fallen).max() < 1e-4
     assert np.linalg.norm(after[2] - turn) < 1e-4 * np.linalg.norm(turn)
-
-
-def test_the_motion_does_not_depend_on_the_base_frame() -> None:
-    """The same body described at its centre of mass and half a metre off it."""
-    ends = []
-    for lever in ((0.0, 0.0, 0.0), (0.3, 0.4, 0.0)):
-        robot = _free_body(lever)
-        plant, q = Plant(robot, FAR), robot.neutral()
-        q[:3] = -np.array(lever)
-        spin = np.array([4.0, -7.0, 12.0])
-        linear = np.array([1.0, 2.0, 3.0]) + np.cross(np.array(lever), spin)
-        state = plant.state(q, np.concatenate((linear, spin)))
-        for _ in range(50):
-            state = plant.step(state, [], 1e-2).state
-        ends.append((_motion(robot, state), state.position[3:7], state.velocity[3:6]))
-    assert ends[0][0][0] == pytest.approx(ends[1][0][0], abs=1e-9)
-    assert ends[0][1] == pytest.approx(ends[1][1], abs=1e-9)
-    assert ends[0][2] == pytest.approx(ends[1][2], abs=1e-9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -31,26 +30,6 @@ def _arm(**changes) -> Robot:
     return Robot(
         "arm", model, Transmission(("elbow",), **{k: np.array(v) for k, v in gears.items()})
     )
-
-
-@pytest.mark.parametrize("torque", [0.02, 0.1, -0.1, 0.3])
-def test_the_topology_is_a_matter_of_description(torque: float) -> None:
-    """D = [2] with 2 N is D = [1] with N, with friction at the joint and without."""
-    plain = {"forward_efficiency": [0.45], "backward_efficiency": [-0.2]}
-    plain |= {"gear_ratio": [50.0], "rotor_inertia": [1e-4]}
-    doubled = plain | {"gear_ratio": [100.0], "topology": [[2.0]]}
-    for effects in ((), (CoulombFriction("elbow", 0.5),)):
-        ends = []
-        for changes in (plain, doubled):
-            robot = _arm(**changes)
-            for effect in effects:
-                robot = robot.with_effect(effect)
-            plant = Plant(robot, FAR)
-            state = plant.state([0.5], [1.0])
-            for _ in range(100):
-                state = plant.step(state, [torque], 1e-3).state
-            ends.append(np.concatenate((state.position, state.velocity)))
-        assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
 def test_friction_beside_a_self_locking_gear_adds_to_what_it_holds() -> None:
@@ -85,23 +64,6 @@ def test_a_step_with_several_solutions_names_the_gear() -> None:
     assert messages
     assert all("self-locking gears 'elbow'" in message for message in messages)
     assert all("solutions" in message for message in messages)
-
-
-def _squats(leg: Robot, model: Robot, steps: int, memory: bool = True) -> tuple[int, str]:
-    """Return the steps that a squat about the leg's own height takes, and what stopped it.
-
-    Without memory no step knows the one before.
-    """
-    plant = Plant(leg)
-    state = plant.state(balanced_pose(leg))
-    control = LegControl(model, squat(float(CenterOfMass(leg)(state)[2]), 0.025, 0.5))
-    for step in range(steps):
-        state = state if memory else state.replace(impulse=np.zeros(0))
-        try:
-            state = plant.step(state, control(state), 1e-3).state
-        except SimulationError as error:
-            return step, str(error)
-    return steps, ""
 
 
 @pytest.mark.parametrize("efficiency", [0.49, 0.45, 0.4, 0.35])
@@ -140,16 +102,6 @@ def test_a_jack_lifts_steadily() -> None:
         state = plant.step(state, [given / ratio], 1e-3).state
     rises = 0.1 * (eta_f * given - weight) / (mass + eta_f * ratio**2 * rotor)
     assert state.velocity[0] == pytest.approx(rises, rel=1e-9)
-
-
-@pytest.mark.parametrize("efficiency", [0.49, 0.45, 0.4])
-def test_a_squat_runs_where_teeth_yield_as_the_message_asks(efficiency: float) -> None:
-    leg = with_gears(load_robot("planar_leg_strong"), efficiency=efficiency)
-    _, message = _squats(leg, leg, 100, memory=False)
-    (asked,) = re.findall(r"below (\S+) kg m\^2", message)
-    one = np.ones(2)
-    gears = leg.transmission.replace(stiffness=0.9 * 4.0 / 1e-6 * float(asked) * one)
-    assert _squats(leg.with_transmission(gears), leg, 200) == (200, "")
 
 
 def test_a_gear_without_rotor_inertia_is_refused() -> None:
