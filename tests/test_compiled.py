@@ -102,6 +102,13 @@ def inner(x: float) -> float:
 """
 
 
+def program(folder, code):
+    """Run code in a folder, with the kept functions beside the sources."""
+    own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    command = [sys.executable, "-W", "error", "-c", f"import sys; sys.path.insert(0, '.'); {code}"]
+    return subprocess.run(command, cwd=folder, env=own, capture_output=True, text=True)
+
+
 @pytest.fixture
 def run(tmp_path):
     """Write both files, run them, and return what they print."""
@@ -109,33 +116,28 @@ def run(tmp_path):
     def written(factor: str, added: str, text: str = "# Nothing.", before: str = "") -> list[str]:
         (tmp_path / "caller.py").write_text(CALLER.format(text=text))
         (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, added=added))
-        own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-        code = f"import sys; sys.path.insert(0, '.'); {before}\nimport caller"
-        done = subprocess.run(
-            [sys.executable, "-W", "error", "-c", code],
-            cwd=tmp_path,
-            env=own,
-            capture_output=True,
-            text=True,
-        )
+        done = program(tmp_path, f"{before}\nimport caller")
         return done.stdout.split() or [done.stderr]
 
     return written
 
 
+READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
+
+
 def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run):
-    """A user who pulls a new version must not go on with machine code of the old one."""
-    assert run("1.0", "1.0") == ["2.0", "0"]
-    assert run("1.0", "20.0") == ["21.0", "0"]
-    assert run("1.25", "20.0") == ["26.25", "0"]
-    assert run("1.25", "20.0") == ["26.25", "1"]
-    assert run("1.0", "1.0") == ["2.0", "1"]
+    """A user who pulls a new version must not go on with machine code of the old one.
 
-
-def test_another_comment_or_docstring_leaves_machine_code_as_it_is(run):
-    """What a function does has not changed."""
+    Another comment or docstring changes nothing. Where nothing can be written, what lies beside the
+    sources is found.
+    """
     assert run("1.0", "1.0") == ["2.0", "0"]
     assert run("1.0", "1.0", text='"""Return more."""\n    # And more.') == ["2.0", "1"]
+    assert run("1.0", "20.0") == ["21.0", "0"]
+    assert run("1.25", "20.0") == ["26.25", "0"]
+    assert run("1.0", "1.0", before=READ_ONLY) == ["2.0", "1"]
+    (told,) = run("1.0", "17.0", before=READ_ONLY)
+    assert "NUMBA_CACHE_DIR" in told
 
 
 def test_what_a_module_kept_under_another_name_is_compiled_anew(run, tmp_path):
@@ -144,13 +146,8 @@ def test_what_a_module_kept_under_another_name_is_compiled_anew(run, tmp_path):
     (tmp_path / "callee.py").rename(tmp_path / "inner_callee.py")
     text = CALLER.format(text="# Nothing.").replace("from callee", "from inner_callee")
     (tmp_path / "renamed.py").write_text(text)
-    code = "import sys; sys.path.insert(0, '.'); import renamed"
-    own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     (tmp_path / "caller.py").unlink()
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=own, capture_output=True, text=True
-    )
-    assert done.stdout.split()[:1] == ["2.0"], done.stderr
+    assert program(tmp_path, "import renamed").stdout.split()[:1] == ["2.0"]
 
 
 def test_a_function_is_compiled_anew_when_fields_have_changed_places(tmp_path):
@@ -166,21 +163,7 @@ def test_a_function_is_compiled_anew_when_fields_have_changed_places(tmp_path):
         "    return Pair(a, b).left\n"
         "print(left(1.0, 2.0))\n"
     )
-    own = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     for first, second, found in (("left", "right", "1.0"), ("right", "left", "2.0")):
         (tmp_path / "pairs.py").write_text(code.format(first=first, second=second))
-        done = subprocess.run(
-            [sys.executable, "pairs.py"], cwd=tmp_path, env=own, capture_output=True, text=True
-        )
+        done = program(tmp_path, "import pairs")
         assert done.stdout.strip() == found, done.stderr
-
-
-READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
-
-
-def test_what_is_kept_beside_sources_is_found_where_nothing_can_be_written(run):
-    """A disk that is mounted to be read, with the library and its machine code on it."""
-    assert run("1.0", "1.0") == ["2.0", "0"]
-    assert run("1.0", "1.0", before=READ_ONLY) == ["2.0", "1"]
-    (told,) = run("1.0", "17.0", before=READ_ONLY)
-    assert "NUMBA_CACHE_DIR" in told

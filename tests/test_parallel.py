@@ -15,6 +15,8 @@ from wbc.errors import ParallelError
 from wbc.parallel import run_jobs
 from wbc.results import Column, ResultTable, fill_table, read_results
 
+NAMED = r"1 job ends .* \(7, .*All other jobs are done"
+
 
 def squared(number: int) -> int:
     """Return the square of a number; the shortest of jobs."""
@@ -78,23 +80,6 @@ def deadly(job: tuple[int, str]) -> tuple[int, int]:
     return number, number * number
 
 
-def assert_named_and_nothing_lost(folder: Path, **place: int | str) -> None:
-    """The error names the job and comes last; all others have given one result each."""
-    results: list[tuple[int, int]] = []
-    jobs = run_jobs(deadly, ((k, str(folder)) for k in range(20)), **place)  # type: ignore[arg-type]
-    with pytest.raises(ParallelError, match=r"1 job ends .* \(7, .*All other jobs are done"):
-        results.extend(jobs)
-    assert sorted(results) == [(k, k * k) for k in range(20) if k != 7]
-
-
-def test_a_job_that_ends_its_process_is_named_and_nothing_else_is_lost(tmp_path: Path) -> None:
-    assert_named_and_nothing_lost(tmp_path, workers=2)
-    runs = {k: len((tmp_path / f"{k}.txt").read_text()) for k in range(20)}
-    assert runs[7] == 2
-    assert sum(runs.values()) <= 20 + 1 + 4  # only what was open with it runs again
-    assert sorted(run_jobs(squared, range(4), workers=2)) == [0, 1, 4, 9]
-
-
 def test_a_job_that_ends_its_worker_is_named_and_nothing_else_is_lost(tmp_path: Path) -> None:
     distributed = pytest.importorskip(
         "distributed", reason="needs Dask: pip install 'wbc[cluster]'"
@@ -107,7 +92,11 @@ def test_a_job_that_ends_its_worker_is_named_and_nothing_else_is_lost(tmp_path: 
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as cluster,
     ):
-        assert_named_and_nothing_lost(tmp_path, cluster=cluster.scheduler_address)
+        results: list[tuple[int, int]] = []
+        jobs = ((k, str(tmp_path)) for k in range(20))
+        with pytest.raises(ParallelError, match=NAMED):
+            results.extend(run_jobs(deadly, jobs, cluster=cluster.scheduler_address))
+        assert sorted(results) == [(k, k * k) for k in range(20) if k != 7]
 
 
 def test_a_table_keeps_what_is_done_beside_a_job_that_ends_its_process(tmp_path: Path) -> None:
@@ -116,8 +105,11 @@ def test_a_table_keeps_what_is_done_beside_a_job_that_ends_its_process(tmp_path:
         return ResultTable(tmp_path / "squares.parquet", {}, columns, 20)
 
     jobs = [(k, str(tmp_path)) for k in range(20)]
-    with pytest.raises(ParallelError, match=r"\(7, "):
+    with pytest.raises(ParallelError, match=NAMED):
         fill_table(table(), rows, jobs, workers=2)
+    runs = {k: len((tmp_path / f"{k}.txt").read_text()) for k in range(20)}
+    assert runs[7] == 2
+    assert sum(runs.values()) <= 20 + 1 + 4  # only what was open with it runs again
     assert table().begin() == set(range(20)) - {7}
     assert not table().path.exists()
     cured = fill_table(table(), cured_rows, jobs)

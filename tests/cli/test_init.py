@@ -69,9 +69,8 @@ def test_a_strangers_files_become_a_verdict(
     assert f"look up in {robot}: gears." in said.replace("\n", " ")
     assert main(["check", *read]) == 0
     assert "still guesses of `wbc init`" in capsys.readouterr().out
-    # With every effect there is, as a stranger would. One of the three prints all of the answer:
-    # the rest of it takes as long again.
-    depth = ["--quiet"] if model else []
+    # One of the three with every effect there is, as a stranger would, and all of its answer.
+    depth = ["--quiet", "--add", "coulomb_friction,viscous_friction"] if model else []
     code = main(["diagnose", *read, *depth])
     assert code in (0, 1)
     answer = capsys.readouterr().out
@@ -159,14 +158,6 @@ def test_what_tells_no_ratio_gives_none(name: str, factor: float, why: str, tmp_
     rate = pq.read_table(bench_log(tmp_path / "a.parquet"))["swing_vel"].to_numpy()
     run = bench_log(tmp_path / "b.parquet", **{name: factor * rate})
     assert guess_ratios(run, ["swing", "lift"]) == {}, why
-
-
-def test_files_that_are_there_are_not_overwritten(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "columns.toml").write_text("")
-    assert main(["init", "planar_leg_fixed", "run.csv", "--out", str(tmp_path)]) == 2
-    assert "is there already" in capsys.readouterr().err
 
 
 def test_an_mjcf_model_gives_its_armature(tmp_path: Path) -> None:

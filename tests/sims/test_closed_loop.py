@@ -19,11 +19,16 @@ def needs_mujoco():
     return pytest.importorskip("mujoco", reason="MuJoCo, a development dependency, is not here")
 
 
-@pytest.mark.parametrize("robot", ["solo12", "talos"])
-def test_knowing_the_losses_pays_in_mujoco(robot):
-    """MuJoCo's links, contacts and integrator, and losses written anew as an external torque."""
+@pytest.fixture(scope="module")
+def solo():
     needs_mujoco()
-    found = main(0.6, [robot], ["MuJoCo"])
+    return main(0.6, ["solo12"], ["MuJoCo", "wbc.sim"])
+
+
+@pytest.mark.parametrize("robot", ["solo12", "talos"])
+def test_knowing_the_losses_pays_in_mujoco(robot, solo):
+    """MuJoCo's links, contacts and integrator, and losses written anew as an external torque."""
+    found = solo if robot == "solo12" else main(0.6, [robot], ["MuJoCo"])
     assert all(figures["refused ticks"] == 0 for figures in found.values())
     kinds = {
         act: [found[robot, "MuJoCo", act, k] for k in ("dissipative", "conservative")]
@@ -38,12 +43,10 @@ def test_knowing_the_losses_pays_in_mujoco(robot):
         assert knowing[TORQUE] < 1.1 * not_knowing[TORQUE]
 
 
-def test_mujoco_and_the_plant_agree():
+def test_mujoco_and_the_plant_agree(solo):
     """Two implementations of links, contacts and gears: the same squat, within a few percent."""
-    needs_mujoco()
-    found = main(0.5, ["solo12"], ["MuJoCo", "wbc.sim"])
     for kind in ("dissipative", "conservative"):
-        one, other = (found["solo12", engine, "squat", kind] for engine in ("MuJoCo", "wbc.sim"))
+        one, other = (solo["solo12", engine, "squat", kind] for engine in ("MuJoCo", "wbc.sim"))
         assert one[ERROR] == pytest.approx(other[ERROR], rel=0.1)
         assert one[TORQUE] == pytest.approx(other[TORQUE], rel=0.02)
 

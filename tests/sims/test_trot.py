@@ -21,7 +21,7 @@ def test_solo12_trots_a_metre_and_more_on_lossy_gears(scene):
 
 def test_mujoco_agrees_that_knowing_the_losses_pays():
     pytest.importorskip("mujoco")
-    found = main(2.5, ["MuJoCo"], ["level"], ["dissipative", "conservative"])
+    found = main(2.0, ["MuJoCo"], ["level"], ["dissipative", "conservative"])
     knowing, not_knowing = found.values()
     assert knowing[FELL] == not_knowing[FELL] == 0.0
     assert knowing[SPEED] == pytest.approx(0.5, abs=0.03)

@@ -50,6 +50,6 @@ def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
 
 def test_a_diagnosis_survives_gears_that_hold_nothing(leg: Robot) -> None:
     found = diagnose(
-        leg, _falling(leg, 12.0), candidates=[JointCompliance, Backlash, ViscousFriction]
+        leg, _falling(leg, 5.0), candidates=[JointCompliance, Backlash, ViscousFriction]
     )
     assert np.isfinite(found.error.after)

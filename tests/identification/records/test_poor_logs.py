@@ -115,10 +115,10 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
 
 def test_logs_of_two_machines_are_seen_to_disagree(friction: tuple[Log, Log]) -> None:
     other = _log({"coulomb": (0.75, 0.0)}, 4, 7)
-    diagnosis = diagnose(ROBOT, [friction[0], other])
+    diagnosis = diagnose(ROBOT, [friction[0], other], [CoulombFriction])
     texts = [text for finding in diagnosis.findings for text in finding.warnings]
     assert any("the logs disagree on level" in text for text in texts)
-    agreeing = diagnose(ROBOT, friction)
+    agreeing = diagnose(ROBOT, friction, [CoulombFriction])
     texts = [text for finding in agreeing.findings for text in finding.warnings]
     assert not any("disagree" in text for text in texts)
 

@@ -15,7 +15,7 @@ from wbc.view.report import write_report
 def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path) -> None:
     leg = wbc.load_robot("planar_leg_fixed").lossless()
     hidden = CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})
-    logs = record_with(leg, [hidden], duration=4.0)
+    logs = record_with(leg, [hidden], duration=2.0)
     diagnosis = diagnose(leg, logs, [ViscousFriction])
     discovery = discover(leg, logs, known=diagnosis.effects)
     (proposal,) = discovery.proposals
