@@ -7,7 +7,6 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from wbc.cli import main
@@ -109,21 +108,6 @@ def test_piped_tables_of_logs_fit_eighty_columns(command, rubbing, monkeypatch, 
     assert max(map(len, lines)) <= 80
     assert "\x1b" not in shown.out
     assert shown.err == ""
-
-
-def test_metrics_of_an_arm_at_its_last_link(tmp_path, capsys):
-    """Six gears and three axes, no contact in the description: a frame stands in for it."""
-    result = tmp_path / "metrics.json"
-    pose = "joint_2=0.4,joint_3=1.2,joint_5=0.6"
-    command = ["metrics", "staubli_tx40", "--contact", "link_6", "--axes", "xyz", "--pose", pose]
-    assert main([*command, "--json", str(result)]) == 0
-    metrics = json.loads(result.read_text())
-    assert np.shape(metrics["Forward-GIT [kg]"]) == (3, 3)
-    assert metrics["effective mass up, driven [kg]"] > 0.0
-    assert metrics["force up, hold [N]"] == "unlimited"  # the arm's motors have no torque_limit
-    assert "torque_limit" in metrics["force polygon, moving up [N]"]
-    assert set(metrics["assumptions"]) == set(metrics) - {"assumptions", "schema"}
-    assert "what the numbers assume" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -94,26 +94,3 @@ def test_a_killed_run_goes_on_and_any_error_is_a_row(
     assert whole.path.read_bytes() == killed.read_bytes()
     with pytest.raises(ResultsError, match="other work"):
         diagnose_fleet("planar_leg_fixed", runs, killed)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--fleet", "runs.csv"], "--out fleet.parquet"),
-        (["--fleet", "runs.csv", "--out", "fleet.csv"], "must end in .parquet"),
-        (["a.csv", "--fleet", "runs.csv", "--out", "x.parquet"], "not both"),
-        (["--fleet", "runs.csv", "--out", "x.parquet", "--save", "x.toml"], "--save: for one"),
-        (["a.csv", "--workers", "2"], "give --fleet too"),
-        ([], "no log was given"),
-    ],
-)
-def test_options_that_do_not_go_together_are_named(
-    words: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["diagnose", *words, "--robot", "planar_leg_fixed"]) == 2
-    assert message in " ".join(capsys.readouterr().err.split())

@@ -127,15 +127,6 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
     np.testing.assert_allclose(load_log(path, fix, gear_ratios=RATIOS).time, right.time, atol=1e-9)
 
 
-def test_a_right_log_has_no_suspicions(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, fix = written(right, dict, tmp_path / "run.csv"), tmp_path / "map.toml"
-    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 0
-    assert "nothing to complain about" in capsys.readouterr().out
-    assert not fix.exists()
-
-
 def test_a_wrong_column_is_the_headline_of_compare_and_of_the_diagnosis(
     right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

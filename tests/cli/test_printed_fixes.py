@@ -8,15 +8,13 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from wbc.cli import main
-from wbc.design.experiment import Rivals, parse_cause
-from wbc.effects import CoulombFriction, load_robot
-from wbc.errors import DesignError, LogError
+from wbc.effects import CoulombFriction
+from wbc.errors import LogError
 from wbc.measurement import Log, load_log, save_log
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -172,14 +170,6 @@ def test_a_column_that_was_not_read_is_read_with_a_map(room: Path) -> None:
     assert load_log("q1.csv", columns="columns_right.toml").column("hip.position").size
 
 
-def test_an_experiment_without_a_cause_wants_one() -> None:
-    robot = load_robot("planar_leg_fixed")
-    noise = np.full(2, 0.1)
-    with pytest.raises(DesignError, match="give --between"):
-        Rivals(robot, (), noise)
-    assert Rivals(robot, (parse_cause("coulomb_friction@hip", robot),), noise).causes
-
-
 def test_all_rows_of_a_study_are_where_the_table_says(
     room: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -189,11 +179,3 @@ def test_all_rows_of_a_study_are_where_the_table_says(
     found = re.search(r"of (\d+) rows, evenly spread; --json and --out hold all", shown)
     assert found, shown
     assert pq.read_table("d.parquet").num_rows >= int(found[1])
-
-
-def test_a_robot_whose_base_moves_is_held_by_one_line(room: Path) -> None:
-    text = Path("loose.toml").read_text(encoding="utf-8")
-    free, held = Path("free.toml"), Path("held.toml")
-    free.write_text(f'base = "free_flyer"\n{text}', encoding="utf-8")
-    held.write_text(f'base = "fixed"\n{text}', encoding="utf-8")
-    assert load_robot(free).model.nv == load_robot(held).model.nv + 6

@@ -14,7 +14,7 @@ import wbc.identification.trend.sessions as stored
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
-from wbc.errors import IdentificationError, LogError
+from wbc.errors import LogError
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.trend import Run, Trend, find_runs, follow, read_index
@@ -194,14 +194,3 @@ def test_a_table_grows_by_the_sessions_that_are_new_or_changed(
     assert done[-1] == [11, 12]
     assert night(runs).sessions[3].values["", "hip", "rms error"].value == 7.0
     assert done[-1] == [12]
-
-
-def test_what_cannot_be_followed_is_told(
-    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["trend", "--robot", "planar_leg_fixed"]) == 2
-    assert "no log was given" in capsys.readouterr().err
-    assert main(["trend", "run1.csv", "--robot", "planar_leg_fixed"]) == 2
-    assert "no date in the name" in capsys.readouterr().err
-    with pytest.raises(IdentificationError, match="no session can be measured; the first: no log"):
-        follow("planar_leg_fixed", find_runs([tmp_path / "arm_2026-03-01.csv"]))

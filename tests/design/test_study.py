@@ -214,33 +214,6 @@ def test_an_arm_without_torque_limits_is_not_judged_by_an_unlimited_lift(
 
 
 @pytest.mark.parametrize(
-    ("extra", "message"),
-    [
-        (["--objective", "speed:max"], "Unknown objective"),
-        (["--objective", "lift:more"], "lift:max or lift:min"),
-        (["--out", "x.csv"], "must end in .parquet"),
-        (["--workers", "0"], "-1 for all cores"),
-        (["--simulate", "swim"], "Unknown simulation"),
-        (["--cluster", "tcp://127.0.0.1:1"], "Dask"),
-        (["--sweep", "reduction=6:9"], "swept twice"),
-        (["--samples", "-1"], ">= 0"),
-    ],
-)
-def test_bad_commands_end_with_two(
-    extra: list[str],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("wbc.parallel._PATIENCE", 0.5)
-    assert main(["design", "planar_leg", "--sweep", "reduction=6:160", *extra]) == 2
-    assert message in capsys.readouterr().err
-    assert not list(tmp_path.glob("*.parquet"))
-
-
-@pytest.mark.parametrize(
     ("robot", "extra"),
     [
         ("solo12", ["--sweep", "reduction=5:20:5", "--sweep", "length.FL_LOWER_LEG=0.1:0.2:3"]),

@@ -69,20 +69,6 @@ def test_without_a_tie_the_closest_rival_is_taken() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("found", "message"),
-    [
-        ({"verdict": "none", "effects": []}, "names no effect"),
-        ({"odds": 1}, "no diagnosis"),
-        (diagnosis(ranking=[]), "no rival"),
-        (diagnosis(effects=[{"effect": "coulomb_friction", "where": ["hip"]}]), "lacks"),
-    ],
-)
-def test_what_holds_no_rivals_is_named(found: dict[str, Any], message: str) -> None:
-    with pytest.raises(DesignError, match=message):
-        tied_causes(found, LEG)
-
-
 def test_soft_gears_among_the_rivals_are_left_out_and_said() -> None:
     soft = effect("joint_compliance", "knee", stiffness=900.0, damping=2.0)
     rows = [{**diagnosis()["ranking"][0], "effects": [soft]}]

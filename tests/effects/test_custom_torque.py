@@ -14,7 +14,6 @@ from wbc.effects import (
     CoulombFriction,
     CustomTorque,
     QuadraticDrag,
-    TorqueTerm,
     load_robot,
     save_robot,
 )
@@ -72,20 +71,6 @@ def test_a_formula_is_what_it_says(robot: Robot, motion: Motion) -> None:
     np.testing.assert_allclose(more[:, 0], 0.0, atol=1e-12)
 
 
-def test_accelerations_and_loads_are_those_of_the_links(robot: Robot, motion: Motion) -> None:
-    formula = {"a_hip": -0.05, "|load_hip| * sign(v_knee)": -0.1}
-    more = needed(robot.with_effect(CustomTorque.at("knee", formula)), motion)
-    more -= needed(robot, motion)
-    assert motion.acceleration is not None
-    load = np.abs(link_torque(robot, motion)[:, 0])
-    expected = 0.05 * motion.acceleration[:, 0] + 0.1 * load * np.sign(motion.velocity[:, 1])
-    np.testing.assert_allclose(more[:, 1], expected, atol=1e-12)
-    with pytest.raises(EffectError, match="a_hip, which needs accelerations"):
-        CustomTorque.at("knee", formula).joint_torque(
-            robot, Motion(motion.position, motion.velocity)
-        )
-
-
 def test_dry_terms_never_drive_the_joint(robot: Robot, motion: Motion) -> None:
     effect = CustomTorque.at("knee", {"sign(v_knee)": -0.2, "q_knee * sign(v_knee)": -0.5})
     level = effect.joint_friction(robot, motion)
@@ -113,28 +98,6 @@ def test_it_is_the_named_effect_where_there_is_one(robot: Robot, motion: Motion)
                 for p, s in zip(plants, states, strict=True)
             ]
         np.testing.assert_allclose(states[0].position, states[1].position, atol=1e-12)
-
-
-def test_the_simulator_moves_as_inverse_dynamics_asks(robot: Robot) -> None:
-    formula = {
-        "sin(3 q_hip) * v_knee": -0.2,
-        "v_knee^3": -0.02,
-        "|q_knee| * sign(v_knee)": -0.4,
-        "sign(v_hip)": -0.2,
-    }
-    plant = Plant(robot.with_effect(CustomTorque.at("knee", formula)), FAR)
-    command, h = np.array([0.05, -0.03]), 1e-6
-    state = plant.state(robot.configuration(hip=0.4, knee=-0.9), [1.5, -1.0])
-    for _ in range(20):
-        after = plant.step(state, command, h).state
-        middle = Motion(
-            0.5 * (state.position + after.position)[None],
-            0.5 * (state.velocity + after.velocity)[None],
-            (after.velocity - state.velocity)[None] / h,
-        )
-        asked = needed(plant.robot, middle)[0] / plant.robot.transmission.gear_ratio
-        np.testing.assert_allclose(asked, command, atol=1e-6)
-        state = after
 
 
 def test_a_joint_with_dry_terms_comes_to_rest_and_stays(robot: Robot) -> None:
@@ -206,26 +169,6 @@ def test_it_is_saved_and_loaded_with_units(robot: Robot, tmp_path: Path) -> None
     path.write_text(text.replace("N m s/rad^2", "N m s/rad"))
     with pytest.raises(RobotError, match=r"v_hip \* q_knee: unit 'N m s/rad' stands where"):
         load_robot(path)
-
-
-@pytest.mark.parametrize(
-    ("term", "unit"),
-    [
-        ("1", "N m"),
-        ("q_hip * v_knee", "N m s/rad^2"),
-        ("v_knee^3", "N m s^3/rad^3"),
-        ("a_hip", "N m s^2/rad"),
-        ("|load_knee| * sign(v_knee)", "1"),
-        ("gravity_knee * v_knee", "s/rad"),
-        ("load_knee^2 * sign(v_knee)", "1/(N m)"),
-        ("sin(7.25 q_knee) * q_hip^2", "N m/rad^2"),
-    ],
-)
-def test_units_and_texts_of_terms(term: str, unit: str) -> None:
-    parsed = TorqueTerm.parse(term, 2.0)
-    assert parsed.text == term
-    assert parsed.unit() == unit
-    assert TorqueTerm.parse("v_slide * q_arm", 1.0).unit({"slide"}, at_slide=True) == "N s/(m rad)"
 
 
 @pytest.mark.parametrize(

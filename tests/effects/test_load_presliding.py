@@ -144,20 +144,6 @@ def test_bristles_have_lines_of_their_own_in_the_books(leg: Robot, effect: Presl
     assert misses[1] < 0.02 * flow.lost
 
 
-def test_a_held_load_comes_to_rest_on_bent_bristles(leg: Robot) -> None:
-    """Friction that builds up holds like a spring: a weight that hangs on it does not creep."""
-    robot = leg.with_effect(LoadPresliding("hip", 0.6, 0.5, 0.02))
-    plant, h = Plant(robot, FAR), 1e-3
-    state = plant.state([0.4, 0.0])
-    hold = pin.rnea(leg.model, leg.model.createData(), np.array([0.4, 0.0]), *np.zeros((2, 2)))
-    for _ in range(1500):
-        away = state.position - np.array([0.4, 0.0])
-        torque = hold + np.array([0.0, -40.0 * away[1]]) - np.array([2.0, 2.0]) * state.velocity
-        state = plant.step(state, torque / RATIO, h).state
-    assert np.abs(state.velocity).max() < 1e-3
-    assert abs(state.position[0] - 0.4) < 0.05
-
-
 def test_self_locking_and_states_outside_a_simulation_are_refused(leg: Robot) -> None:
     with pytest.raises(EffectError, match="backward_efficiency"):
         LoadPresliding("knee", 0.4, -0.5, 0.02)

@@ -105,12 +105,6 @@ def test_friction_that_differs_by_direction_is_named(leg: Robot) -> None:
     assert found.values == pytest.approx(ways, rel=0.02)
 
 
-def test_plain_viscous_friction_keeps_its_name_at_any_temperature(leg: Robot) -> None:
-    logs = logs_of(leg, [ViscousFriction("knee", 0.5)], [COLD, WARM, 40.0])
-    (found,) = diagnose(leg, logs).effects
-    assert found.key == ("viscous_friction", "knee")
-
-
 def test_logs_need_the_friction_at_their_temperature(leg: Robot) -> None:
     robot = leg.with_effect(ThermalViscousFriction("knee", 0.4, 0.03))
     q, v = np.zeros((2, 2)), np.full((2, 2), 1.5)

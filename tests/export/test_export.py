@@ -31,7 +31,6 @@ from wbc.effects import (
     VoltageScaling,
     save_robot,
 )
-from wbc.errors import RobotError
 from wbc.export import export_robot
 from wbc.robot import Effect
 from wbc.sim import Plane, Plant, simulate
@@ -250,14 +249,3 @@ def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(
         assert text in printed
         assert text in written
     assert "delay" not in " ".join(export_robot(leg, "mjcf").unsaid)
-
-
-def test_a_wrong_ending_and_a_wrong_format_are_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in ("a.urdf", "a"):
-        file = str(tmp_path / name)
-        assert main(["export", "planar_leg_fixed", "--to", "mjcf", "--file", file]) == 2
-        assert "mjcf wants a name that ends in .xml" in capsys.readouterr().err
-    with pytest.raises(RobotError, match="format 'sdf'"):
-        export_robot(load_robot("planar_leg_fixed"), "sdf")

@@ -18,10 +18,8 @@ from wbc.measurement import (
     load_log,
     load_logs,
     low_pass,
-    rotor_torques,
 )
 from wbc.robot.loading.library import robots_directory
-from wbc.transmission import Transmission
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
 
@@ -77,36 +75,6 @@ def test_servo_logs_carry_what_the_drive_did() -> None:
     assert not any(log.has("shaft.duty") for log in other)
     released = next(log for log in logs if log.source.part.endswith("kp100_lift_and_drop"))
     assert np.count_nonzero(released.column("shaft.enabled") == 0.0) == 1138
-
-
-def test_emps_force_reproduces_the_published_identification() -> None:
-    log = load_log(outside("emps/emps_estimation.parquet"), _map("emps"))
-    rate = 1.0 / log.sample_time
-    velocity = derivative(low_pass(log.column("slide.position"), 40.0, rate, 4), rate)
-    force = low_pass(log.column("slide.motor_torque"), 40.0, rate, 4)
-    sign = low_pass(np.sign(velocity), 40.0, rate, 4)
-    regressor = np.stack([derivative(velocity, rate), velocity, sign, np.ones(len(log))], axis=1)
-    found = np.linalg.lstsq(regressor, force, rcond=None)[0]
-    np.testing.assert_allclose(found, [95.06, 202.0, 20.53, -3.13], rtol=0.02)
-
-
-def test_staubli_joints_follow_from_the_coupled_motors() -> None:
-    path = outside("staubli_tx40/tx40.parquet")
-    log = load_log(path, _map("staubli_tx40"))
-    ratios = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
-    matrix = np.diag(ratios)
-    matrix[5, 4] = ratios[5]
-    joints = tuple(f"joint_{k}" for k in range(1, 7))
-    q = log.stack("position", joints) - [0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0]
-    np.testing.assert_allclose(q @ matrix.T, log.stack("rotor_position", joints), atol=1e-9)
-    # The distribution B = (D R)^-T must give the README's tau_joint = R_tau tau_motor.
-    topology = np.eye(6)
-    topology[5, 4] = -1.0
-    gears = Transmission(joints, ratios, np.zeros(6), topology=topology)
-    expected = np.diag(ratios)
-    expected[4, 5] = ratios[5]
-    torques = rotor_torques(log, gears)
-    np.testing.assert_allclose(torques @ gears.distribution.T, torques @ expected.T, atol=1e-12)
 
 
 def test_tiago_starts_with_the_motion_and_its_velocity_is_a_low_pass_of_it() -> None:

@@ -7,11 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.effects import load_robot
-from wbc.errors import LogError
-from wbc.identification.arguments import require_readable
-from wbc.measurement import Log, check_log, in_degrees, load_log
-from wbc.measurement.findings import lines
+from wbc.measurement import load_log
 from wbc.measurement.names import guess_name
 
 
@@ -53,25 +49,3 @@ def test_the_unit_in_a_name_is_read_whole(name: str, quantity: str, unit: str, o
     """
     found = guess_name(name)
     assert (found.quantity, found.unit, found.owner) == (quantity, unit, owner)
-
-
-def test_every_message_about_degrees_prints_the_same_lines() -> None:
-    """Three places knew three lists of the columns that turn with an encoder."""
-    robot = load_robot("planar_leg_fixed")
-    robot.model.lowerPositionLimit[:], robot.model.upperPositionLimit[:] = -3.0, 3.0
-    time = np.arange(0.0, 4.0, 0.01)
-    angle = np.degrees(np.sin(3.0 * time))
-    hip = {"position": angle, "velocity": np.gradient(angle, time), "target_position": angle}
-    knee = {"position": 0.5 * np.cos(2.0 * time)}
-    log = Log(
-        time,
-        {f"{j}.{q}": v for j, own in (("hip", hip), ("knee", knee)) for q, v in own.items()},
-    )
-    mend = in_degrees(log.columns, ["hip"])
-    assert list(mend["columns"]) == [f"hip.{quantity}" for quantity in hip]
-    (range_,) = check_log(log, robot).of_kind("range")
-    with pytest.raises(LogError) as caught:
-        require_readable(robot, log)
-    for line in lines(mend):
-        assert line in range_.way_out
-        assert line in str(caught.value)

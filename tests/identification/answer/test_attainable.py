@@ -11,7 +11,6 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.effects.joint_effect import JointEffect
-from wbc.identification import diagnose
 from wbc.identification.answer.attainable import Attainable, attainable
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect, Motion, Parameter, Robot
@@ -56,18 +55,6 @@ def test_without_them_it_is_still_near_the_floor() -> None:
     knee = np.sqrt(level.attainable / level.left)[1]
     assert np.sqrt(level.left)[1] > 20.0
     assert knee < 0.25
-
-
-def test_a_certain_cause_beside_one_outside_the_list_is_partial() -> None:
-    hidden = [CoulombFriction("hip", 0.7), Saturating("knee", 1.0)]
-    diagnosis = diagnose(LEG, record_with(LEG, hidden, duration=5.0))
-    assert diagnosis.verdict == "partial"
-    certain = {f.effect.key for f in diagnosis.findings if f.probability > 0.95}
-    assert certain == {("coulomb_friction", "hip")}
-    knee = next(output for output in diagnosis.outputs if output.output == "knee")
-    assert knee.attainable < 0.7 * knee.after < knee.before
-    assert "knee" in diagnosis.remainder
-    assert "knee" in diagnosis.next_experiment
 
 
 def test_what_is_left_counts_as_noise_by_the_share_in_which_it_forgets_itself() -> None:

@@ -62,13 +62,6 @@ def test_causes_that_no_other_explains_stay(hidden: list[Effect]) -> None:
     assert set(end.keys) == {e.key for e in hidden}
 
 
-def test_a_wrong_start_is_left() -> None:
-    hidden = CoulombFriction("hip", 0.5)
-    search, end = _climbed([hidden], [TorqueConstant("knee", 1.2)])
-    assert end.keys == (hidden.key,)
-    assert search.path[-1] is end
-
-
 @pytest.mark.parametrize(
     ("constant", "level"), [(0.85, 0.4), (1.1, 0.6)], ids=["weak drive", "strong drive"]
 )

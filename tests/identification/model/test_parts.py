@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from tests.recover.plant import Lane, simulate
-from wbc.effects import PayloadMass, load_robot
+from wbc.effects import load_robot
 from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
@@ -131,15 +131,6 @@ def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Lo
     assert np.sqrt(np.mean(whitened**2)) == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_same_payload_by_regressor_and_by_another_model(logs: list[Log]) -> None:
-    heavy = ROBOT.with_effect(PayloadMass("foot", 0.4))
-    (record,) = prepare(ROBOT, logs[:1])
-    by_regressor = condensed_residual(heavy, [record])
-    by_model = condensed_residual(heavy, [record.believing(heavy)])
-    assert by_regressor == pytest.approx(by_model, abs=1e-9)
-    assert np.abs(by_regressor - condensed_residual(ROBOT, [record])).max() > 0.5
-
-
 def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
     table = simulate([Lane({"viscous": (0.0, 0.5)}, 3)], duration=5.0, step=5e-4)[0]
     log = Log(table.pop("time"), table)
@@ -149,12 +140,6 @@ def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
     assert (comparison.where[0].output, comparison.where[0].variable) == ("knee", "speed")
     assert comparison.where[0].share > 0.95
     assert json.loads(json.dumps(comparison.to_json()))["error"] == comparison.error
-
-
-def test_a_periodic_torque_shows_its_order() -> None:
-    position = np.cumsum(np.sin(np.linspace(0.0, 12.0, 4000))) * 1e-3
-    torque = 0.3 * np.sin(36.0 * position + 1.0)
-    assert strongest_orders([position], [torque])[0] == pytest.approx(36.0, rel=0.02)
 
 
 @pytest.mark.parametrize("seed", range(8))

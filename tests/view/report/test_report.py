@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.outside import outside
 from tests.swinging_leg import swing
 from wbc.effects import (
     CoulombFriction,
     LinkInertias,
-    TransmissionEfficiency,
     ViscousFriction,
     effect_class,
     load_robot,
@@ -34,7 +32,7 @@ from wbc.identification import (
     open_loop,
 )
 from wbc.identification.answer.words import MEANINGS, TITLES, verdict_sentence, what_to_do
-from wbc.measurement import Log, load_logs
+from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.report import write_report
 
@@ -156,27 +154,6 @@ def test_what_a_reader_who_knew_nothing_did_not_understand_is_said(
         assert all(run["t"][0] <= start <= end <= run["t"][-1] for start, end in run["unused"])
 
 
-def test_of_many_numbers_a_sentence_says_those_that_a_person_checks(diagnosis: Diagnosis) -> None:
-    mass = Estimate(2.31, "kg", 2.2, 2.4, 2.0)
-    finding = replace(diagnosis.findings[0], quantities={"mass": mass})
-    named = replace(diagnosis, verdict="named", findings=(finding,))
-    assert verdict_sentence(named).startswith(
-        "Missing in the model: viscous friction at knee (mass 2.31 kg instead of 2.00)."
-    )
-    assert named.rows()[0]["parameter"] == "mass"
-    assert effect_class("link_inertia").at("shin").said() == "link inertia at shin"
-
-
-def test_what_the_robot_has_already_is_not_called_missing(robot: Robot, logs: list[Log]) -> None:
-    """A lossless leg beside a robot with losses: "missing: losses (0.008 %)"."""
-    lossy = wbc.load_robot("planar_leg_fixed")
-    found = diagnose(lossy, logs, [TransmissionEfficiency, ViscousFriction])
-    sentence = verdict_sentence(found)
-    assert sentence.startswith("Missing or different in the model: ")
-    assert "(as given: forward efficiency 0.800, backward efficiency 0.750)" in sentence
-    assert re.search(r"as given +0\.800", str(found))
-
-
 def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: Diagnosis) -> None:
     """The recorded TX40 was told in a sentence of six lines, with a spring of 76 % among them."""
     names = ("coulomb_friction", "quadratic_drag", "joint_spring", "rotor_inertia", "torque_offset")
@@ -205,19 +182,6 @@ def test_a_drive_that_was_set_aside_is_not_the_measure_of_an_answer(diagnosis: D
     assert "(8.9 N m are left at wrist)" in verdict_sentence(unknown)
     assert re.search(r"torso +181 +181 +181 +0\.094 +N, set aside", str(found))
     assert found.to_json()["joints"]["torso"]["judged"] is False
-
-
-def test_a_robot_that_lacks_nothing_has_no_column_of_what_was_found(
-    robot: Robot, logs: list[Log], tmp_path: Path
-) -> None:
-    found = diagnose(robot, [swing(robot, 1, 0.0), swing(robot, 2, 0.0)], [ViscousFriction])
-    assert found.verdict == "none"
-    text = write_report(tmp_path / "none.html", robot, logs, found).read_text("utf-8")
-    body = text[text.index("<body>") : text.index("<script>")]
-    assert "with the effects found" not in body
-    assert "<td>robot as given</td>" in body
-    (cells,) = re.findall(r"<tr><td class=\"\">knee</td>(.*?)</tr>", body)[:1]
-    assert cells.count("<td") == 4
 
 
 def test_a_drawing_without_a_number_that_is_told_shows_none(diagnosis: Diagnosis) -> None:
@@ -301,19 +265,6 @@ def test_names_from_files_cannot_break_out_of_the_page(
     text = page.read_text(encoding="utf-8")
     assert '<script>alert("x")' not in text
     assert "misses these logs by" in text
-
-
-@pytest.mark.parametrize(
-    ("name", "pattern"), [("planar_leg_fixed", "case02?.csv"), ("planar_leg", "float02?.csv")]
-)
-def test_reports_of_the_practice_logs_stay_below_ten_megabytes(
-    name: str, pattern: str, tmp_path: Path
-) -> None:
-    paths = sorted(outside("practice_leg").glob(pattern))
-    page = write_report(tmp_path / "r.html", wbc.load_robot(name).lossless(), load_logs(paths))
-    assert page.stat().st_size < 10_000_000
-    text = page.read_text(encoding="utf-8")
-    assert all(path.name in text for path in paths)
 
 
 @pytest.mark.usefixtures("chromium")
