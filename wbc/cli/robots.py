@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shtab
 from rich.console import Console
 
 from wbc.arrays import FloatArray
+from wbc.cli.options import build_parser
 from wbc.cli.outputs import Outcome, require_outputs, write_figures
 from wbc.cli.printout import table
 from wbc.effects import EFFECTS, load_robot
@@ -21,9 +23,6 @@ from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from wbc.metrics import Metric
-import shtab
-
-from wbc.cli.options import build_parser
 
 _FILES = {
     "bash": "_wbc_files",

@@ -1,4 +1,7 @@
-"""Which parameters of a linear model its logs tell, and what each stands for."""
+"""The classic identification of a robot: every parameter at once, by weighted least squares.
+
+Base parameters of the links, rotor inertias, friction and offsets.
+"""
 
 from __future__ import annotations
 

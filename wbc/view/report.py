@@ -102,8 +102,9 @@ def write_report(
     """
     problem = EstimationProblem.from_logs(robot, logs)
     comparison, qualities = compare_problem(problem), check_logs(logs, robot)
-    fitted = problem.robot if diagnosis is None else diagnosis.robot
-    series = series_of(fitted, problem.records)
+    series = comparison.series
+    if diagnosis is not None:
+        series = series_of(diagnosis.robot, problem.records)
     plots = residual_plots(residuals_in(problem, comparison.series, series))
     steps = [] if diagnosis is None else stairs(diagnosis)
     context: dict[str, Any] = {
@@ -134,6 +135,11 @@ def write_report(
         "plotly": get_plotlyjs(),
         **headline(comparison, diagnosis, commands),
     }
+    return write_text(path, _rendered(context))
+
+
+def _rendered(context: dict[str, Any]) -> str:
+    """Return the page with the names that its template uses."""
     for name, file in (("css", "report.css"), ("script", "report.js")):
         context[name] = (_PAGE / file).read_text(encoding="utf-8")
     environment = Environment(
@@ -150,7 +156,7 @@ def write_report(
         "deviation": with_deviation,
         "short": short_label,
     }
-    return write_text(path, environment.get_template("report.html.j2").render(context))
+    return environment.get_template("report.html.j2").render(context)
 
 
 def _unbroken(value: object) -> object:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.numbers import plain
@@ -11,11 +13,6 @@ from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
-import shlex
-from dataclasses import dataclass
-
-if TYPE_CHECKING:
-    from wbc.identification.answer.diagnosis import Diagnosis
 
 TITLES = {
     "named": "cause found",
