@@ -96,10 +96,9 @@ def test_effects_that_remember_have_no_slopes_row_by_row() -> None:
     for site, exact in ((late, False), (quick, True)):
         path = next(random_paths(site.rivals, site.limits, 3.0, 3, 1))
         assert slopes_are_exact(site.rivals, site.motion(path, 50.0)) is exact
-    settings = {"rounds": 4, "aim": deciding}
     one, other = (
-        design_experiment(late.rivals, late.limits, 3.0, climb=climb, **settings)  # type: ignore[arg-type]
-        for climb in (True, False)
+        design_experiment(late.rivals, late.limits, 3.0, rounds=4, aim=aim)
+        for aim in (deciding, replace(deciding, climbed=None))
     )
     np.testing.assert_array_equal(one.path.sine, other.path.sine)
 
@@ -113,9 +112,8 @@ def test_random_motions_hold_a_period_as_far_as_two_hertz_allow(duration: float)
 
 
 def planned(site: Site, aim: Aim, climb: bool) -> Designed:
-    return design_experiment(
-        site.rivals, site.limits, site.duration, rounds=15, aim=aim, climb=climb
-    )
+    aim = aim if climb else replace(aim, climbed=None)
+    return design_experiment(site.rivals, site.limits, site.duration, rounds=15, aim=aim)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 
 from wbc.cli import main
 from wbc.design.experiment import (
+    Aim,
     ExperimentTask,
     MotionLimits,
     design_experiment,
@@ -47,7 +48,7 @@ def test_each_row_is_what_one_plan_gives_and_a_failure_stays_alone(whole: Path) 
     task = tasks()[0]
     robot = task.loaded()
     rivals, limits = task.rivals(robot), MotionLimits.of(robot, 1.0, 6.0)
-    classic = design_experiment(rivals, limits, 1.0, rounds=1, aim=informing, climb=False)
+    classic = design_experiment(rivals, limits, 1.0, rounds=1, aim=Aim(informing.value))
     alone = design_experiment(rivals, limits, 1.0, rounds=1, starts=[classic.path])
     np.testing.assert_array_equal(read_path(rows["path"][0]).sine, alone.path.sine)
     assert rows["log10_odds_designed"][0] == pytest.approx(alone.worst / np.log(10.0))

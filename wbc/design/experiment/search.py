@@ -86,7 +86,6 @@ def design_experiment(
     seed: int = 0,
     aim: Aim = deciding,
     starts: Sequence[FourierPath] = (),
-    climb: bool = True,
     watch: Callable[[int, int], None] | None = None,
 ) -> Designed:
     """Return the best motion found for an aim; the same for the same seed.
@@ -102,9 +101,9 @@ def design_experiment(
         rate: of the log that will be recorded [Hz], at which the odds are given.
         rounds: changes tried; the climb's work grows with them too.
         seed: of draws and changes.
-        aim: `deciding`, `informing`, `shrinking` or one of your own.
+        aim: `deciding`, `informing`, `shrinking` or one of your own; without `climbed` nothing
+            follows the changes at random.
         starts: motions to improve beside the random ones, for example a D-optimal one.
-        climb: whether to climb after the changes at random.
         watch: called with the motions tried and their total; the climb counts as `rounds` more.
 
     Raises:
@@ -146,7 +145,7 @@ def design_experiment(
         if watch:
             watch(_DRAWN + i + 1, total)
     path = _within(site, max(best, key=lambda one: one[0])[1], rate)
-    if climb and rounds:
+    if rounds:
         path = _higher(site, path, aim, pairs, rate, rounds)
     return expected(rivals, limits, path, rate)
 

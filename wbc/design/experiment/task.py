@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -145,7 +145,7 @@ def compare_motions(
         seed=task.seed,
         watch=watch,
     )
-    classic = plan(aim=informing, climb=False)
+    classic = plan(aim=replace(informing, climbed=None))
     return {
         RANDOM: chance[_RANDOM // 2],
         CLASSIC: classic,
