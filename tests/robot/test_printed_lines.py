@@ -14,8 +14,8 @@ from wbc.control import JouleHeatEffort
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
-from wbc.identification.servo import servo_models as rollouts
-from wbc.identification.servo.servo_models import ServoModels
+from wbc.identification import servo as rollouts
+from wbc.identification.servo import ServoModels
 from wbc.measurement import Log, check_log, rotor_torques
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive

@@ -29,7 +29,7 @@ from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
-from wbc.identification.servo.servo_models import UNITS, Rollouts, fit_rollouts
+from wbc.identification.servo import UNITS, Rollouts, fit_rollouts
 from wbc.measurement import Log
 from wbc.measurement.guess import guessed_numbers
 from wbc.robot import Effect, Robot

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from wbc.identification import Comparison, Contestant, OpenLoop
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
-    from wbc.identification.servo.servo_models import Rollouts
+    from wbc.identification.servo import Rollouts
     from wbc.identification.trend import FleetDiagnosis, Trend
     from wbc.measurement import LogQuality
 
@@ -170,7 +170,7 @@ def servo_model_rows(found: Rollouts) -> TextTable:
 
 def servo_number_rows(found: Rollouts) -> TextTable:
     """Return the fitted numbers of a servo."""
-    from wbc.identification.servo.servo_models import UNITS
+    from wbc.identification.servo import UNITS
 
     fit = found.chosen.fit
     bound = {name: "at its bound" if name in fit.at_bound else "" for name in fit.values}

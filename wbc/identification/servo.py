@@ -18,7 +18,7 @@ from wbc.effects.links.gravity_direction import GravityDirection
 from wbc.errors import IdentificationError
 from wbc.files import as_json
 from wbc.identification.arguments import require_robot_and_logs
-from wbc.identification.servo.servo_fit import ServoFit, Span, fit_servos
+from wbc.identification.servo_fit import ServoFit, Span, fit_servos
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive
