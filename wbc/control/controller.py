@@ -33,7 +33,7 @@ from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference, State
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contact_set import ContactSet
-from wbc.control.rows.contacts import BoundContact, Contact
+from wbc.control.rows.contacts import Contact
 from wbc.control.rows.efforts import ContactForceTask, Effort
 from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.task import Task
@@ -116,7 +116,14 @@ class Controller:
             settings,
             tuple(self._contacts.values()),
         )
-        force_tasks = _checked_force_tasks(self.tasks, self._contacts)
+        efforts = tuple(task for task in self.tasks if isinstance(task, Effort))
+        for effort in efforts:
+            effort.check(robot)
+        force_tasks = tuple(task for task in self.tasks if isinstance(task, ContactForceTask))
+        for wish in force_tasks:
+            if wish.contact not in self._contacts:
+                unknown = unknown_name("contact", wish.contact, self._contacts)
+                raise ControlError(f"task '{wish.name}': {unknown}")
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
         joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
@@ -132,7 +139,7 @@ class Controller:
             joints=self._joints,
             collision=self._collision,
             weights=(settings.acceleration_weight, settings.force_weight),
-            efforts=_checked_efforts(robot, self.tasks),
+            efforts=efforts,
             force_tasks=force_tasks,
             stacks=self._stacks,
             tolerance=settings.tolerance,
@@ -360,27 +367,6 @@ def _stacks_by_level(
     return tuple(
         TaskStack(robot, [task for task in moving if task.level == rank], model) for rank in ranks
     )
-
-
-def _checked_efforts(robot: Robot, tasks: Sequence[object]) -> tuple[Effort, ...]:
-    """Return the efforts among the tasks after checking that they fit the robot."""
-    efforts = tuple(task for task in tasks if isinstance(task, Effort))
-    for effort in efforts:
-        effort.check(robot)
-    return efforts
-
-
-def _checked_force_tasks(
-    tasks: Sequence[object], contacts: Mapping[str, BoundContact]
-) -> tuple[ContactForceTask, ...]:
-    """Return the contact-force tasks among the tasks after checking that their contacts exist."""
-    found = tuple(task for task in tasks if isinstance(task, ContactForceTask))
-    for task in found:
-        if task.contact not in contacts:
-            raise ControlError(
-                f"task '{task.name}': " + unknown_name("contact", task.contact, contacts)
-            )
-    return found
 
 
 def _single(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:

@@ -205,30 +205,24 @@ class Fallback:
         return _clipped(rotor, self._robot.transmission.torque_limit)
 
     def _situation(self, motion: Motion | None, dt: float) -> Situation:
-        unknown = np.full(self._robot.transmission.size, np.nan)
+        """Return what policies see, with statics of the present pose or the last known one."""
+        m, last = self._robot.transmission.size, self._position
+        unknown, place = np.full(m, np.nan), last if motion is None else motion.position
+
+        def statics() -> Statics:
+            if place is None:
+                return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
+            return self._standing.statics(place, self._contacts)
+
         return Situation(
-            last=self._last_good(),
+            last=LastGood(self._torque, None if last is None else self._motors.position(last)),
             position=unknown if motion is None else self._motors.position(motion.position),
             speed=unknown if motion is None else self._motors.speed(motion.velocity),
             ticks=self._ticks,
             time=self._time,
             dt=dt,
-            find_statics=lambda: self._statics(motion),
+            find_statics=statics,
         )
-
-    def _last_good(self) -> LastGood:
-        """Return the last tick with a solution, as policies see it."""
-        if self._position is None:
-            return LastGood(self._torque, None)
-        return LastGood(self._torque, self._motors.position(self._position))
-
-    def _statics(self, motion: Motion | None) -> Statics:
-        """Return the statics of the present pose, or of the last known one."""
-        position = self._position if motion is None else motion.position
-        if position is None:
-            m = self._robot.transmission.size
-            return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
-        return self._standing.statics(position, self._contacts)
 
 
 def _clipped(torque: object, limit: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
 from wbc.compiled import Number, Places, Vector, compiled
 from wbc.control.command import Status
-from wbc.control.qp.problem import is_finite
 from wbc.control.reference import Reference, State
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.rows.efforts import ContactForceTask
@@ -223,11 +222,6 @@ def size_complaint(references: Mapping[str, Reference]) -> Complaint:
         if not reference.is_finite():
             return Status.NOT_FINITE, f"the reference of task '{name}' is not finite."
     return Status.NOT_FINITE, "the accelerations or forces of this state are too large."
-
-
-def all_finite(*vectors: FloatArray) -> bool:
-    """Whether the vectors (n,) are finite."""
-    return all(is_finite(vector) for vector in vectors)
 
 
 class TickInputs(NamedTuple):

@@ -37,7 +37,7 @@ from wbc.control.qp.gear_rows import (
     place_slopes,
     place_torques,
 )
-from wbc.control.rows.joint_rows import JOINTS, place_joint_bounds
+from wbc.control.rows.limits import JOINTS, place_joint_bounds
 from wbc.control.tree import (
     DISTANCE,
     MOMENTUM,
@@ -177,22 +177,16 @@ def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
         pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]
 
 
-@compiled(Nothing, CONTACTS.kind, Vector)
-def settle_down(contacts: Any, velocity: FloatArray) -> None:
-    """Write -damping J v - drift (k,), the acceleration that brings contacts to rest."""
+@compiled(Nothing, TREE.kind, CONTACTS.kind, Vector, Number)
+def rest(tree: Any, contacts: Any, velocity: FloatArray, mass: float) -> None:
+    """Write the rows of contacts, and -damping J v - drift (k,), which brings them to rest."""
+    fill_state_rows(tree, contacts.rows, mass)
     jacobian, drift = contacts.rows.jacobian, contacts.rows.drift
     for i in range(len(drift)):
         rate = 0.0
         for j in range(len(velocity)):
             rate += jacobian[i, j] * velocity[j]
         contacts.target[i] = -contacts.damping[i] * rate - drift[i]
-
-
-@compiled(Nothing, TREE.kind, CONTACTS.kind, Vector, Number)
-def rest(tree: Any, contacts: Any, velocity: FloatArray, mass: float) -> None:
-    """Write the rows of contacts, and -damping J v - drift (k,), which brings them to rest."""
-    fill_state_rows(tree, contacts.rows, mass)
-    settle_down(contacts, velocity)
 
 
 @compiled(Nothing, PROGRAM.kind, Flag)

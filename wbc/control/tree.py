@@ -237,15 +237,8 @@ def place_turn(place: FloatArray, target: FloatArray, turn: FloatArray) -> None:
 @compiled(Nothing, OutDense, Count, OutVector)
 def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
     """Turn a linear and an angular vector (6,) from world axes into those of a placement."""
-    for half in range(0, 6, 3):
-        x, y, z = six[half], six[half + 1], six[half + 2]
-        for a in range(3):
-            column = 3 * a
-            six[half + a] = (
-                places[number, column] * x
-                + places[number, column + 1] * y
-                + places[number, column + 2] * z
-            )
+    six[0], six[1], six[2] = _own(places, number, six[0], six[1], six[2])
+    six[3], six[4], six[5] = _own(places, number, six[3], six[4], six[5])
 
 
 @compiled(types.UniTuple(Number, 6), Dense, Dense, Count, *[Number] * 3)

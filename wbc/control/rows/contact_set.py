@@ -65,7 +65,12 @@ class ContactSet:
         chosen, firsts = [w[0] for w in wanted], [w[1] for w in wanted]
         table = FrameTable(model, chosen, firsts, np.zeros((start, nv)), np.zeros(start))
         self.memory: Any = CONTACTS.of(rows=table.rows, damping=damping, target=np.zeros(start))
-        self._pull = ContactPull(self.contacts, self.slices, wanted)
+        # contacts whose drift is taken back: name, stiffness, rows, number and rows in the table
+        self._pulls = [
+            (contact.name, contact.contact.stiffness, rows, firsts.index(rows.start), own)
+            for contact, rows, (own, _) in zip(self.contacts, self.slices, known, strict=True)
+            if contact.contact.stiffness > 0.0 and own is not None
+        ]
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
         self.normals = np.zeros((len(self.contacts), start))
@@ -92,13 +97,16 @@ class ContactSet:
             own = self.slices[i]
             self.contacts[i].fill(kinematics, rows.jacobian[own], rows.drift[own])
         rest(kinematics.tree, self.memory, kinematics.velocity, kinematics.mass)
-        if anchors and self._pull.names:
-            self._pull.add(rows.places, anchors, self.memory.target)
+        for name, stiffness, own, number, known in self._pulls if anchors else ():
+            anchor = (anchors or {}).get(name)
+            if anchor is not None:
+                drift = _drift(known, anchor, rows.places[number])
+                self.memory.target[own] -= stiffness * drift
 
     @property
     def is_known(self) -> bool:
         """Whether all rows and what they want follow from the state alone."""
-        return not self._foreign and not self._pull.names
+        return not self._foreign and not self._pulls
 
     def anchored(self, anchors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return where the contacts that take drift back stood in the first tick, by name.
@@ -106,7 +114,11 @@ class ContactSet:
         Args:
             anchors: those of the last tick; a contact that is not active loses its own.
         """
-        return self._pull.kept(self.memory.rows.places, anchors) if self._pull.names else {}
+        places = self.memory.rows.places
+        return {
+            name: anchors[name] if name in anchors else places[number].copy()
+            for name, _, _, number, _ in self._pulls
+        }
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""
@@ -126,51 +138,6 @@ def _own_wrench(contact: BoundContact) -> Callable[[FloatArray], FloatArray] | N
     """Return what turns a contact's force into what users see, None where it is the same."""
     probe = np.zeros(contact.rows)
     return None if contact.wrench(probe) is probe else contact.wrench
-
-
-class ContactPull:
-    """Adds -stiffness d to what contacts want, d being the drift in their rows.
-
-    Attributes:
-        names: of the contacts that have a stiffness; the others drift as the ground lets them.
-    """
-
-    def __init__(
-        self,
-        contacts: Sequence[BoundContact],
-        slices: Sequence[slice],
-        table: Sequence[tuple[StateRows, int]],
-    ) -> None:
-        """Sort out who pulls.
-
-        Args:
-            contacts: of a set, with their rows `slices`.
-            slices: rows of every contact.
-            table: rows and first row of those that a `FrameTable` evaluates, in its order.
-        """
-        places = {first: i for i, (_, first) in enumerate(table)}
-        self._pulling = [
-            (contact.name, contact.contact.stiffness, rows, places[rows.start], table)
-            for contact, rows in zip(contacts, slices, strict=True)
-            if contact.contact.stiffness > 0.0 and rows.start in places
-        ]
-        self.names = tuple(entry[0] for entry in self._pulling)
-
-    def add(
-        self, places: FloatArray, anchors: Mapping[str, FloatArray], target: FloatArray
-    ) -> None:
-        """Add what takes the drift from the anchors back to `target` (k,)."""
-        for name, stiffness, rows, number, table in self._pulling:
-            anchor = anchors.get(name)
-            if anchor is not None:
-                target[rows] -= stiffness * _drift(table[number][0], anchor, places[number])
-
-    def kept(self, places: FloatArray, anchors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return the anchors of the contacts: their own of before, or where they are now."""
-        return {
-            name: anchors[name] if name in anchors else places[number].copy()
-            for name, _, _, number, _ in self._pulling
-        }
 
 
 def _drift(rows: StateRows, anchor: FloatArray, place: FloatArray) -> FloatArray:
