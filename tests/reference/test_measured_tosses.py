@@ -1,11 +1,14 @@
-"""A cube thrown on a board (Pfrommer, Halm, Posa: ContactNets, CoRL 2020), beside the plant.
+"""Cubes thrown on a board (Pfrommer, Halm, Posa: ContactNets, CoRL 2020), beside the plant.
 
 Lengths of this data are too short by 2 %: free flight falls at 9.62 m/s^2, and the cube rests at
 0.978 of its half edge. The path after several impacts is no measure: a cube that lands a degree
-differently goes another way.
+differently goes another way. `python -m pytest tests/reference/test_measured_tosses.py -s` prints
+the figures of docs/measurements/recorded.md.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,16 +19,28 @@ from scipy.spatial.transform import Rotation
 from tests.outside import outside
 from wbc import Robot
 from wbc.robot import ContactPoint
-from wbc.sim import Plant
+from wbc.sim import HuntCrossley, Plant
 from wbc.transmission import Transmission
 
 HALF_EDGE, MASS, INERTIA = 0.0524, 0.37, 0.00081  # [m], [kg], [kg m^2]
 CORNERS = HALF_EDGE * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 FALL = np.array([0.0, 0.0, -0.5 * 9.81])
-FIRST = 8  # frames that give the start; all lie before the first impact
+FIRST, STEPS = 8, 7  # frames that give the start, all before the first impact; steps per frame
 
 
-def cube(friction: float, restitution: float) -> Plant:
+class Toss(NamedTuple):
+    """A measured toss, the start that fits its first frames, and the frame of its first impact."""
+
+    time: np.ndarray
+    position: np.ndarray
+    rotation: Rotation
+    start: np.ndarray
+    velocity: np.ndarray
+    hit: int
+    free: tuple[np.ndarray, Rotation]
+
+
+def cube(friction: float, **law: object) -> Plant:
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     inertia = pin.Inertia(MASS, np.zeros(3), INERTIA * np.eye(3))
@@ -33,50 +48,87 @@ def cube(friction: float, restitution: float) -> Plant:
     model.addBodyFrame("cube", joint, pin.SE3.Identity(), 0)
     points = tuple(ContactPoint(f"corner_{i}", "cube", c, friction) for i, c in enumerate(CORNERS))
     gears = Transmission((), np.zeros(0), np.zeros(0))
-    return Plant(Robot("cube", model, gears, points), restitution=restitution)
+    return Plant(Robot("cube", model, gears, points), **law)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_a_measured_toss_is_predicted_up_to_the_first_impact_and_through_it(number: int) -> None:
+@pytest.fixture(scope="module")
+def tosses() -> list[Toss]:
+    """The 25 tosses that no contact law was fitted to."""
     folder = outside("contact_nets_cube")
     names = np.genfromtxt(
         folder / "tosses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
     )
-    held_out = sorted(int(row["toss"]) for row in names if row["split"] == "holdout")
-    table = pq.read_table(folder / "tosses.parquet")
-    rows = np.asarray(table["toss"]) == held_out[number]
-    column = {name: np.asarray(table[name])[rows] for name in table.schema.names}
-    time = column["time"] - column["time"][0]
-    position = 1.02 * np.stack([column[f"base.position.{a}"] for a in "xyz"], axis=1)
-    turned = Rotation.from_quat(np.stack([column[f"base.orientation.{a}"] for a in "xyzw"], axis=1))
-    side = np.stack([np.ones(FIRST), time[:FIRST]], axis=1)
-    rising = position[:FIRST] - np.outer(time[:FIRST] ** 2, FALL)
-    (place, velocity), *_ = np.linalg.lstsq(side, rising, rcond=None)
-    turns = (turned[:FIRST] * turned[0].inv()).as_rotvec()
-    (offset, spin), *_ = np.linalg.lstsq(side, turns, rcond=None)
-    start = Rotation.from_rotvec(offset) * turned[0]
+    table, found = pq.read_table(folder / "tosses.parquet"), []
+    for number in (int(row["toss"]) for row in names if row["split"] == "holdout"):
+        rows = np.asarray(table["toss"]) == number
+        column = {name: np.asarray(table[name])[rows] for name in table.schema.names}
+        time = column["time"] - column["time"][0]
+        position = 1.02 * np.stack([column[f"base.position.{a}"] for a in "xyz"], axis=1)
+        turned = np.stack([column[f"base.orientation.{a}"] for a in "xyzw"], axis=1)
+        rotation = Rotation.from_quat(turned)
+        side = np.stack([np.ones(FIRST), time[:FIRST]], axis=1)
+        rising = position[:FIRST] - np.outer(time[:FIRST] ** 2, FALL)
+        (place, velocity), *_ = np.linalg.lstsq(side, rising, rcond=None)
+        turns = (rotation[:FIRST] * rotation[0].inv()).as_rotvec()
+        (offset, spin), *_ = np.linalg.lstsq(side, turns, rcond=None)
+        start = Rotation.from_rotvec(offset) * rotation[0]
+        free = place + np.outer(time, velocity) + np.outer(time**2, FALL)
+        turning = Rotation.from_rotvec(np.outer(time, spin)) * start
+        corners = np.array([turning.apply(corner)[:, 2] for corner in CORNERS])
+        hit = int(np.argmax(free[:, 2] + corners.min(axis=0) < 0.0))
+        own = np.concatenate([start.inv().apply(velocity), start.inv().apply(spin)])
+        begun = np.concatenate([place, start.as_quat()])
+        found.append(Toss(time, position, rotation, begun, own, hit, (free, turning)))
+    return found
 
-    plant, back = cube(0.2, 0.3), start.inv()
-    state = plant.state(
-        np.concatenate([place, start.as_quat()]),
-        np.concatenate([back.apply(velocity), back.apply(spin)]),
-    )
-    seen = [state.position[:3]]
-    for length in np.diff(time):
-        for _ in range(7):
-            state = plant.step(state, np.zeros(0), length / 7).state
-        seen.append(state.position[:3])
+
+def thrown(plant: Plant, toss: Toss) -> tuple[np.ndarray, Rotation]:
+    state = plant.state(toss.start, toss.velocity)
+    seen = [state.position]
+    for length in np.diff(toss.time):
+        for _ in range(STEPS):
+            state = plant.step(state, np.zeros(0), length / STEPS).state
+        seen.append(state.position)
     path = np.array(seen)
+    return path[:, :3], Rotation.from_quat(path[:, 3:7])
 
-    free = place + np.outer(time, velocity) + np.outer(time**2, FALL)
-    turning = Rotation.from_rotvec(np.outer(time, spin)) * start
-    lowest = free[:, 2] + np.min([turning.apply(corner)[:, 2] for corner in CORNERS], axis=0)
-    hit = int(np.argmax(lowest < 0.0))
-    miss = np.linalg.norm(path - position, axis=1)
-    speed = [(p[hit + 4] - p[hit + 1]) / (3 * time[1]) for p in (path, position, free)]
+
+def speed_after(toss: Toss, position: np.ndarray, rotation: Rotation) -> np.ndarray:
+    """(6,) [m/s] over three frames after the first impact, the angular one times a radius."""
+    one, other = toss.hit + 1, toss.hit + 4
+    turn = np.sqrt(INERTIA / MASS) * (rotation[other] * rotation[one].inv()).as_rotvec()
+    moved = np.concatenate([position[other] - position[one], turn])
+    return np.asarray(moved / (3 * toss.time[1]))
+
+
+def face(rotation: Rotation) -> tuple[int, float]:
+    up = rotation[-1].as_matrix()[2]
+    return int(np.abs(up).argmax()), float(np.sign(up[np.abs(up).argmax()]))
+
+
+# Fitted on 75 other tosses: least mean error of the speed after the first impact.
+@pytest.mark.parametrize(
+    "plant",
+    [cube(0.202, restitution=0.31), cube(0.201, compliance=HuntCrossley(3e6, 1.9))],
+    ids=["rigid", "compliant"],
+)
+def test_measured_tosses_are_predicted_through_the_first_impact(
+    plant: Plant, tosses: list[Toss], request: pytest.FixtureRequest
+) -> None:
+    flight, speed, place, faces, jump = [], [], [], 0, []
+    for toss in tosses:
+        position, rotation = thrown(plant, toss)
+        measured = speed_after(toss, toss.position, toss.rotation)
+        flight.append(np.linalg.norm(position - toss.position, axis=1)[: toss.hit].max())
+        speed.append(np.linalg.norm(speed_after(toss, position, rotation) - measured))
+        jump.append(np.linalg.norm(speed_after(toss, *toss.free) - measured))
+        place.append(np.linalg.norm((position - toss.position)[-1, :2]))
+        faces += face(rotation) == face(toss.rotation)
     print(
-        miss[:hit].max(), np.linalg.norm(speed[0] - speed[1]), np.linalg.norm(speed[1] - speed[2])
+        f"{request.node.callspec.id}: after the first impact {np.median(speed):.2f} m/s of a jump "
+        f"by {np.median(jump):.2f}, final place {1e3 * np.median(place):.0f} mm, {faces} faces"
     )
-    assert miss[:hit].max() < 3e-3
-    assert np.linalg.norm(speed[0] - speed[1]) < 0.3 < np.linalg.norm(speed[1] - speed[2])
-    assert miss[-1] < 0.1 < np.linalg.norm(position[-1] - position[hit])
+    assert max(flight) < 5e-3
+    assert np.median(speed) < 0.2 < 1.0 < np.median(jump)
+    assert np.median(place) < 0.03
+    assert faces >= 20
