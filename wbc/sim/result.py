@@ -31,7 +31,8 @@ class StepEvent:
         kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
             where the step's energy balance gained more than a hundredth of the energy in play,
             which a shorter step mends; "unsettled", where the budget of work ended before all laws
-            were met, and friction is that of the impulses found so far; "overlap", where a barrier
+            were met: friction is that of the impulses found so far, or flanks of gears or the
+            coupling of rotors are not settled; "overlap", where a barrier
             was overrun further than the plant's return speed takes back in one step; "sunk", where
             a joint of a robot with a free base is under the ground, because its link has no contact
             there.
@@ -198,8 +199,8 @@ def _unsettled(ends: Sequence[tuple[float, float]]) -> Iterator[StepEvent]:
     for time, missed in ends:
         if missed > 0.0:
             text = (
-                f"laws are missed by {missed:.3g} m/s (rad/s): friction is that of the impulses "
-                "that were found until the budget of work ended; the step is passive"
+                f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
+                "friction, flanks of gears or the coupling of rotors met them; a shorter dt may"
             )
             yield StepEvent("unsettled", time, missed, text)
 

@@ -55,8 +55,8 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
 
 
 @compiled(
-    several(Count, Count), OPENED, OutDense, SYSTEM, Row, Number, Row, Number, OutRow, OutRow,
-    OutRow,
+    several(Count, Count, Number), OPENED, OutDense, SYSTEM, Row, Number, Row, Number,
+    *(OutRow,) * 3,
 )  # fmt: skip
 def solve_compliant(
     plant: Opened,
@@ -69,7 +69,7 @@ def solve_compliant(
     impulse: FloatArray,
     end: FloatArray,
     damped: FloatArray,
-) -> tuple[int, int]:
+) -> tuple[int, int, float]:
     """Solve the rows of a part with compliant contacts.
 
     Args:
@@ -79,7 +79,7 @@ def solve_compliant(
         relative, step, start, tolerance, impulse, end, damped: see `solve_gripped`.
 
     Returns:
-        the number of linear systems solved, and what `solve_system` says.
+        see `solve_gripped`.
     """
     count, contacts = len(system.targets), len(depths)
     first, work, m = count - contacts, 0, len(system.laws)
@@ -100,12 +100,12 @@ def solve_compliant(
             delassus[row, row] = own + give
             slope[row] = 1.0 / (own + give)
             targets[first + c] = speed[row] + push * give if give > 0.0 else NEVER
-        used, way = solve_gripped(
+        used, way, missed = solve_gripped(
             plant.gears, softer, relative, step, guess, tolerance, impulse, end, damped
         )
         work += used
         if way >= UNSOLVED:
-            return work, way
+            return work, way, missed
         guess[:] = impulse
         speeds_at(system.delassus, system.free, impulse, speed)
         off = 0.0
@@ -115,5 +115,5 @@ def solve_compliant(
             force, _ = mean_force(plant, depths[c, 0], after, step)
             off = max(off, abs(step * force - impulse[row]) * system.delassus[row, row])
         if off <= tolerance:
-            return work, way
-    return work, UNSOLVED
+            return work, way, missed
+    return work, UNSOLVED, 0.0

@@ -21,7 +21,7 @@ from wbc.sim.step.arrival import DRIFT, lift
 from wbc.sim.step.compliant import NEVER
 from wbc.sim.step.contacts import GAPS
 from wbc.sim.step.forces import EffectForces
-from wbc.sim.step.gears import FLANKS, Drivetrain
+from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import (
     CONTACT,
     ENERGY,
@@ -39,7 +39,6 @@ from wbc.sim.step.part import (
     LANDED,
     NO_INERTIA,
     UNDECIDED,
-    UNSETTLED,
     PartRows,
     first_half,
     part_in_rows,
@@ -58,10 +57,6 @@ from wbc.sim.step.program import (
 )
 from wbc.sim.step.tables import Obstacles, opened
 
-COUPLING_FAILED = (
-    "the inertial coupling of rotors and housings did not settle: a rotor is about as heavy as the "
-    "links that carry it. Model it as a joint of its own."
-)
 _NOTHING = np.zeros(0)
 _ROUNDING = 1e-9
 _TRIES = 5
@@ -303,13 +298,6 @@ class Core:
         inertia = self.plant.placed.inertia
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
-        if way == FLANKS:
-            worst = [self._names[i] for i in np.flatnonzero(np.isnan(ended.deflection)).tolist()]
-            return SimulationError(
-                f"the gear flanks of {', '.join(worst)} do not meet their law; shorten dt."
-            )
-        if way == UNSETTLED:
-            return SimulationError(COUPLING_FAILED)
         rows, system, _, _ = self._in_rows(before, _NOTHING, _NOTHING)
         if not np.isfinite(system.free).all():
             return blown_up(inertia, state.velocity)
@@ -415,8 +403,6 @@ class Core:
         inertia = self.plant.placed.inertia
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
-        if way == UNSETTLED:
-            return SimulationError(COUPLING_FAILED)
         _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
         return unsolved(system, impulse, tolerance_of(system))
 

@@ -25,7 +25,7 @@ from wbc.compiled import (
     group,
     several,
 )
-from wbc.mechanics.newton import UNSOLVED, solve_system, speeds_at
+from wbc.mechanics.newton import PASSIVE, UNSOLVED, solve_system, speeds_at
 from wbc.mechanics.rows import SYSTEM, RowSystem, own_speed
 from wbc.robot import Robot
 from wbc.sim.state import SimState
@@ -45,9 +45,6 @@ from wbc.sim.step.tables import (
     Gears,
 )
 from wbc.transmission.flank_steps import flank_impulse
-
-FLANKS = UNSOLVED + 1
-"""Beside what `solve_system` returns: flanks do not meet their law."""
 
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
 _ROUNDS = 200
@@ -302,7 +299,7 @@ def grip_laws(
 
 
 @compiled(
-    several(Count, Count), GEARS, SYSTEM, Row, Number, Row, Number, OutRow, OutRow, OutRow
+    several(Count, Count, Number), GEARS, SYSTEM, Row, Number, Row, Number, OutRow, OutRow, OutRow
 )  # fmt: skip
 def solve_gripped(
     gears: Gears,
@@ -314,7 +311,7 @@ def solve_gripped(
     impulse: FloatArray,
     end: FloatArray,
     damped: FloatArray,
-) -> tuple[int, int]:
+) -> tuple[int, int, float]:
     """Solve the rows, and the flanks of loose gears by Newton's method on their law.
 
     One round is enough unless a flank is reached or let go within the part. Then Newton's method
@@ -332,18 +329,20 @@ def solve_gripped(
         start: (r,) impulses to start from.
         tolerance: largest accepted residual of a row.
         impulse: (r,) to write.
-        end: (m,) relative speeds at the end, to write; not a number where a flank is not met.
+        end: (m,) relative speeds at the end, to write.
         damped: (m,) what of the gears' impulses is not the springs', to write.
 
     Returns:
-        the number of linear systems solved, and what `solve_system` says, or FLANKS.
+        the number of linear systems solved, what `solve_system` says, and the speed by which
+        flanks miss their law: zero, but where the rounds end before they meet it (PASSIVE).
     """
     if not gears.loose:
-        return solve_system(system, start, tolerance, 1.0, impulse)
+        used, way = solve_system(system, start, tolerance, 1.0, impulse)
+        return used, way, 0.0
     m, size, laws = len(gears.rows), len(start), system.laws
     near, passed, safe = no_grip(m), no_grip(m), no_grip(m)
     released, steepest = np.zeros(m), np.zeros(m)
-    slope, speed, guess, work = np.empty(m), np.empty(size), start.copy(), 0
+    slope, speed, guess, work, missed = np.empty(m), np.empty(size), start.copy(), 0, 0.0
     take_hold(gears, relative, step, relative, near)
     for turn in range(_ROUNDS):
         safely = turn >= _NEWTON and turn % 2 == 0
@@ -359,10 +358,10 @@ def solve_gripped(
         used, way = solve_system(system, guess, tolerance, 1.0, impulse)
         work += used
         if way == UNSOLVED:
-            return work, way
+            return work, way, 0.0
         guess[:] = impulse
         speeds_at(system.delassus, system.free, impulse, speed)
-        met = True
+        met, missed = True, 0.0
         for i in range(m):
             end[i] = 0.0
             if gears.at[i, 1] == 1:
@@ -379,13 +378,14 @@ def solve_gripped(
             if gears.numbers[i, STIFFNESS] == np.inf and np.sign(place) * impulse[i] < 0.0:
                 released[i], good = 1.0, False
             met = met and good
+            missed = missed if good else max(missed, abs(way_there), tolerance)
             secant = 0.0
             if way_there != 0.0:
                 secant = max((passed.impulse[i] - near.impulse[i]) / way_there, 0.0)
             steepest[i] = max((0.5 if safely else 1.0) * steepest[i], secant)
-            damped[i] = passed.damped[i] if good else np.nan
+            damped[i] = passed.damped[i]
         if met:
-            return work, way
+            return work, way, 0.0
         following = safe if turn > _NEWTON and not safely else passed
         if safely:
             for i in range(m):
@@ -398,4 +398,4 @@ def solve_gripped(
         for i in range(m):
             near.end[i], near.impulse[i] = following.end[i], following.impulse[i]
             near.slope[i], near.held[i] = following.slope[i], following.held[i]
-    return work, FLANKS
+    return work, PASSIVE, missed

@@ -53,7 +53,6 @@ from wbc.sim.step.contacts import (
     world_pushes,
 )
 from wbc.sim.step.gears import (
-    FLANKS,
     gear_laws,
     grip_laws,
     motor_speeds,
@@ -159,7 +158,7 @@ class Solved(NamedTuple):
         end: (m,) relative speeds of the motor outputs.
         damped: (m,) what soft gears pass beside their springs [N m s].
         used: linear systems solved.
-        way: that found it; UNSOLVED, FLANKS, UNDECIDED or UNSETTLED where none did.
+        way: that found it; UNSOLVED or UNDECIDED where none did.
         missed: speed by which a PASSIVE end misses the laws, else zero.
     """
 
@@ -181,9 +180,8 @@ ROWS = group(
 SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
 MIDDLE = several(OutRow, OutRow, OutRow)
 
-UNDECIDED, UNSETTLED, NO_INERTIA = FLANKS + 1, FLANKS + 2, FLANKS + 3
-"""Beside `FLANKS`: self-locking gears may have several solutions; the inertial coupling of rotors
-does not settle; H_l is not positive definite."""
+UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
+"""Self-locking gears may have several solutions; H_l is not positive definite."""
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
@@ -470,28 +468,25 @@ def solve_part(
     elif undecided(plant, laws):
         way = UNDECIDED
     coupled, missed, relaxed = len(plant.gears.coupling) > 0, np.zeros(n), 1.0
-    for turn in range(_COUPLING_ROUNDS + 1):
-        if turn == _COUPLING_ROUNDS:
-            way = UNSETTLED
-        if way >= UNSOLVED:
-            break
+    moved, short = 0.0, 0.0
+    for turn in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
         if coupled:
             lag_coupling(plant, rows, system, speed, last, rows.free, step, laws, shifted)
         if len(given) == 0:
             if len(rows.depths):
-                more, way = solve_compliant(
+                more, way, short = solve_compliant(
                     plant, rows.depths, system, rows.relative, step, start, tolerance, impulse,
                     end, damped,
                 )  # fmt: skip
             elif step > 0.0:
-                more, way = solve_gripped(
+                more, way, short = solve_gripped(
                     plant.gears, system, rows.relative, step, start, tolerance, impulse, end, damped
                 )
             else:
                 more, way = solve_system(system, start, tolerance, work, impulse)
             used += more
         velocity_after(system, rows.lower, shifted, impulse, after)
-        if not coupled:
+        if not coupled or way >= UNSOLVED:
             break
         moved, largest, change, square = 0.0, 0.0, 0.0, 0.0
         for c in range(n):
@@ -501,6 +496,7 @@ def solve_part(
             change += missed[c] * turned
             square += turned * turned
         if moved <= _COUPLING_TOLERANCE * (1.0 + largest):
+            moved = 0.0
             break
         # Aitken's relaxation: heavy rotors would let plain repetition swing out.
         if turn > 0 and square > 0.0:
@@ -515,7 +511,10 @@ def solve_part(
         good += after[c]
     if way < UNSOLVED and not np.isfinite(good):
         way = UNSOLVED
-    short = distance(system, impulse) if way == PASSIVE else 0.0
+    if moved > 0.0 and way < UNSOLVED:  # the coupling did not settle
+        way, short = PASSIVE, max(short, moved)
+    if way == PASSIVE:
+        short = max(short, distance(system, impulse))
     return Solved(impulse, row_speed, after, end, damped, used, way, short)
 
 
@@ -809,7 +808,6 @@ def part_of_step(
     for i in range(len(solved.impulse)):
         impulse[rows.places[i]] = solved.impulse[i]
     if solved.way >= UNSOLVED:
-        deflection[:] = solved.damped
         return 10 + solved.way
     books_of(plant, acting, rows, solved, speed, motor, mesh, books)
     for c in range(len(after)):
