@@ -467,9 +467,8 @@ def solve_part(
         impulse[:] = given
     elif undecided(plant, laws):
         way = UNDECIDED
-    coupled, missed, relaxed = len(plant.gears.coupling) > 0, np.zeros(n), 1.0
-    moved, short = 0.0, 0.0
-    for turn in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
+    coupled, moved, short = len(plant.gears.coupling) > 0, 0.0, 0.0
+    for _ in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
         if coupled:
             lag_coupling(plant, rows, system, speed, last, rows.free, step, laws, shifted)
         if len(given) == 0:
@@ -488,22 +487,14 @@ def solve_part(
         velocity_after(system, rows.lower, shifted, impulse, after)
         if not coupled or way >= UNSOLVED:
             break
-        moved, largest, change, square = 0.0, 0.0, 0.0, 0.0
+        moved, largest = 0.0, 0.0
         for c in range(n):
             moved = max(moved, abs(after[c] - last[c]))
             largest = max(largest, abs(last[c]))
-            turned = after[c] - last[c] - missed[c]
-            change += missed[c] * turned
-            square += turned * turned
         if moved <= _COUPLING_TOLERANCE * (1.0 + largest):
             moved = 0.0
             break
-        # Aitken's relaxation: heavy rotors would let plain repetition swing out.
-        if turn > 0 and square > 0.0:
-            relaxed = min(max(-relaxed * change / square, 0.05), 2.0)
-        for c in range(n):
-            missed[c] = after[c] - last[c]
-            last[c] += relaxed * missed[c]
+        last[:] = after
     rows.free[:] = shifted
     speeds_at(system.delassus, system.free, impulse, row_speed)
     good = 0.0
