@@ -264,6 +264,11 @@ def test_the_pose_of_a_free_base_and_the_forces_of_its_contacts_are_asked_for(
     first = robot.contacts[0].name
     assert f"no force and no flag of the contacts {first}" in said
     assert f"{first}.active, 1 while it touches" in said
+    # Its feet move: what a comparison refuses the check does not approve.
+    assert main(check) == 1
+    assert f"In this one '{first}' moves by" in " ".join(capsys.readouterr().out.split())
+    assert main(["compare", *check[1:]]) == 2
+    assert f"'{first}' moves by" in " ".join(capsys.readouterr().err.split())
     held = {f"{contact.name}.active": 1.0 + 0.0 * time for contact in robot.contacts}
     pq.write_table(pa.table(log | upright | held), tmp_path / "run.parquet")
     assert main(["init", *files, "--out", str(tmp_path / "all")]) == 0

@@ -458,7 +458,7 @@ def _scale(judged: _Judged) -> float:
     changed = [k for k in range(factor.size) if abs(factor[k]) != 1.0]
     if not changed:
         return 1.0
-    gains = [np.log(judged.reports[k].gain / abs(factor[k])) for k in changed]
+    gains = [np.log(max(judged.reports[k].gain, 1e-300) / abs(factor[k])) for k in changed]
     return float(np.exp(np.mean(gains)))
 
 
