@@ -128,7 +128,11 @@ def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
 
 
 def _position_moves(time: FloatArray, position: FloatArray) -> bool:
-    return bool(np.std(position) > _MOVES * _uncertainty(time, position))
+    spread, steps = float(np.std(position)), float(np.sqrt(np.mean(np.diff(position) ** 2)))
+    # The steps from row to row hold all of the noise: what is far above them needs no filter.
+    if spread > 2.0 * _MOVES * np.hypot(steps, _rounding(position)):
+        return True
+    return bool(spread > _MOVES * _uncertainty(time, position))
 
 
 def _velocity_moves(time: FloatArray, velocity: FloatArray, position: FloatArray) -> bool:
@@ -144,11 +148,14 @@ def _velocity_moves(time: FloatArray, velocity: FloatArray, position: FloatArray
 
 def _uncertainty(time: FloatArray, position: FloatArray) -> float:
     """Return the standard deviation of a position's noise and of its rounding to counts."""
+    return float(np.hypot(residual_noise(time, position), _rounding(position)))
+
+
+def _rounding(position: FloatArray) -> float:
     steps = np.abs(np.diff(position))
     steps = steps[steps > _ROUNDING * max(float(np.ptp(position)), 1e-300)]
     count = float(steps.min(initial=np.inf))
-    rounding = count / np.sqrt(12.0) if np.isfinite(count) else 0.0
-    return float(np.hypot(residual_noise(time, position), rounding))
+    return count / np.sqrt(12.0) if np.isfinite(count) else 0.0
 
 
 def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
