@@ -15,6 +15,7 @@ from zipfile import BadZipFile, ZipFile
 from zlib import error as ZlibError  # noqa: N812
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.errors import LogError, unknown_name
 from wbc.extras import INSTALLED_BY, needs
@@ -173,7 +174,7 @@ def _read_npz(path: Path) -> Table:
         with ZipFile(path) as whole:
             every, notes = kept_rows(sum(part.file_size for part in whole.infolist()))
         with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: np.asarray(archive[name]) for name in archive.files}
+            arrays = {name: _nth_rows(archive[name], every) for name in archive.files}
     except _DAMAGE as cause:
         said = "it holds Python objects; only arrays of numbers are read"
         text = said if "allow_pickle" in str(cause) else str(cause)
@@ -189,7 +190,7 @@ def _read_npz(path: Path) -> Table:
         flat = array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
         turned = flat.T if flat.ndim == 2 and rows == flat.shape[1] != flat.shape[0] else flat
         if turned.ndim in (1, 2) and len(turned) == rows:
-            kept[name] = turned[::every]
+            kept[name] = turned
         elif turned.ndim > 2 and len(turned) == rows:
             raise LogError(
                 f"'{path}': '{name}' has shape {array.shape}, expected (rows,) or (rows, columns)."
@@ -198,6 +199,14 @@ def _read_npz(path: Path) -> Table:
     if others:
         notes += (f"arrays without {rows} rows were passed over: {', '.join(others)}.",)
     return Table(path, columns_of(kept, path), notes=notes)
+
+
+def _nth_rows(array: NDArray[Any], every: int) -> NDArray[Any]:
+    """Return every N-th row of an array whose rows are its longest axis, as a copy of its own."""
+    if every == 1 or not array.ndim:
+        return array
+    axis = int(np.argmax(array.shape))
+    return np.take(array, np.arange(0, array.shape[axis], every), axis=axis)
 
 
 def _read_lerobot(path: Path) -> Table:
