@@ -318,12 +318,17 @@ def _closer(text: str, judged: _Tables) -> bool:
     """Whether a reading brings reports closer to the need: in all, and in most parts of the logs.
 
     A correction that does not, explains the reports by its gain and friction, and not by the links.
+    Nor does an exchange take a joint's columns away whose report follows its need already.
     """
     if not text:
         return True
     parts = []
     for table in judged.values():
-        both = (table[""], table[text])
+        both = as_is, read = table[""], table[text]
+        follows = [k for k in read.reading.exchanged if as_is.reports[k].left < _DOUBTFUL]
+        taken = read.strays.sum(axis=0) > as_is.strays.sum(axis=0)
+        if taken[follows].any():
+            return False
         parts.append([one.strays[:, _changed(*both)].sum(axis=1) for one in both])
     before, after = np.concatenate(parts, axis=1)
     return bool(after.sum() < before.sum() and np.mean(after < before) > _MOST_PARTS)

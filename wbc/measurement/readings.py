@@ -53,6 +53,7 @@ class Reading:
         offset: (n,) added to the positions of the single joints [rad, m].
         lag: (m,) by how much the torques are late [s], None for nothing.
         rivals: log prior of what is no mistake of a column and needs the same torque.
+        exchanged: driven joints that have each other's columns.
     """
 
     kind: str
@@ -68,6 +69,7 @@ class Reading:
     lag: FloatArray | None = None
     offset: FloatArray | None = None
     rivals: float = -inf
+    exchanged: tuple[int, ...] = ()
 
     @property
     def place(self) -> bytes:
@@ -230,6 +232,7 @@ def _exchanges(rows: LogRows, log: Log, lost: BoolArray, as_is: Reading) -> Iter
                 prior=_RARE,
                 order=places,
                 torque_order=torques,
+                exchanged=(a, b),
                 **_with(columns),
             )
 
