@@ -144,6 +144,13 @@ def test_ragged_text_and_pickled_arrays_are_refused(tmp_path: Path) -> None:
         load_log(tmp_path / "log.parquet")
 
 
+def test_a_printed_command_holds_a_path_with_a_blank_in_quotes(tmp_path: Path) -> None:
+    path = tmp_path / "run 1.csv"
+    path.write_text("time,x\n0,1\n1,2\n2,3\n")
+    with pytest.raises(LogError, match=f"`wbc init MODEL '{path}'`"):
+        load_log(path)
+
+
 def test_other_columns_are_passed_over_and_remembered(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("time,hip.position,mood\n0.0,1.0,good\n0.1,2.0,bad\n")

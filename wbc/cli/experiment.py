@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import combinations
@@ -60,7 +61,8 @@ def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
         found = compare_motions(task, rivals, limits, watch)
     print_experiment(rivals, found, console)
     path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
-    console.print(f"wrote {path}; see it: wbc play {path} --robot {options.robot}")
+    play = shlex.join(["wbc", "play", str(path), "--robot", options.robot])
+    console.print(f"wrote {path}; see it: {play}")
     if options.figures:
         _draw(options, rivals, limits, found, console)
     return 0, _json(rivals, found, path)

@@ -163,7 +163,8 @@ def run_init(options: argparse.Namespace, console: Console) -> Outcome:
     console.print(f"wrote {path}")
     for finding in not_found(robot, options.logs, guess.table):
         console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
-    say(f"next: wbc check {shlex.join(options.logs)} --robot {name} --columns {path}")
+    check = ["wbc", "check", *options.logs, "--robot", str(name), "--columns", str(path)]
+    say(f"next: {shlex.join(check)}")
     return 0, {}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -389,9 +390,10 @@ def _require_clock(rules: ColumnMap, table: Table) -> None:
             + f"If the file has no clock, put its rate [Hz] in place of 100, and {say_so(_RATE)}"
         )
     if not rules.rules:
+        init = f"wbc init MODEL {shlex.quote(str(table.path))}"
         raise LogError(
             f"{table.path}: none of its columns has a name of a log (<joint>.position, ...). "
-            f"There are: {', '.join(table.names)}. Let `wbc init MODEL {table.path}` write a first "
+            f"There are: {', '.join(table.names)}. Let `{init}` write a first "
             "column map for the URDF, MJCF or robot MODEL."
         )
 
