@@ -2,7 +2,7 @@
 
 from wbc.robot.body_contacts import body_contacts, body_surfaces
 from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
-from wbc.robot.hulls import Hull, ground_box
+from wbc.robot.hulls import Hull, ground_box, hull_of
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.loading.description import (
     RobotDescription,
@@ -52,6 +52,7 @@ __all__ = [
     "collision_solids",
     "find_description",
     "ground_box",
+    "hull_of",
     "placed_geometry",
     "read_description",
     "robot_names",

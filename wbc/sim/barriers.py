@@ -65,7 +65,7 @@ class Barriers:
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
         both, pairs = pairs_of(hulls, robot.surface, terrain)
         self.bodies = tables_of(both, pairs, robot.surface, tree)
-        self.pairs = tuple((both[a].name, both[b].name) for a, b in pairs)
+        self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
         self.planar = _moves_in_plane(space) and not pairs
         self.limits, self.points = 2 * len(single), len(robot.contacts)
         self.contacts = self.points * len(terrain.solids) + len(self.bodies.slots)

@@ -9,18 +9,21 @@ import numpy as np
 
 from wbc.errors import SimulationError, unknown_name
 from wbc.mechanics.tree import Tree
-from wbc.robot import BodySurface, Hull, ground_box
+from wbc.robot import BodySurface, Hull, ground_box, hull_of
 from wbc.sim.ground import Terrain
+from wbc.sim.height_field import HeightField
 from wbc.sim.step.contacts import BOX
 from wbc.sim.step.tables import Bodies
 
 
 def pairs_of(
     hulls: Sequence[Hull], surface: BodySurface, terrain: Terrain
-) -> tuple[list[Hull], list[tuple[int, int]]]:
+) -> tuple[list[Hull], list[tuple[int, int, int, float]]]:
     """Return all hulls, those of the ground last, and which pairs of them may meet.
 
-    Each hull meets every box and stair of the ground, and those of other bodies that are asked for.
+    Each hull meets every box, stair and height field of the ground, and those of other bodies that
+    are asked for. With height fields, which have no hull, go their number among the solids, else
+    -1, and the least spacing of their grid [m].
 
     Raises:
         SimulationError: a pair with a body that has no hull.
@@ -35,7 +38,13 @@ def pairs_of(
     own, pairs = len(hulls), []
     for one, other in product(range(own), range(own, own + len(ground))):
         if len(hulls[one].corners) > 1:
-            pairs.append((one, other))
+            pairs.append((one, other, -1, np.inf))
+    large = [i for i in range(own) if len(hulls[i].corners) > 1]
+    for number, solid in enumerate(terrain.solids):
+        if isinstance(solid, HeightField) and all(known is not None for known in numbers):
+            spacing = min(np.diff(solid.x).min(), np.diff(solid.y).min())
+            pairs += [(one, own + len(ground), number, float(spacing)) for one in large]
+            ground.append(hull_of("ground", "", 0, np.zeros((1, 3))))
     bodies = tuple(dict.fromkeys(hull.body for hull in hulls))
     for names in surface.pairs:
         for name in names:
@@ -44,14 +53,17 @@ def pairs_of(
         mine, theirs = ([i for i in range(own) if hulls[i].body == name] for name in names)
         # The second hull has fewer edges: each of its edges takes two barriers.
         pairs += [
-            (a, b) if len(hulls[a].edges) >= len(hulls[b].edges) else (b, a)
+            (*((a, b) if len(hulls[a].edges) >= len(hulls[b].edges) else (b, a)), -1, np.inf)
             for a, b in product(mine, theirs)
         ]
     return [*hulls, *ground], pairs
 
 
 def tables_of(
-    hulls: Sequence[Hull], pairs: Sequence[tuple[int, int]], surface: BodySurface, tree: Tree
+    hulls: Sequence[Hull],
+    pairs: Sequence[tuple[int, int, int, float]],
+    surface: BodySurface,
+    tree: Tree,
 ) -> Bodies:
     """Return hulls and pairs as arrays."""
     last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
@@ -68,10 +80,16 @@ def tables_of(
         shapes.append([*center, around, hull.radius, thin])
     table: list[list[int]] = []
     slots: list[int] = []
-    for number, (a, b) in enumerate(pairs):
+    for number, (a, b, field, spacing) in enumerate(pairs):
         whole = hulls[b].body != ""
         count = len(hulls[a].corners) * whole + len(hulls[b].corners) + 2 * len(hulls[b].edges)
-        table.append([a, b, len(slots), int(whole), len(slots) + count])
+        nodes = lines = 0
+        if field >= 0:
+            longest = np.linalg.norm(hulls[a].edges[:, 3:6] - hulls[a].edges[:, :3], axis=1)
+            nodes = int(2.0 * shapes[a][3] / spacing) + 1
+            lines = int(longest.max(initial=0.0) / spacing) + 1
+            count = nodes * nodes + 2 * len(hulls[a].edges) * lines
+        table.append([a, b, len(slots), int(whole), len(slots) + count, field, nodes, lines])
         slots += [number] * count
     return Bodies(
         np.array(heads, dtype=np.int64).reshape(-1, 8),
@@ -79,7 +97,7 @@ def tables_of(
         np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
         np.concatenate([np.empty((0, 4)), *(hull.planes for hull in hulls)]),
         np.concatenate([np.empty((0, 12)), *(hull.edges for hull in hulls)]),
-        np.array(table, dtype=np.int64).reshape(-1, 5),
+        np.array(table, dtype=np.int64).reshape(-1, 8),
         np.full((len(pairs), 1), surface.friction),
         np.array(slots, dtype=np.int64).reshape(-1, 1),
     )

@@ -245,7 +245,7 @@ class Plant:
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Names of the p pairs of solids that may touch; boxes and stairs are "ground"."""
+        """Names of the p pairs of solids that may touch; what is no body is "ground"."""
         return self._setup.barriers.pairs
 
     def pair_gaps(self, state: SimState) -> FloatArray:

@@ -25,6 +25,7 @@ from wbc.compiled import (
 )
 from wbc.sim.step.field import field_gap
 from wbc.sim.step.pairs import FAR, meet_all, pair_of
+from wbc.sim.step.peaks import meet_fields
 from wbc.sim.step.tables import OPENED, Opened, point_of_reference
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
@@ -131,6 +132,7 @@ def touch_ground(plant: Opened, time: float) -> None:
             one[4 + k] = points[contact, k] - radius * one[1 + k]
     if len(plant.bodies.pairs):
         meet_all(plant, ground)
+        meet_fields(plant, ground)
 
 
 @compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)

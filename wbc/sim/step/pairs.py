@@ -3,7 +3,7 @@
 Each corner, and each end of the stretch in which an edge of the second hull lies under the first,
 is a barrier of its own. So a contact keeps its identity from step to step, and lying faces touch at
 their outermost points. A barrier takes part while the normal lies in the cone of normals of its
-corner or edge, or nearly so (`_TILT`): an edge that is nearly level already waits for the ground.
+corner or edge, or nearly so (`TILT`): an edge that is nearly level already waits for the ground.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from wbc.sim.step.tables import BODIES, OPENED, Bodies, Opened
 FAR = 10.0
 """Gap [m] of a barrier whose features do not face each other; nothing acts on it."""
 
-_TILT = 0.5
+TILT = 0.5
 """Sine of the angle by which a normal may leave its cone. Any up to that of a box's corners (90
 degrees apart, so 0.7) tells faces from each other; larger ones look ahead further."""
 _LEVEL = 1e-6  # sine up to which a normal lies in a cone
@@ -139,7 +139,7 @@ def corner_gap(
                     square += (points[j, k] - point[k]) ** 2
                 tilt = max(tilt, -rise / sqrt(square) if square > 0.0 else 0.0)
             straight = tilt <= _LEVEL
-            if tilt <= _TILT and (gap > best or (straight and not points_to)):
+            if tilt <= TILT and (gap > best or (straight and not points_to)):
                 best, face, points_to = gap, f, straight
         if face >= 0 and best >= deepest:
             over = True
@@ -357,7 +357,7 @@ def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> Non
         edge = edges[f]
         for e in range(other[7]):
             theirs_too = bodies.edges[other[6] + e]
-            gap = edge_gap(edge, theirs_too, round_a + round_b, _TILT, found)
+            gap = edge_gap(edge, theirs_too, round_a + round_b, TILT, found)
             side = 0.0
             for k in range(3):
                 side += (theirs_too[3 + k] - theirs_too[k]) * (edge[6 + k] + edge[9 + k])
@@ -371,12 +371,13 @@ def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> Non
 
 @compiled(Nothing, OPENED, Count, counted=False)
 def meet_all(plant: Opened, first: int) -> None:
-    """Write the touches of all pairs, which begin at `first`, for the poses in memory."""
+    """Write the touches of all pairs of hulls, which begin at `first`, for the poses in memory."""
     bodies, touch = plant.bodies, plant.obstacles.touch
     for pair in range(len(bodies.pairs)):
         start = first + bodies.pairs[pair, 2]
         end = first + bodies.pairs[pair, 4]
-        meet(bodies, plant.placed.poses, pair, touch[start:end])
+        if bodies.pairs[pair, 5] < 0:
+            meet(bodies, plant.placed.poses, pair, touch[start:end])
 
 
 @compiled(Count, OPENED, Count, counted=False)

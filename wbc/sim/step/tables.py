@@ -95,8 +95,10 @@ class Bodies(NamedTuple):
         corners: (n, 3).
         planes: (f, 4).
         edges: (e, 12).
-        pairs: (p, 5) two hulls, first barrier, whether the corners of the first hull take part
-            (those on the ground are contact points), and last barrier + 1.
+        pairs: (p, 8) two hulls, first barrier, whether the corners of the first hull take part
+            (those on the ground are contact points), last barrier + 1; for height fields, which
+            have no hull, the number of the solid (else -1), the most nodes of its grid that are
+            within reach along an axis, and the most lines that an edge crosses.
         frictions: (p, 1).
         slots: (s, 1) pair of each barrier.
     """
