@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.interpolate import RectBivariateSpline
 
+from wbc import load_robot
 from wbc.robot import FreeBody, bare_robot
 from wbc.sim import HeightField, Plant
 
@@ -82,6 +83,27 @@ def test_a_plank_on_peaks_sinks_no_further_than_they_stick_out_between_nodes(nam
     fine = np.linspace(-0.5, 0.5, 101)
     bends = [-spline(fine, fine, *order).min() for order in ((2, 0), (0, 2))]
     assert depth(heights, state.position) < sum(bends) * (_GRID[1] - _GRID[0]) ** 2 / 8.0
+
+
+def test_a_robot_that_is_switched_off_on_waves_comes_to_rest_on_them() -> None:
+    """Each of its meshes has barriers of its own on nodes and lines."""
+    plant = Plant(load_robot("solo12"), HeightField(_GRID, _GRID, waves()))
+    q = plant.robot.pose()
+    q[2] = 0.5
+    for _ in range(20):
+        q[2] -= plant.gaps(plant.state(q)).min()
+    q[2] += 1e-3
+    state = plant.state(q)
+    energy = plant.mechanical_energy(state)
+    for _ in range(3000):
+        result = plant.step(state, np.zeros(12), 1e-3)
+        state, after = result.state, plant.mechanical_energy(result.state)
+        assert after < energy + 1e-5
+        assert {event.kind for event in result.events} <= {"coarse"}
+        energy = after
+        if np.abs(state.velocity).max() < 1e-9:
+            break
+    assert np.abs(state.velocity).max() < 1e-9
 
 
 def test_a_flat_field_is_a_plane() -> None:
