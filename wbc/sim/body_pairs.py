@@ -12,7 +12,7 @@ from wbc.mechanics.tree import Tree
 from wbc.robot import BodySurface, Hull, ground_box, hull_of
 from wbc.sim.ground import Terrain
 from wbc.sim.height_field import HeightField
-from wbc.sim.step.contacts import BOX
+from wbc.sim.step.contacts import BALL, BOX
 from wbc.sim.step.tables import Bodies
 
 
@@ -21,9 +21,9 @@ def pairs_of(
 ) -> tuple[list[Hull], list[tuple[int, int, int, float]]]:
     """Return all hulls, those of the ground last, and which pairs of them may meet.
 
-    Each hull meets every box, stair and height field of the ground, and those of other bodies that
-    are asked for. With height fields, which have no hull, go their number among the solids, else
-    -1, and the least spacing of their grid [m].
+    Each hull meets every box, stair, ball and height field of the ground, and those of other bodies
+    that are asked for. With height fields, which have no hull, go their number among the solids,
+    else -1, and the least spacing of their grid [m].
 
     Raises:
         SimulationError: a pair with a body that has no hull.
@@ -35,6 +35,11 @@ def pairs_of(
         if own is not None and own[0] == BOX
     ]
     ground = [hull for hull in ground if len(hull.edges) + len(hull.corners)]
+    ground += [
+        hull_of("ground", "", 0, own[None, 1:4], float(own[4]))
+        for own in numbers
+        if own is not None and own[0] == BALL
+    ]
     own, pairs = len(hulls), []
     for one, other in product(range(own), range(own, own + len(ground))):
         if len(hulls[one].corners) > 1:
