@@ -95,6 +95,20 @@ def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
     assert found[TIME > 0.1, 0] == pytest.approx(truth[TIME > 0.1, 0], abs=8e-4)
 
 
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize("plays", [(0.02, 0.0), (0.0, 0.02)])
+def test_a_motion_is_followed_from_one_without_play_and_back(
+    plays: tuple[float, float], straight: bool
+) -> None:
+    """Behind play a log is cut into windows, behind a spring it is one: a fit passes both."""
+    here, there = (Flanks(400.0, 1.0, play) for play in plays)
+    truth = _truth(there, (0.0, 0.0))
+    near = deflections([_response(truth)], [here])
+    found = deflections([_response(truth)], [there], near, straight=straight)
+    assert found.finite
+    assert found.paths[0].shape == near.paths[0].shape
+
+
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
     assert best_gears([response], has_play=False, count=1) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -55,6 +55,15 @@ class Deflections:
         pairs = zip(self.paths, before.paths, strict=True)
         return max(float(np.abs(now[:, 0] - then[:, 0]).max()) for now, then in pairs)
 
+    def at(self, first: IntArray) -> FloatArray:
+        """Return deflections and rates (W, 2, n) at the first samples of windows.
+
+        Windows are one where no gear has play, and more behind play.
+        """
+        if len(first) == len(self.starts):
+            return self.starts
+        return np.stack([path[first, :2] for path in self.paths], axis=-1)
+
     @cached_property
     def _around(self) -> _Around | None:
         return None if self._shots is None else self._shots.around(self.starts)
@@ -92,9 +101,10 @@ def deflections(
         if near is None:
             starts, moved = shots.likeliest()
         elif around is not None:
+            shots = replace(shots, first=around.shots.first)
             starts, moved = shots.beside(around)
         else:
-            starts, moved = shots.settled(near.starts, 1)
+            starts, moved = shots.settled(near.at(shots.first), 1)
     columns = [moved.d, moved.v, moved.a] + [moved.dry] * shots.links.rubs
     paths = list(np.stack(columns, axis=-1)[:, :, 0].transpose(1, 0, 2))
     return Deflections(paths, starts, shots)

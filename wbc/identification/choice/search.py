@@ -180,12 +180,14 @@ def _drops(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     trials = proposer.trials
     dropped: list[tuple[Effect, ...]] = [(effect,) for effect in h.effects]
     dropped += [_named(h, name) for name in _repeated(h)]
-    if not h.swings:
-        expected = losses(trials.problem, trials.fit(h), h, dropped)
-        pairs = list(zip(dropped, expected, strict=True))
-        idle = [own[0] for own, (loss, gain) in pairs if len(own) == 1 and loss < gain]
-        dropped = [own for own, (loss, gain) in pairs if loss < _MISSED * gain]
-        dropped = [tuple(idle), *dropped] if len(idle) > 1 else dropped
+    # How links move behind gears that yield is no linear matter: without such a gear it is fitted.
+    gears = [own for own in dropped if any(map(deflects, own))]
+    dropped = [own for own in dropped if own not in gears]
+    expected = losses(trials.problem, trials.fit(h), h, dropped)
+    pairs = list(zip(dropped, expected, strict=True))
+    idle = [own[0] for own, (loss, gain) in pairs if len(own) == 1 and loss < gain]
+    dropped = [*gears, *(own for own, (loss, gain) in pairs if loss < _MISSED * gain)]
+    dropped = [tuple(idle), *dropped] if len(idle) > 1 else dropped
     return trials.all_of(without(h.effects, *own) for own in dropped)
 
 
