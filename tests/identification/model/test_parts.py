@@ -101,6 +101,22 @@ def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> No
     assert with_it.held_out([0]) < 0.02
 
 
+def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
+    random = np.random.default_rng(2)
+    columns = random.standard_normal((60, 2, 5))
+    columns[..., 1] = columns[..., 0] + 1e-2 * columns[..., 1]  # of which the difference counts
+    residual = random.standard_normal((60, 2)) + 50.0 * (columns[..., 0] - columns[..., 1])
+    matrix = DesignMatrix.from_rows(columns, residual, np.repeat([0, 1, 2], 20))
+    gains, r = matrix.gains_of_two(3, [3, 4]), residual.ravel()
+
+    def left(chosen: list[int]) -> float:
+        a = columns[..., chosen].reshape(-1, len(chosen))
+        return float(np.sum((r - a @ np.linalg.lstsq(a, r, rcond=None)[0]) ** 2))
+
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        assert gains[one, other] == pytest.approx(left([3, 4]) - left([one, other, 3, 4]), rel=1e-6)
+
+
 def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
     records = prepare(ROBOT, logs)
     repeats = close_repeats(records, find_repeats(logs))

@@ -21,6 +21,7 @@ from wbc.identification.model.sparse_columns import SparseColumns
 
 _RIDGE = 1e-10
 _RIDGE_HELD_OUT = 1e-3
+_ALIKE = 1e-6  # of squares, that two columns must differ by to be two
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,32 @@ class DesignMatrix:
         """Return the normal equations of all folds with what is known before."""
         gram, moment = self.usual
         return gram + self.gram.sum(axis=0), moment + self.moment.sum(axis=0)
+
+    def gains_of_two(self, count: int, beside: Sequence[int]) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain beside others.
+
+        Sums of squares of the residual, fitted and judged on all folds.
+
+        Args:
+            count: n.
+            beside: numbers of the columns that stay free.
+        """
+        gram, moment = self._whole
+        own, others = np.arange(count), np.asarray(beside, dtype=np.int_)
+        across, rest = gram[np.ix_(others, own)], gram[np.ix_(others, others)]
+        gram, left = gram[:count, :count], moment[:count]
+        if others.size:
+            taken = _solve(rest, np.column_stack([across, moment[others]]).T).T
+            left = left - across.T @ taken[:, -1]
+            gram = gram - across.T @ taken[:, :-1]
+        moment = left
+        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        along, shared = moment / size, gram / np.outer(size, size)
+        apart = 1.0 - shared**2
+        both = along[:, None] ** 2 + along**2 - 2.0 * shared * np.outer(along, along)
+        clear = apart > _ALIKE
+        single = np.maximum(along[:, None] ** 2, along**2)
+        return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
 
     def least_errors(self, groups: Sequence[Sequence[int]], beside: Sequence[int]) -> FloatArray:
         """Return (n,) bounds below what each group of columns leaves on folds left out.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 
 import numpy as np
@@ -29,6 +29,7 @@ from wbc.robot import Effect, Robot
 # Rows are five per period of the band: half of them hold all that a screen, which only proposes,
 # needs to know. Scores made with it stand in corpus_results.md (seed 34): as many right as before.
 _EVERY = 2
+_COLUMNS = 4  # pairs of columns per pair of causes, at most
 _ROUNDING = 1.0 - 1e-6  # by which a bound is lowered
 
 
@@ -172,6 +173,21 @@ class LinearScreen:
             if np.isfinite(error):
                 heappush(queue, (error, order, tuple(chosen)))
 
+    def pairs(self, among: int) -> list[Subset]:
+        """Return the best sets of two causes, of the `among` that explain most but for chance.
+
+        Alone such causes may explain nothing, or be impossible: damping hides a delay.
+        """
+        owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
+        gains = np.triu(self.matrix.gains_of_two(owner.size, self._nuisance), 1)
+        tried: dict[tuple[int, ...], None] = {}
+        for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
+            one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))
+            if self.regressors[one].key != self.regressors[other].key:
+                tried[one, other] = None
+        found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
+        return sorted(found, key=lambda s: s.error)
+
     def _by_effect(self, free: Sequence[int]) -> list[list[int]]:
         """Return the regressors of every effect that could be in several gears alike.
 
@@ -242,8 +258,16 @@ def screen(
     regressors = make_regressors(
         robot, problem.records, offered, known, columns, failures, common=shared
     )
-    free = [regressor for regressor in regressors if regressor.key not in taken]
-    return _screen_of(problem, fit, offered, free)
+    order = {c: rank for rank, c in enumerate(offered)}
+    free = [
+        regressor
+        for regressor in regressors
+        if regressor.key not in taken and not _drawn_twice(fit, regressor)
+    ]
+    free = [regressor for regressor in free if _felt(problem, regressor)]
+    kept = sorted(free, key=lambda a: order[a.effect])
+    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
 
 
 def screen_instead(
@@ -286,21 +310,37 @@ def screen_instead(
     for gone in fit.effects:
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
         make(rest, [gone.where])
-    return _screen_of(problem, fit, offered, found.values())
-
-
-def _screen_of(
-    problem: EstimationProblem,
-    fit: Fit,
-    offered: Sequence[type[Effect]],
-    regressors: Iterable[Regressor],
-) -> tuple[LinearScreen, list[Regressor]]:
-    """Return the search over causes that an output which is judged feels, in order, and them."""
-    felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
-    kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]
-    kept.sort(key=lambda regressor: offered.index(regressor.effect))
-    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
+    order = {c: rank for rank, c in enumerate(offered)}
+    kept = sorted(found.values(), key=lambda regressor: order[regressor.effect])
+    kept = [
+        regressor
+        for regressor in kept
+        if not _drawn_twice(fit, regressor) and _felt(problem, regressor)
+    ]
+    noise = float(np.min(problem.row_noise(fit.residual)))
     return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
+
+
+def screen_in_shares(
+    problem: EstimationProblem, fit: Fit, regressors: Sequence[Regressor], share: FloatArray
+) -> LinearScreen:
+    """Return a search in which every output counts in a unit of its own.
+
+    Args:
+        problem: the logs.
+        fit: the model that causes are added to.
+        regressors: the causes.
+        share: (judged outputs,) what one floor of each output counts.
+    """
+    scaled = replace(fit, residual=fit.residual * share, jacobian=fit.jacobian * share[:, None])
+    noise = float(np.min(problem.row_noise(fit.residual) * share**2))
+    whitening = problem.whitening * share
+    return LinearScreen(scaled, regressors, whitening, problem.folds, noise)
+
+
+def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:
+    """Whether an output that is judged feels a cause; those of drives set aside do not count."""
+    return bool(problem.whitening[regressor.columns.outputs].any())
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:
