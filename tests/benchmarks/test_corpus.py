@@ -133,7 +133,8 @@ def test_what_is_hidden_in_a_short_log_leaves_noise(number: int) -> None:
     logs = logs_of(record_cases([(case, case.excitations)])[0])
     problem = EstimationProblem.from_logs(robot_of(case), logs)
     truth = [effect_class(flaw.effect)(flaw.where, **flaw.values) for flaw in case.flaws]
-    assert problem.held_out(problem.fit(truth)).mean() < 1.6
+    held = problem.fit(truth).held_out_residual(problem.folds)
+    assert np.mean(held**2) < 1.6
 
 
 def test_causes_that_hide_one_another_are_found(tmp_path: Path) -> None:

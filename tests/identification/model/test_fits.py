@@ -44,7 +44,7 @@ def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
         assert "flies off" in fit.failed
         assert "'hip'" in fit.failed
         assert fit.error == np.inf
-        assert np.all(np.isinf(problem.held_out(fit)))
+        assert np.all(np.isinf(fit.held_out_residual(problem.folds)))
     assert not problem.fit([JointCompliance("hip", 5000.0, 10.0)]).failed
 
 

@@ -66,7 +66,7 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     fit = linear_fit(np.random.default_rng(5), drawn=4, free=0)
     first = FOLDS == 0
     squares, _ = beside_open(fit)
-    assert fit.held_out(FOLDS)[first].mean() > 2.0 * fit.residual[first].var()
+    assert (fit.held_out_residual(FOLDS)[first] ** 2).mean() > 2.0 * fit.residual[first].var()
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
 
 

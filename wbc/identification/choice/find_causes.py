@@ -66,7 +66,10 @@ def find_causes(
         return SearchResult(trials, tuple(direct.path), trials.nothing)
     stopped = ""
     try:
-        final = _best_end(direct, tuple(kind for kind in classes if deflects(kind)))
+        ends = [direct.climb(trials.nothing)]
+        if gears := tuple(kind for kind in classes if deflects(kind)):
+            ends += _with_yielding_gears(direct, gears, ends[0])
+        final = best_of(direct, ends)
     except OutOfTime:
         stopped = _OVER
     except KeyboardInterrupt:
@@ -75,13 +78,6 @@ def find_causes(
         trials.until = inf  # what the answer still needs is fitted while there is time
         final = best_of(direct, direct.path)
     return SearchResult(trials, tuple(direct.path), final, stopped)
-
-
-def _best_end(direct: Search, gears: Sequence[type[Effect]]) -> Hypothesis:
-    ends = [direct.climb(direct.proposer.trials.nothing)]
-    if gears:
-        ends += _with_yielding_gears(direct, gears, ends[0])
-    return best_of(direct, ends)
 
 
 def _with_yielding_gears(

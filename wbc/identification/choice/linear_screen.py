@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
@@ -258,16 +258,8 @@ def screen(
     regressors = make_regressors(
         robot, problem.records, offered, known, columns, failures, common=shared
     )
-    order = {c: rank for rank, c in enumerate(offered)}
-    free = [
-        regressor
-        for regressor in regressors
-        if regressor.key not in taken and not _drawn_twice(fit, regressor)
-    ]
-    free = [regressor for regressor in free if _felt(problem, regressor)]
-    kept = sorted(free, key=lambda a: order[a.effect])
-    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
-    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
+    free = [regressor for regressor in regressors if regressor.key not in taken]
+    return _screen_of(problem, fit, offered, free)
 
 
 def screen_instead(
@@ -310,15 +302,7 @@ def screen_instead(
     for gone in fit.effects:
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
         make(rest, [gone.where])
-    order = {c: rank for rank, c in enumerate(offered)}
-    kept = sorted(found.values(), key=lambda regressor: order[regressor.effect])
-    kept = [
-        regressor
-        for regressor in kept
-        if not _drawn_twice(fit, regressor) and _felt(problem, regressor)
-    ]
-    noise = float(np.min(problem.row_noise(fit.residual)))
-    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
+    return _screen_of(problem, fit, offered, found.values())
 
 
 def screen_in_shares(
@@ -338,9 +322,18 @@ def screen_in_shares(
     return LinearScreen(scaled, regressors, whitening, problem.folds, noise)
 
 
-def _felt(problem: EstimationProblem, regressor: Regressor) -> bool:
-    """Whether an output that is judged feels a cause; those of drives set aside do not count."""
-    return bool(problem.whitening[regressor.columns.outputs].any())
+def _screen_of(
+    problem: EstimationProblem,
+    fit: Fit,
+    offered: Sequence[type[Effect]],
+    regressors: Iterable[Regressor],
+) -> tuple[LinearScreen, list[Regressor]]:
+    """Return the search over causes that an output which is judged feels, in order, and them."""
+    felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
+    kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]
+    kept.sort(key=lambda regressor: offered.index(regressor.effect))
+    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:

@@ -83,7 +83,16 @@ class Proposer:
         """
         if not self.candidates:
             return []
-        search, regressors = self._screened(h, self.candidates, exclude, near)
+        fit, trials = self.trials.fit(h), self.trials
+        search, regressors = screen(
+            trials.problem,
+            fit,
+            self.candidates,
+            {*h.keys, *exclude},
+            near,
+            trials.failures,
+            self._common,
+        )
         return [offer for offer, _ in self._chosen(h, search, regressors, count, enough)]
 
     def instead(
@@ -220,17 +229,6 @@ class Proposer:
             for effects in [screened.effects(subset) for subset in own[:count]]:
                 offers.setdefault(tuple(sorted(e.key for e in effects)), effects)
         return [(*h.effects, *effects) for effects in offers.values()]
-
-    def _screened(
-        self,
-        h: Hypothesis,
-        offered: Sequence[type[Effect]],
-        exclude: Sequence[Key] = (),
-        near: Nearby | None = None,
-    ) -> tuple[LinearScreen, list[Regressor]]:
-        taken = {*h.keys, *exclude}
-        fit, failures = self.trials.fit(h), self.trials.failures
-        return screen(self.trials.problem, fit, offered, taken, near, failures, self._common)
 
 
 def _limit(start: float, least: float, enough: float) -> float:

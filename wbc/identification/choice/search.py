@@ -51,7 +51,8 @@ class Search:
         held: Counter[str] = Counter()
         shorter = False
         for _ in range(_MOST_MOVES):
-            doubted = self._doubted_beside_drawings(current)
+            drawn = any(effect.search.departures(effect).size for effect in current.effects)
+            doubted = doubted_names(self.proposer.trials, current) if drawn else ()
             held = Counter({name: held[name] + (not shorter) for name in doubted})
             lasting = [name for name, count in held.items() if count >= _CHANCES]
             if lasting:
@@ -89,11 +90,6 @@ class Search:
         group = [than, *(h for h in pool if h is not than and h.believable)]
         scores = weigh(self.proposer.trials.problem, group)
         return None if scores.argmax() == 0 else group[int(scores.argmax())]
-
-    def _doubted_beside_drawings(self, current: Hypothesis) -> tuple[str, ...]:
-        """Return the names that are not believed, none where no link's drawing is wrong."""
-        drawn = any(effect.search.departures(effect).size for effect in current.effects)
-        return doubted_names(self.proposer.trials, current) if drawn else ()
 
     def _next(self, current: Hypothesis) -> Hypothesis | None:
         proposer = self.proposer

@@ -177,16 +177,6 @@ class EstimationProblem:
 
         return best_sides(self.robot, effects, self.records[0].motion, fit, iterations)
 
-    def held_out(self, fit: Fit) -> FloatArray:
-        """Return (rows, outputs) held-out squares in units of the floor."""
-        return fit.held_out(self.folds)
-
-    def held_out_beside_open(self, fit: Fit) -> tuple[FloatArray, FloatArray, float]:
-        """Return `held_out`, the same beside what is open, and what that costs [nats]."""
-        held = fit.held_out_residual(self.folds)
-        beside, cost = fit.usual.beside_open(held, fit.jacobian, self.folds)
-        return held**2, beside, cost
-
     @cached_property
     def _contacts(self) -> HeldContacts | None:
         return HeldContacts.of(self.robot, self.records)

@@ -103,10 +103,6 @@ class Fit:
         owners = [k for k, _ in self.parameters]
         return np.asarray(np.bincount(owners, shares, len(self.effects)), dtype=float)
 
-    def held_out(self, folds: IntArray) -> FloatArray:
-        """Return (rows, outputs) squares, each fold predicted without itself."""
-        return self.held_out_residual(folds) ** 2
-
     def held_out_residual(self, folds: IntArray) -> FloatArray:
         """Return the residual (rows, outputs), each fold predicted without itself.
 

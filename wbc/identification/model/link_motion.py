@@ -72,7 +72,8 @@ def swing(
     settled = _SETTLED_STRUCK if struck else _SETTLED
     load = record.links_of(robot) - record.contacts_of(robot)
     links = [record.response_of(robot, joint) for joint in gears]
-    sides = _rubbing(robot, record, gears)
+    rubbing = {joint: LinkSide.of(robot, joint, record.motion) for joint in gears}
+    sides = {joint: side for joint, side in rubbing.items() if side is not None}
     beyond = np.zeros_like(load)
 
     def linear_at(bent: Deflections) -> tuple[FloatArray, dict[str, LinkSide]]:
@@ -89,7 +90,8 @@ def swing(
         driving = _driving(robot, record, load + known, gears, sides)
         left = unexplained(known)
         plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
-        responses = _with_friction(gears, plain, sides)
+        pairs = zip(gears, plain, strict=True)
+        responses = [sides[joint].on(r) if joint in sides else r for joint, r in pairs]
         before = bent
         bent = deflections(responses, list(gears.values()), before, straight=straight)
         if not bent.finite:
@@ -123,12 +125,6 @@ def _torque(responses: Sequence[LinkResponse], bent: Deflections) -> FloatArray:
     return np.asarray(sum(response.torque(path) for response, path in parts))
 
 
-def _rubbing(robot: Robot, record: Record, joints: Iterable[str]) -> dict[str, LinkSide]:
-    """Return the friction that rubs at links, where the links are at their motors."""
-    sides = {joint: LinkSide.of(robot, joint, record.motion) for joint in joints}
-    return {joint: side for joint, side in sides.items() if side is not None}
-
-
 def _bends(load: FloatArray, sides: Iterable[LinkSide]) -> FloatArray:
     """Return what is not linear in smooth friction (N, nv) at the links."""
     bends = np.zeros_like(load)
@@ -155,22 +151,6 @@ def _driving(
             frequency = float(np.sqrt(max(gear.stiffness, _SLACK) / inertia))
             driving = without_noise(record, driving, joint, frequency)
     return driving
-
-
-def driven(
-    robot: Robot, record: Record, joint: str, load: FloatArray, left: FloatArray
-) -> LinkResponse:
-    """Return the response of a link under a load (N, nv) that leaves (N, nv) unexplained."""
-    response = record.response_of(robot, joint)
-    return replace(response, load=load, unexplained=left[:, response.row])
-
-
-def _with_friction(
-    joints: Iterable[str], plain: Sequence[LinkResponse], sides: Mapping[str, LinkSide]
-) -> list[LinkResponse]:
-    """Return the responses of links at some of which friction rubs."""
-    pairs = zip(joints, plain, strict=True)
-    return [sides[joint].on(r) if joint in sides else r for joint, r in pairs]
 
 
 def _moved(robot: Robot, record: Record, joints: Iterable[str], bent: Deflections) -> Motion:

@@ -10,7 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import motor_torque, output_torque
 from wbc.identification.model.link_friction import LinkSide
-from wbc.identification.model.link_motion import LinkSwing, driven, swing
+from wbc.identification.model.link_motion import LinkSwing, swing
 from wbc.identification.model.yielding import deflects, some_deflect
 from wbc.identification.records.outputs import output_count
 from wbc.identification.records.record import Record
@@ -142,7 +142,8 @@ def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
     motion, links, contacts = _loads(robot, record, None)
     left = _on_joints(robot, _unexplained(robot, record, motion, links, contacts))
-    return driven(robot, record.along(motion), joint, links - contacts, left)
+    response = record.along(motion).response_of(robot, joint)
+    return replace(response, load=links - contacts, unexplained=left[:, response.row])
 
 
 def rubbing_responses(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
 
 from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.robot import Effect, Robot
@@ -14,13 +13,7 @@ _PLAY = 0.25  # of what flanks wind up by, below which they are a spring
 
 def deflects(effect: Effect | type[Effect]) -> bool:
     """Whether the link behind the effect's gear moves on its own, so that it must be simulated."""
-    return _yields(effect if isinstance(effect, type) else type(effect))
-
-
-@lru_cache(maxsize=256)
-def _yields(kind: type[Effect]) -> bool:
-    """Ask an abstract base class once: a diagnosis asks some hundred thousand times."""
-    return issubclass(kind, YieldingGear)
+    return issubclass(effect if isinstance(effect, type) else type(effect), YieldingGear)
 
 
 def some_deflect(effects: Iterable[Effect]) -> bool:

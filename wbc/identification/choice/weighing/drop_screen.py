@@ -32,7 +32,13 @@ def losses(
         drops: causes that are dropped together.
     """
     stays, normal = _as_left(problem, h, fit.residual), _normal(fit)
-    return [_loss(problem, fit, h, stays, dropped, normal) for dropped in drops]
+    found = []
+    for dropped in drops:
+        moved = _as_left(problem, h, _moved(problem, fit, dropped, normal))
+        left = replace(moved, effects=without(h.effects, *dropped))
+        here, there = log_densities(problem, [stays, left]).sum(axis=1)
+        found.append((float(here - there), _cheaper(h, dropped, left.effects)))
+    return found
 
 
 def exchanged(
@@ -129,20 +135,6 @@ def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int]
         gone.append(row)
         steps.append(change / parameter.scale)
     return gone, np.array(steps)
-
-
-def _loss(
-    problem: EstimationProblem,
-    fit: Fit,
-    h: Hypothesis,
-    stays: Hypothesis,
-    dropped: Sequence[Effect],
-    normal: tuple[FloatArray, FloatArray],
-) -> tuple[float, float]:
-    moved = _moved(problem, fit, dropped, normal)
-    left = replace(_as_left(problem, h, moved), effects=without(h.effects, *dropped))
-    here, there = log_densities(problem, [stays, left]).sum(axis=1)
-    return float(here - there), _cheaper(h, dropped, left.effects)
 
 
 def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]) -> float:

@@ -162,7 +162,9 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     Raises:
         FloatingPointError: what it leaves is not finite.
     """
-    squares, beside, cost = problem.held_out_beside_open(fit)
+    held = fit.held_out_residual(problem.folds)
+    squares = held**2
+    beside, cost = fit.usual.beside_open(held, fit.jacobian, problem.folds)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
