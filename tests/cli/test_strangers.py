@@ -24,6 +24,13 @@ def stranger(folder: str) -> Path:
     return outside(f"strangers/{folder}")
 
 
+def described(folder: str) -> list[Path | str]:
+    """Return the runs of a folder with its own robot and map, as a command takes them."""
+    files = stranger(folder)
+    runs = sorted(files.glob("run*.csv"))
+    return [*runs, "--robot", files / "robot.toml", "--columns", files / "columns.toml"]
+
+
 @pytest.fixture
 def told(capsys: pytest.CaptureFixture[str]) -> Told:
     """Run a command; return its exit code and what it printed, on one line."""
@@ -151,10 +158,7 @@ def test_a_held_robot_of_a_file_with_a_free_joint_is_held(told: Told, tmp_path: 
 
 def test_a_torque_of_another_ratio_is_asked_about_with_its_factor(told: Told) -> None:
     """Reported over 1.917: a gear ratio, a torque constant or masses, the check cannot tell."""
-    files = stranger("14_missing_knee_ratio")
-    runs = sorted(files.glob("run*.csv"))
-    read = ["--robot", files / "robot.toml", "--columns", files / "columns.toml"]
-    code, said = told("check", *runs, *read)
+    code, said = told("check", *described("14_missing_knee_ratio"))
     assert code == 0
     assert "all 3 logs: warning: torques of elbow are 0.5" in said
     factor = float(said.partition("torques of elbow are ")[2].partition(" times")[0])
@@ -163,10 +167,7 @@ def test_a_torque_of_another_ratio_is_asked_about_with_its_factor(told: Told) ->
 
 
 def test_an_inertia_that_no_body_has_is_an_error(told: Told) -> None:
-    files = stranger("15_impossible_inertia")
-    runs = sorted(files.glob("run*.csv"))
-    read = ["--robot", files / "robot.toml", "--columns", files / "columns.toml"]
-    code, said = told("check", *runs, *read)
+    code, said = told("check", *described("15_impossible_inertia"))
     assert code == 2
     assert "the inertia of link 'l2' is not positive definite" in said
     assert "-0.03466, 0.06866, 0.12 kg m^2" in said

@@ -343,12 +343,9 @@ class Levels:
         self._stage, self._all = stage, tuple(contacts)
         self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
-        weight = recipe.kinematics.mass * recipe.kinematics.gravity
         self._ramp: ContactRamp | None = None
-        if self._all and settings.contact_ramp > 0.0:
-            load = weight if weight > 0.0 else 1e3  # as for `Program.force_scale`
-            down = settings.contact_ramp
-            self._ramp = ContactRamp(self._all, load, down, rise=0.5 * down)
+        if self._all and (down := settings.contact_ramp) > 0.0:
+            self._ramp = ContactRamp(self._all, recipe.load, down, rise=0.5 * down)
         self._fresh, self._settled = True, False
         self._wanted: dict[str, float] | None = None
         self._last: tuple[tuple[Level, ...], Mapping[str, float]] = (), {}

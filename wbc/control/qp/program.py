@@ -72,6 +72,12 @@ class Recipe:
     stacks: tuple[TaskStack, ...]
     tolerance: float
 
+    @property
+    def load(self) -> float:
+        """The robot's weight [N], by which forces are measured; 1 kN where nothing weighs."""
+        weight = self.kinematics.mass * self.kinematics.gravity
+        return weight if weight > 0.0 else 1e3
+
 
 class BlockPlaces(NamedTuple):
     """Where the results of a tick stand in its block: q, v, v corrected and expected next, x, y, z.
@@ -122,7 +128,7 @@ class Program:
         self.contacts, self.stack, self._recipe = contacts, recipe.stacks[rank], recipe
         self.nv, self.n = robot.model.nv, robot.model.nv + contacts.rows
         weight = recipe.kinematics.mass * recipe.kinematics.gravity
-        self.force_scale = 0.1 * weight if weight > 0.0 else 100.0
+        self.force_scale = 0.1 * recipe.load
         self.gears = drivetrain.limited
         self._efforts = tuple(recipe.efforts) if last else ()
         self._undriven, m = robot.floating_size, robot.transmission.size

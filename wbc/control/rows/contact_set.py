@@ -97,11 +97,11 @@ class ContactSet:
             own = self.slices[i]
             self.contacts[i].fill(kinematics, rows.jacobian[own], rows.drift[own])
         rest(kinematics.tree, self.memory, kinematics.velocity, kinematics.mass)
-        for name, stiffness, own, number, known in self._pulls if anchors else ():
-            anchor = (anchors or {}).get(name)
-            if anchor is not None:
-                drift = _drift(known, anchor, rows.places[number])
-                self.memory.target[own] -= stiffness * drift
+        if anchors:
+            for name, stiffness, own, number, known in self._pulls:
+                if name in anchors:
+                    drift = _drift(known, anchors[name], rows.places[number])
+                    self.memory.target[own] -= stiffness * drift
 
     @property
     def is_known(self) -> bool:
