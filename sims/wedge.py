@@ -1,8 +1,9 @@
-"""The wedge of the paper's section II: its efficiencies and impedance over slope and friction.
+"""The wedge of the paper's section II: its forces and impedance over slope and friction.
 
 The paper prints eta_f = 1 - k and 1/eta_b = 1 + k with k = mu tan(alpha). The balance of forces
-gives eta_f = 1/(1 + k) and eta_b = 1 - k: the same two curves with their names exchanged. Only so
-is the wedge self-locking at k = 1, as the paper says of it.
+gives eta_f = 1/(1 + k) and eta_b = 1 - k. Only so is the wedge self-locking at k = 1, as the paper
+says of it. The forces tell the two apart: friction adds k to the force that drives the wedge, and
+takes k from the force that holds it while the block drives.
 """
 
 from __future__ import annotations
@@ -25,17 +26,26 @@ Curves = dict[str, FloatArray]
 
 
 def main(frictions: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4)) -> dict[str, Curves]:
-    """Return efficiencies over k, and the masses felt from both sides over the slope."""
-    k = np.linspace(0.0, 1.2, 121)
+    """Return forces on the moving wedge over k, and the masses felt from both sides over the slope.
+
+    The forces count in that of a wedge without friction, as it moves evenly against the same load.
+    """
+    k = np.linspace(0.0, 0.7, 71)
+    wedges = [WedgeBlock(BLOCK, WEDGE, SLOPE, float(x / np.tan(SLOPE))) for x in k]
+    # With the paper's signs a force that presses is negative.
+    driven, driven_back = (
+        np.array([-w.mesh_force(-1.0, speed)[1] / np.cos(SLOPE) for w in wedges])
+        for speed in (1.0, -1.0)
+    )
     curves = {
         "k": k,
-        "forward": 1.0 / (1.0 + k),
-        "backward": 1.0 - k,
-        "printed forward": 1.0 - k,
-        "printed backward": 1.0 / (1.0 + k),
+        "driven": driven,
+        "back-driven": driven_back,
+        "driven, as printed": 1.0 / (1.0 - k),
+        "back-driven, as printed": 1.0 / (1.0 + k),
     }
     slopes = np.deg2rad(np.linspace(0.0, 75.0, 76))
-    masses: dict[str, Curves] = {"efficiencies": curves}
+    masses: dict[str, Curves] = {"forces": curves}
     for friction in frictions:
         wedges = [WedgeBlock(BLOCK, WEDGE, float(slope), friction) for slope in slopes]
         masses[f"mu = {friction:g}"] = {
@@ -53,19 +63,16 @@ def _backward_mass(wedge: WedgeBlock) -> float:
 
 
 def panels(curves: dict[str, Curves]) -> list[Panel]:
-    """Return efficiencies and the masses that a force feels from each side."""
-    eta = curves["efficiencies"]
-    names = ("forward", "backward", "printed forward", "printed backward")
-    first = Panel(
-        "efficiencies of the wedge",
-        "k = mu tan(alpha) [-]",
-        "[-]",
-        {
-            f"{name}, from forces" if i < 2 else name: (eta["k"], eta[name])
-            for i, name in enumerate(names)
-        },
-    )
-    rows = [first]
+    """Return forces of the moving wedge and the masses that a force feels from each side."""
+    forces = curves["forces"]
+    rows = [
+        Panel(
+            "force on the moving wedge",
+            "k = mu tan(alpha) [-]",
+            "of that without friction [-]",
+            {name: (forces["k"], force) for name, force in forces.items() if name != "k"},
+        )
+    ]
     for side, pushed in (("forward", "wedge"), ("backward", "block")):
         lines = {
             name: (one["slope"], one[side]) for name, one in curves.items() if name[:2] == "mu"
