@@ -101,7 +101,7 @@ def test_quiet_commands_print_the_answer_alone(
 
 
 def test_numbers_are_as_deep_as_they_are_known() -> None:
-    from wbc.identification.answer.numbers import plain, told, with_deviation, with_interval
+    from wbc.identification.answer.shown import plain, told, with_deviation, with_interval
 
     # A reader of a report found 0.8003 (0.8000 … 0.8006) too many digits.
     assert with_interval(0.80028, 0.79995, 0.8006) == ("0.800", "0.800 … 0.801")

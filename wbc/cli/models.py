@@ -23,8 +23,7 @@ from wbc.effects import effect_class, load_robot, save_robot
 from wbc.errors import EffectError
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, compare, diagnose, rank_robots
-from wbc.identification.answer.numbers import plain
-from wbc.identification.answer.provenance import provenance
+from wbc.identification.answer.shown import plain, provenance
 from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover

@@ -1,7 +1,12 @@
 """Compare logs with a robot, learn what the model lacks, add it, see the error fall."""
 
-from wbc.identification.answer.comparison import Comparison, OutputError, compare
-from wbc.identification.answer.contest import Contestant, rank_robots
+from wbc.identification.answer.comparison import (
+    Comparison,
+    Contestant,
+    OutputError,
+    compare,
+    rank_robots,
+)
 from wbc.identification.answer.diagnose import diagnose
 from wbc.identification.answer.diagnosis import (
     Alternative,

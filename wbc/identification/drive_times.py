@@ -24,9 +24,9 @@ from wbc.effects.drive.actuation_delay import ActuationDelay
 from wbc.identification.model.distorted import DISTORTED
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import ROWS_PER_SAMPLE, correlated_rows
+from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
-from wbc.identification.silent_drives import reported_torque
 from wbc.measurement import Log, derivative
 from wbc.robot import Robot
 

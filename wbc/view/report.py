@@ -17,9 +17,14 @@ from wbc.extras import needs
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, OpenLoop, Ranked
 from wbc.identification.answer.comparison import compare_problem
-from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation
-from wbc.identification.answer.provenance import provenance
-from wbc.identification.answer.shown import series_of
+from wbc.identification.answer.shown import (
+    efforts,
+    plain,
+    provenance,
+    series_of,
+    sure,
+    with_deviation,
+)
 from wbc.identification.answer.words import (
     COMMAND,
     MEANINGS,

@@ -10,8 +10,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.answer.shown import Series, series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.outputs import output_names, output_units
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Robot
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wbc.identification.answer.numbers import plain, told, with_deviation, with_interval
+from wbc.identification.answer.shown import plain, told, with_deviation, with_interval
 from wbc.tables import TextTable
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate, link_torque
 from wbc.dynamics import rotor_torque as needed_torque
-from wbc.identification.arguments import require_readable
 from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.records.log_checks import require_readable
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log

@@ -10,7 +10,7 @@ import pytest
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import EFFECTS, ActuationDelay, RotorInertia, ViscousFriction, load_robot
 from wbc.identification import diagnose
-from wbc.identification.answer.absent_ties import absent_ties
+from wbc.identification.answer.doubts import absent_ties
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Motion

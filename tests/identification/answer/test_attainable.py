@@ -11,7 +11,7 @@ import pytest
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.effects.joint_effect import JointEffect
-from wbc.identification.answer.attainable import Attainable, attainable
+from wbc.identification.answer.remainder import Attainable, attainable
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
+from wbc.identification.answer.diagnose import next_experiment
 from wbc.identification.answer.diagnosis import Alternative, Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
-from wbc.identification.answer.verdict import next_experiment
 from wbc.identification.choice.weighing.certainty import Support
-from wbc.identification.records.noise.noise_floor import NoiseFloor
+from wbc.identification.records.noise import NoiseFloor
 from wbc.robot import Effect
 
 FLOOR = NoiseFloor(np.eye(2), np.eye(2), ())

@@ -16,7 +16,7 @@ from wbc.identification import compare, diagnose
 from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.filters import steady_level, white_level
-from wbc.identification.records.noise.noise_floor import close_repeats, drawn_noise, noise_floor
+from wbc.identification.records.noise import close_repeats, drawn_noise, noise_floor
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, find_repeats, low_pass
 

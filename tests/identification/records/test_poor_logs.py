@@ -15,7 +15,7 @@ from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.filters import quantisation_level
-from wbc.identification.silent_drives import reported_torque
+from wbc.identification.records.not_judged import reported_torque
 from wbc.measurement import Log, SuspiciousLogError
 
 ROBOT = load_robot("planar_leg_fixed").lossless()

@@ -9,7 +9,7 @@ import pytest
 
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
-from wbc.identification.log_warnings import moving_bases
+from wbc.identification.records.log_checks import moving_bases
 from wbc.measurement import Log, LogSource, SuspiciousLogError
 from wbc.sim.excitation import record_with
 

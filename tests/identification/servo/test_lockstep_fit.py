@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from wbc.identification.servo_fit import FitStart, lockstep_fit
+from wbc.identification.servo import FitStart, lockstep_fit
 
 TIME = np.linspace(0.0, 3.0, 60)
 DATA = 2.0 * np.exp(-1.3 * TIME) + 0.4 + 0.02 * np.sin(40.0 * TIME)

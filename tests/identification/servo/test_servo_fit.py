@@ -8,7 +8,7 @@ import pytest
 
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.servo_fit import ServoFit, Span, fit_servos
+from wbc.identification.servo import ServoFit, Span, fit_servos
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_run import ServoRun

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from wbc.extras import needs
 from wbc.files import as_json
-from wbc.identification.answer.numbers import efforts, plain, sure, with_deviation, with_interval
-from wbc.identification.answer.provenance import provenance
 from wbc.identification.answer.ranking import Correlation, Ranked
 from wbc.identification.answer.shown import (
     Series,
     data_frame,
+    efforts,
     on_one_screen,
-    torque_figure,
+    plain,
+    provenance,
+    sure,
+    with_deviation,
+    with_interval,
 )
 from wbc.identification.answer.words import MEANINGS, verdict_sentence, what_to_do
 from wbc.identification.choice.weighing.certainty import Support
@@ -322,6 +326,8 @@ class Diagnosis:
         """
         units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
         models = [("as given", self.before), ("with the effects found", self.after)]
+        with needs("view", "plot()"):
+            from wbc.identification.answer.figure import torque_figure
         return torque_figure(units, models, log)
 
     @property

@@ -8,14 +8,12 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.gear.yielding_gear import YieldingGear
-from wbc.identification.answer.absent_ties import absent_ties
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
-from wbc.identification.answer.numbers import with_unit
+from wbc.identification.answer.doubts import absent_ties, disagreements, force_sensor_doubts
 from wbc.identification.answer.ranking import Correlation
+from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.weighing.certainty import Support
 from wbc.identification.choice.weighing.hypothesis import Key
-from wbc.identification.force_sensors import force_sensor_doubts
-from wbc.identification.log_warnings import disagreements
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others, scaled

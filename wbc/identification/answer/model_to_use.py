@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.answer.attainable import Attainable, attainable
+from wbc.identification.answer.remainder import Attainable, attainable
 from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_models
 from wbc.identification.choice.weighing.certainty import (

@@ -1,23 +1,32 @@
-"""How answers are shown: tables for terminal, page and notebook, data frames, a figure."""
+"""How answers are shown: numbers, data frames, torques over time, and where a result came from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import platform
+import subprocess
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
 
+import wbc
 from wbc.arrays import FloatArray
 from wbc.errors import MissingPackageError
-from wbc.extras import needs
+from wbc.identification.model.intervals import BOOTSTRAP_SEED
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.record import Record
+from wbc.measurement import LogSource
 from wbc.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _LINES = 24
 """Of a screen: what `repr` shows at most."""
+_LONG = 1e6  # width from which on an interval is written with exponents
+_LOST = 1e3  # [rad, m] error from which a simulation has left the log
+_NONE = 1e-6  # [rad, m] finer than an encoder of 22 bits: nothing moved
+_PACKAGES = ("wbc", "pin", "numpy", "scipy", "proxsuite")
 
 
 def on_one_screen(text: str) -> str:
@@ -83,35 +92,115 @@ def _series(robot: Robot, record: Record) -> Series:
     return Series(record.name, record.time, measured, residual, measured - unexplained)
 
 
-def torque_figure(
-    outputs: Mapping[str, str], models: Sequence[tuple[str, Sequence[Series]]], log: int = 0
-) -> Figure:
-    """Return measured and modelled torque over time, with the residual below, per driven joint.
+def plain(value: float, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits, without an exponent where it is short."""
+    if not math.isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if -4 <= size < 6:
+        return f"{value:.{max(0, digits - 1 - size)}f}".replace("-", "−")
+    return f"{value:.{digits - 1}e}".replace("-", "−")
+
+
+def efforts(units: Iterable[str]) -> str:
+    """Return the word for what outputs with these units report: torque, force, or both."""
+    words = dict.fromkeys("force" if unit == "N" else "torque" for unit in units)
+    return " or ".join(sorted(words, reverse=True))
+
+
+def with_unit(value: float, unit: str, digits: int = 4) -> str:
+    """Return a number and its unit; the unit of a ratio, 1, is not written."""
+    return f"{value:.{digits}g}" if unit == "1" else f"{value:.{digits}g} {unit}"
+
+
+def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
+    """Return a value and its interval in steps of at most twice the interval's width.
+
+    Finer where the ends would read the same.
+    """
+    width = abs(high - low)
+    if not 0.0 < width < _LONG:
+        return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
+    places = max(0, math.ceil(-math.log10(2.0 * width)))
+    if f"{low:.{places}f}" == f"{high:.{places}f}":
+        places += 1
+    if places > 6:
+        return plain(value, 6), f"{plain(low, 6)} … {plain(high, 6)}"
+    texts = [f"{number:.{places}f}".replace("-", "−") for number in (value, low, high)]
+    return texts[0], f"{texts[1]} … {texts[2]}"
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a difference with its sign and standard error, both to two digits of the error."""
+    if not (math.isfinite(value) and math.isfinite(deviation) and deviation > 0.0):
+        return f"{'+' if value > 0.0 else ''}{plain(value)} ± {plain(deviation, 2)}"
+    places = 1 - math.floor(math.log10(deviation))
+    if places > 6:
+        return f"{'+' if value > 0.0 else ''}{plain(value, 2)} ± {plain(deviation, 2)}"
+    near, error = round(value, places), round(deviation, places)
+    if error >= 10.0 ** (2 - places):  # 99.6 became 100
+        places -= 1
+    shown = max(places, 0)
+    told = f"{near:+,.{shown}f}" if near else "0"
+    return f"{told} ± {error:,.{shown}f}".replace("-", "−")
+
+
+def sure(probability: float) -> str:
+    """Return the probability that a cause is there; nothing is quite certain."""
+    percent = round(100.0 * probability)
+    return "> 99 % sure" if percent >= 100 else f"{percent} % sure"
+
+
+def told(error: float) -> str:
+    """Return a simulated position's error in two digits; "lost" where the simulation left."""
+    if error != error:
+        return "-"
+    if abs(error) < _NONE:
+        return "0"
+    return plain(error, 2) if abs(error) < _LOST else "lost"
+
+
+def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any]:
+    """Return versions, commit, seed and the hashes of the logs; equal for equal results.
 
     Args:
-        outputs: names of the driven joints, with the units of what they report.
-        models: label and series of each model, of the same logs.
-        log: number of the log.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
+        sources: of the logs.
+        command: how to run it again; left out when empty.
     """
-    with needs("view", "plot()"):
-        from wbc.identification.answer.figure import ShownFigure
-    count = len(outputs)
-    figure = ShownFigure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
-    axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
-    for k, (output, unit) in enumerate(outputs.items()):
-        torque, rest = axes[2 * k], axes[2 * k + 1]
-        first = models[0][1][log]
-        torque.plot(first.time, first.measured[:, k], color="0.15", label="measured")
-        for number, (label, series) in enumerate(models):
-            one, colour = series[log], f"C{1 - number % 2}"
-            torque.plot(one.time, one.modelled[:, k], color=colour, linewidth=1.0, label=label)
-            rest.plot(one.time, one.residual[:, k], color=colour, linewidth=1.0)
-        torque.set_ylabel(f"{output} [{unit}]")
-        rest.set_ylabel(f"residual [{unit}]")
-        torque.legend(loc="upper right", ncols=3)
-    axes[-1].set_xlabel("time [s]")
-    axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1])
-    return figure
+    facts: dict[str, Any] = {"command": command} if command else {}
+    facts["logs"] = [
+        {"file": s.path, "part": s.part, "columns": s.mapping, "sha256": s.sha256} for s in sources
+    ]
+    facts["seed"] = BOOTSTRAP_SEED
+    facts["versions"] = {name: _version(name) for name in _PACKAGES}
+    facts["python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    facts["commit"] = _commit()
+    return facts
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "?"
+
+
+@cache
+def _commit() -> str:
+    """Return the commit of the checkout that the package runs from, empty for an installation."""
+    folder = Path(wbc.__file__).resolve().parent.parent
+    if not (folder / ".git").exists():
+        return ""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=10.0,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip()

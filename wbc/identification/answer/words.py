@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from wbc.identification.answer.numbers import plain
+from wbc.identification.answer.shown import plain
 from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN
 from wbc.robot.effect import spoken
 

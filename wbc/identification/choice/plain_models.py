@@ -16,8 +16,8 @@ from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
 from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.effects.links.link_inertia import LinkInertia
 from wbc.effects.links.link_inertias import LinkInertias
-from wbc.identification.log_warnings import still_joints
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.records.log_checks import still_joints
 from wbc.robot import Effect
 
 FRICTION: tuple[type[Effect], ...] = (

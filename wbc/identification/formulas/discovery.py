@@ -27,7 +27,7 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import without_torque_sensors
-from wbc.identification.records.outputs import output_names, output_units
+from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.model.sparse_columns import SparseColumns
-from wbc.identification.records.outputs import output_count
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, output_count
 from wbc.robot import Effect, Robot
 
 ADDS: frozenset[str] = frozenset({"joint_torque", "joint_friction", "rotor_torque"})

@@ -9,13 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.arguments import require_readable, require_robot_and_logs
 from wbc.identification.drive_times import (
     about_drive_times,
     missed_by_times,
     prepared_with_times,
 )
-from wbc.identification.log_warnings import moving_bases, unmeasured_forces
 from wbc.identification.model.distorted import DISTORTED, alike_shifts
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.friction_sides import best_sides
@@ -30,18 +28,27 @@ from wbc.identification.records.folds import (
     correlated_rows,
     held_out_folds,
 )
-from wbc.identification.records.noise.noise_floor import (
+from wbc.identification.records.log_checks import (
+    moving_bases,
+    require_readable,
+    require_robot_and_logs,
+    unmeasured_forces,
+)
+from wbc.identification.records.noise import (
     NoiseFloor,
     close_repeats,
     drawn_noise,
     noise_floor,
     with_even_noise,
 )
-from wbc.identification.records.not_judged import not_judged, sensed_joints, standing_joints
-from wbc.identification.records.outputs import output_gear, output_names
+from wbc.identification.records.not_judged import (
+    not_judged,
+    sensed_joints,
+    silent_drives,
+    standing_joints,
+)
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import Record
-from wbc.identification.silent_drives import silent_drives
+from wbc.identification.records.record import Record, output_gear, output_names
 from wbc.measurement import Log, cut_at_gaps, find_repeats, suspicions
 from wbc.robot import Effect, Robot
 

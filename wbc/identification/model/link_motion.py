@@ -12,7 +12,7 @@ from wbc.dynamics import contact_torque, link_torque
 from wbc.errors import DynamicsError
 from wbc.identification.model.link_friction import LinkSide
 from wbc.identification.model.yielding import yielding_gears
-from wbc.identification.records.noise.load_noise import without_noise
+from wbc.identification.records.noise import without_noise
 from wbc.identification.records.record import Record
 from wbc.links import Deflections, LinkResponse, deflections
 from wbc.robot import Motion, Robot

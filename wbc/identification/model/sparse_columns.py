@@ -14,8 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.identification.records.outputs import output_count, output_gear
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, output_count, output_gear
 from wbc.robot import Effect, Robot
 
 

@@ -20,11 +20,9 @@ from wbc.identification.records.filters import (
     steady_level,
     white_level,
 )
-from wbc.identification.records.noise.load_noise import load_bands
-from wbc.identification.records.noise.synthetic_noise import synthetic_noise
+from wbc.identification.records.noise import load_bands, synthetic_noise
 from wbc.identification.records.not_judged import away_from_impacts, not_judged_at_rest, rubbing
-from wbc.identification.records.outputs import output_count
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, output_count
 from wbc.measurement import Log, derivative, differentiate, loaded, low_pass
 from wbc.robot import Motion, Robot
 

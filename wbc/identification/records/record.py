@@ -1,4 +1,11 @@
-"""One log made ready for the model: smoothed motion, measured torques, weights near reversals."""
+"""One log made ready for the model: smoothed motion, measured torques, weights near reversals.
+
+The rows that a model is judged by: first the m gears, reported torque minus what mesh, rotor and
+drive need. Then the b coordinates that nothing drives: minus the wrench that is missing. Last the
+s torque sensors behind gears: measured torque minus what the links need. Where there is a sensor,
+the row of its gear starts from what it measures, so that neither row knows of what is wrong on the
+other side.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +27,57 @@ from wbc.dynamics import (
 )
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
-from wbc.identification.records.link_responses import Columns, regressor_columns, torque_columns
 from wbc.links import LinkResponse
 from wbc.measurement import loaded, low_pass
 from wbc.robot import ContactForces, Motion, Robot
+from wbc.robot.coordinates import output_units as gear_and_base_units
 
 _Kept = TypeVar("_Kept")
 
 _KEPT_MOTIONS = 3
 _KEPT_TORQUES = 32  # along other motions: each screen of causes asks for a wrong zero of each joint
 _KEPT_LINKS = 4  # robots with other links, beside which other causes vary
+_SMALL = 1e-6
+
+_Columns = tuple[FloatArray, FloatArray, FloatArray]
+"""Derivatives of a torque by one joint's acceleration, velocity and position."""
+
+
+def output_count(robot: Robot) -> int:
+    """Return m + b + s."""
+    return robot.transmission.size + robot.floating_size + len(robot.torque_sensors)
+
+
+def output_names(robot: Robot) -> tuple[str, ...]:
+    """Return the names (m + b + s,) of the rows."""
+    names = list(robot.transmission.joints)
+    for row in robot.unactuated:
+        single = [n for n in robot.single_joints if robot.velocity_index(n) == row]
+        names.append(single[0] if single else f"base[{row}]")
+    return (*names, *(f"{joint} (link side)" for joint in robot.torque_sensors))
+
+
+def output_units(robot: Robot) -> tuple[str, ...]:
+    """Return the units (m + b + s,) of the rows."""
+    units = gear_and_base_units(robot)
+    return (*units, *(units[k] for k in robot.sensed))
+
+
+def output_gear(robot: Robot, output: int) -> int | None:
+    """Return the number of the gear that an output belongs to, None for an undriven coordinate."""
+    size = robot.transmission.size
+    if output < size:
+        return output
+    sensor = output - size - robot.floating_size
+    return int(robot.sensed[sensor]) if sensor >= 0 else None
+
+
+def output_row(robot: Robot, output: int) -> int:
+    """Return the row in v of the coordinate behind an output."""
+    gear = output_gear(robot, output)
+    if gear is not None:
+        return int(robot.actuated[gear])
+    return int(robot.unactuated[output - robot.transmission.size])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +124,7 @@ class Record:
     inertia: FloatArray | None = None
     _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
     _responses: dict[str, LinkResponse] = field(default_factory=dict)
-    _response_changes: dict[str, tuple[IntArray, Columns]] = field(default_factory=dict)
+    _response_changes: dict[str, tuple[IntArray, _Columns]] = field(default_factory=dict)
     _moved: dict[bytes, Record] = field(default_factory=dict)
     _links: dict[bytes, FloatArray] = field(default_factory=dict)
     _torques: dict[bytes, FloatArray] = field(default_factory=dict)
@@ -269,7 +317,7 @@ class Record:
         known, columns = self._response_changes.get(joint, (kept[:0], None))
         if columns is None or not np.isin(kept, known).all():
             known = np.union1d(kept, known)
-            columns = regressor_columns(self.robot, self.motion, joint, self.regressor, known)
+            columns = _regressor_columns(self.robot, self.motion, joint, self.regressor, known)
             self._response_changes[joint] = known, columns
         inertia, damping, stiffness = (column @ change[known] for column in columns)
         return replace(
@@ -283,7 +331,7 @@ class Record:
         robot = self.robot
         row = robot.velocity_index(joint)
         column = int(np.flatnonzero(robot.actuated == row)[0])
-        inertia, damping, stiffness = torque_columns(
+        inertia, damping, stiffness = _torque_columns(
             robot, self.motion, joint, self.links, self.forces
         )
         return LinkResponse(
@@ -342,3 +390,71 @@ def _digest(motion: Motion) -> bytes:
 def _nothing_kept() -> dict[str, Any]:
     names = (f.name for f in fields(Record) if f.name.startswith("_"))
     return {name: {} for name in names}
+
+
+def _torque_columns(
+    robot: Robot, motion: Motion, joint: str, links: FloatArray, forces: Mapping[str, FloatArray]
+) -> _Columns:
+    """Return how the links' torque (N, nv) changes with one joint, (N, nv) each.
+
+    Args:
+        robot: whose links.
+        motion: along the log.
+        joint: name.
+        links: the torque that the links need (N, nv) [N m].
+        forces: contact name -> (N, 3) [N]; their torque turns with the joint.
+    """
+    inertia, damping, stiffness = _columns(
+        motion, robot, joint, links, lambda moved: link_torque(robot, moved)
+    )
+    bent = _moved(motion, robot, joint)
+    turned = contact_torque(robot, bent.position, forces)
+    turned = turned - contact_torque(robot, motion.position, forces)
+    return inertia, damping, stiffness - turned / _SMALL
+
+
+def _regressor_columns(
+    robot: Robot, motion: Motion, joint: str, regressor: FloatArray, kept: IntArray
+) -> _Columns:
+    """Return how the regressor of some link parameters changes with one joint, (N, nv, p) each.
+
+    Args:
+        robot: whose links.
+        motion: along the log.
+        joint: name.
+        regressor: of the links (N, nv, 10 n_links).
+        kept: the numbers (p,) of the parameters.
+    """
+    return _columns(
+        motion,
+        robot,
+        joint,
+        regressor[:, :, kept],
+        lambda moved: inertial_regressor(robot, moved)[:, :, kept],
+    )
+
+
+def _columns(
+    motion: Motion,
+    robot: Robot,
+    joint: str,
+    here: FloatArray,
+    needed: Callable[[Motion], FloatArray],
+) -> _Columns:
+    unit = np.eye(robot.model.nv)[robot.velocity_index(joint)]
+    acceleration = np.zeros_like(motion.velocity) + unit
+    if motion.acceleration is not None:
+        acceleration = acceleration + motion.acceleration
+    pushed = motion.replace(acceleration=acceleration)
+    faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
+    return (
+        needed(pushed) - here,
+        (needed(faster) - here) / _SMALL,
+        (needed(_moved(motion, robot, joint)) - here) / _SMALL,
+    )
+
+
+def _moved(motion: Motion, robot: Robot, joint: str) -> Motion:
+    position = np.array(motion.position)
+    position[:, robot.position_index(joint)] += _SMALL
+    return motion.replace(position=position)

@@ -17,7 +17,7 @@ from wbc.errors import IdentificationError, failure_text
 from wbc.identification.answer.diagnose import diagnose
 from wbc.identification.answer.diagnosis import Diagnosis
 from wbc.identification.answer.words import verdict_sentence
-from wbc.identification.records.outputs import output_names, output_units
+from wbc.identification.records.record import output_names, output_units
 from wbc.identification.trend.sessions import (
     Run,
     Session,

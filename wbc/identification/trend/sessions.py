@@ -21,7 +21,7 @@ from wbc.errors import LogError, failure_text
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import interval_bounds
-from wbc.identification.records.outputs import output_names, output_units
+from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, load_logs
 from wbc.results import Column
 from wbc.robot import Robot

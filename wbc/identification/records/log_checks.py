@@ -1,25 +1,77 @@
-"""What the logs cannot tell, and what must not be believed of them."""
+"""What is refused of robots and logs, and what is warned of: copies, rests, bases that move."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.arguments import require_logs
-from wbc.identification.model.fit import Fit, change_along
-from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.errors import IdentificationError
 from wbc.identification.records.record import Record
-from wbc.measurement import Log, find_duplicates
+from wbc.measurement import Log, SuspiciousLogError, find_duplicates, refusal
 from wbc.robot import Robot
-from wbc.robot.coordinates import unit_at
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
-_STRAY = 8.0  # standard deviations between the logs' own values
-_STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
-_UNSEEN = 1e-7  # of the largest column: rounding
+
+
+def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
+    """Check the kinds of the arguments, and that the robot has gears.
+
+    Raises:
+        IdentificationError: a name in place of a robot, one log in place of a sequence, something
+            else in place of a log, or a robot whose description has no gears.
+    """
+    if not isinstance(robot, Robot):
+        raise IdentificationError(
+            f"a robot is expected first, not {robot!r}; load it with load_robot(...)."
+        )
+    require_logs(logs)
+    if not robot.transmission.size:
+        raise IdentificationError(
+            f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
+            "describe each driven joint in robot.toml:\n"
+            "    [gears.JOINT]\n"
+            '    gear_ratio = { value = VALUE, unit = "1", source = "data sheet" }\n'
+            '    rotor_inertia = { value = VALUE, unit = "kg m^2", source = "data sheet" }'
+        )
+
+
+def require_logs(logs: Sequence[Log]) -> None:
+    """Check that logs are a sequence of logs.
+
+    Raises:
+        IdentificationError: one log in place of a sequence, or something else in place of a log.
+    """
+    if isinstance(logs, Log):
+        raise IdentificationError("a sequence of logs is expected; give one log as [log].")
+    if isinstance(logs, str | Path) or not isinstance(logs, Iterable):
+        raise IdentificationError(
+            f"logs are expected, not {str(logs)!r}; read files with load_logs([...])."
+        )
+    for log in logs:
+        if not isinstance(log, Log):
+            raise IdentificationError(
+                f"a log is expected, not {log!r}; read files with load_logs([...])."
+            )
+
+
+def require_readable(robot: Robot, log: Log) -> None:
+    """Check that something can be said of a robot from a log, see `wbc.measurement.refusal`.
+
+    Raises:
+        IdentificationError: too short a log.
+        SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
+            joint's limits; the message says what to do.
+    """
+    found = refusal(log, robot)
+    if found is not None and found.kind == "short":
+        raise IdentificationError(f"{log.source.label}: {found.text} {found.way_out}")
+    if found is not None:
+        column = f"{found.column}: " if found.column else ""
+        message = f"{log.source.label}: {column}{found.text} {found.way_out}"
+        raise SuspiciousLogError(message, [found])
 
 
 def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -113,48 +165,3 @@ def _base_moves(robot: Robot, log: Log) -> dict[str, float]:
         if distance > _BASE_MOVES:
             moves[coordinate] = distance
     return moves
-
-
-def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
-    """Return for every effect a sentence per parameter on whose value the logs disagree.
-
-    Logs of different robots, loads or units show so: each has a value of its own, one Gauss-Newton
-    step away from the common one, and is explained by it far better than by the common one.
-
-    Args:
-        records: the logs.
-        fit: to all of them.
-    """
-    found: list[list[str]] = [[] for _ in fit.effects]
-    if len(records) < 2 or not fit.parameters:
-        return found
-    owner = np.repeat(np.arange(len(records)), [record.rows for record in records])
-    alone = [_alone(fit, owner == k) for k in range(len(records))]
-    steps, deviations = (np.array(part) for part in zip(*alone, strict=True))
-    for row, (k, parameter) in enumerate(fit.parameters):
-        value = fit.effects[k].values[parameter.name]
-        own = value + steps[:, row] * parameter.scale
-        doubt = _STRAY * float(deviations[:, row].max()) * parameter.scale
-        if parameter.shape or np.ptp(own) < max(doubt, _STRAY_SHARE * abs(value)):
-            continue
-        low, high = int(np.argmin(own)), int(np.argmax(own))
-        text = (
-            f"the logs disagree on {parameter.name}: {records[low].name} alone says "
-            f"{own[low]:.3g}, {records[high].name} {own[high]:.3g}"
-        )
-        unit = unit_at(fit.robot, fit.effects[k].where, parameter.unit)
-        found[k].append(text if unit == "1" else f"{text} {unit}")
-    return found
-
-
-def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return the step (p,) to what some rows alone say, and its standard deviation (p,)."""
-    step = fit.step(rows)
-    left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
-    a = fit.jacobian[rows].reshape(-1, len(fit.parameters))
-    size = np.sqrt(np.sum(a**2, axis=0))
-    seen = size > _UNSEEN * size.max()
-    norm = np.where(seen, size, 1.0)
-    gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)
-    spread = np.sqrt(ROWS_PER_SAMPLE * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
-    return step, np.where(seen, spread / norm, np.inf)

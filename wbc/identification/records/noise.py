@@ -1,4 +1,8 @@
-"""The noise floor: what the residual of a perfect model would still be."""
+"""The noise floor: what the residual of a perfect model would still be.
+
+White noise of the level measured in each log is drawn and sent through filters and model; repeated
+runs raise what it leaves. The load of a link behind a soft gear is believed as far as it is more.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,22 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+import pinocchio as pin
+from scipy.signal import welch
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.records.noise.synthetic_noise import synthetic_noise
-from wbc.identification.records.record import Record
+from wbc.dynamics import contact_torque
+from wbc.identification.records.record import Record, output_count
+from wbc.measurement import derivative, low_pass
 
 _SHRINKAGE = 0.03
 _ROWS = 1500  # of drawn noise per log, by which its covariance is known to some 5 % ...
 _DRAWS = 16  # ... but no more draws than this
 _SAME_MOTION = 0.02  # of the range of motion: of runs this close only the noise differs
+_LEAST = 1.7  # of the residual's band: a filter there hardly touches the band
+_MORE = 1.4  # times the power of the noise, which loads that are believed have
+_RESOLUTION = 1.0  # [Hz]
+_STEEP = 6  # order of each pass of the filter
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,3 +242,115 @@ def _close(one: Record, other: Record) -> bool:
     between = _difference(first.velocity, first.time, second.velocity, second.time)
     apart = np.sqrt(np.mean(between**2, axis=0))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
+
+
+def _disturbed(
+    model: pin.Model, positions: FloatArray, position: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return what errors (N, nv) of position and acceleration change in the links' torque.
+
+    Positions enter through gravity, accelerations through inertia; speeds matter little.
+    """
+    data = model.createData()
+    at_rest = np.zeros(model.nv)
+    torque = np.empty(position.shape)
+    for row, (q, error) in enumerate(zip(positions, position, strict=True)):
+        here = pin.rnea(model, data, q, at_rest, at_rest).copy()
+        there = pin.rnea(model, data, pin.integrate(model, q, error), at_rest, acceleration[row])
+        torque[row] = there - here
+    return torque
+
+
+def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Return drawn noise (N, m + b + s) of the reported torque, and of what the model needs.
+
+    Positions, velocities, torques and forces get white noise of the level found in the log, the
+    same filters, and the model's mass matrix and contact Jacobians.
+
+    Args:
+        record: one log.
+        seed: of what is drawn.
+    """
+    robot, rate, noise = record.robot, record.rate, record.noise
+    random = np.random.default_rng(seed)
+    count = len(record.motion.velocity)
+    cutoff = record.bandwidth.kinematics
+
+    def white(level: FloatArray) -> FloatArray:
+        sigma = np.sqrt(np.maximum(np.nan_to_num(level), 0.0) * 0.5 * rate)
+        return low_pass(sigma * random.standard_normal((count, level.size)), cutoff, rate)
+
+    position = np.nan_to_num(white(noise.position))
+    measured = noise.measures_speed(record.bandwidth)
+    velocity = np.where(measured, white(noise.velocity), derivative(position, rate))
+    acceleration = derivative(velocity, rate)
+    torque = _disturbed(record.model_of(robot), record.motion.position, position, acceleration)
+    forces = {name: white(level) for name, level in noise.forces.items()}
+    torque -= contact_torque(robot, record.motion.position, forces)
+    gears = robot.transmission
+    balance = record.balance
+    if balance is not None:
+        torque -= balance.carried(torque[:, robot.unactuated])
+    mesh = torque[:, robot.actuated] @ gears.topology
+    sensed = white(noise.sensed)
+    behind = sensed - mesh[:, robot.sensed]
+    mesh[:, robot.sensed] = sensed
+    spin = acceleration[:, robot.actuated] @ gears.motor_from_joint.T
+    needed = np.sign(gears.gear_ratio) * mesh + np.abs(gears.gear_ratio) * (
+        gears.rotor_inertia * gears.gear_ratio * spin
+    )
+    reported = np.zeros((count, output_count(robot)))
+    reported[:, : gears.size] = white(noise.torque)
+    if balance is not None:
+        sign = np.sign(gears.gear_ratio)
+        needed = sign * balance.seen(sign * needed)
+        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
+    rows = [-needed, -torque[:, robot.unactuated], behind]
+    return reported, np.concatenate(rows, axis=1)
+
+
+def load_bands(record: Record, noise: FloatArray) -> FloatArray:
+    """Return (m,) the frequency [Hz] from which on the load of each driven joint is noise.
+
+    Infinite where it is more than that in the whole band of the kinematics.
+
+    Args:
+        record: one log.
+        noise: (N, m + b) of what the model needs, as drawn.
+    """
+    gears, robot = record.robot.transmission, record.robot
+    load = (record.links - record.contacts)[:, robot.actuated] @ gears.topology
+    length = min(len(load), max(16, int(record.rate / _RESOLUTION)))
+
+    def power(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        frequency, power = welch(values, record.rate, nperseg=length, detrend="linear", axis=0)
+        return frequency, power
+
+    frequency, signal = power(load)
+    _, drawn = power(noise[:, : gears.size])
+    least = _LEAST * record.bandwidth.residual
+    noisy = (signal < _MORE * drawn) & (frequency >= least)[:, None]
+    noisy &= (frequency < record.bandwidth.kinematics)[:, None]
+    first = frequency[np.argmax(noisy, axis=0)]
+    return np.where(noisy.any(axis=0), np.maximum(first, least), np.inf)
+
+
+def without_noise(record: Record, load: FloatArray, joint: str, frequency: float) -> FloatArray:
+    """Return the load (N, nv) by which a link behind a soft gear is driven.
+
+    A link that swings where its load is nothing but noise makes much of it: more than the filter
+    of the residual takes away, so that fits would damp the swing.
+
+    Args:
+        record: one log.
+        load: (N, nv) [N m, N].
+        joint: in front of the link.
+        frequency: at which the link swings [rad/s].
+    """
+    row = record.robot.velocity_index(joint)
+    cutoff = float(record.load_band[np.flatnonzero(record.robot.actuated == row)[0]])
+    if frequency <= 2.0 * np.pi * cutoff:
+        return load
+    result = load.copy()
+    result[:, row] = low_pass(load[:, row], cutoff, record.rate, _STEEP)
+    return result

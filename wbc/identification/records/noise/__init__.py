@@ -1,1 +1,0 @@
-"""How much of a residual is sensor noise."""
