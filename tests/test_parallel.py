@@ -1,4 +1,4 @@
-"""Jobs are taken from their source only as results are used, in processes and on a cluster."""
+"""Many jobs in several processes, how far they are, and the table of their results."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 
 from wbc.errors import ParallelError
 from wbc.parallel import run_jobs
+from wbc.progress import progress_lines, spoken_time
 from wbc.results import Column, ResultTable, fill_table, read_results
 
 NAMED = r"1 job ends .* \(7, .*All other jobs are done"
@@ -126,3 +127,44 @@ def cured_rows(job: tuple[int, str]) -> dict[str, list[int]]:
     """Return the row of the one job that is left, after its cause was mended."""
     assert job[0] == 7
     return {"number": [7], "square": [49]}
+
+
+def test_a_line_every_half_minute_tells_the_time_left() -> None:
+    now = 0.0
+    lines: list[str] = []
+    watch = progress_lines("sessions", lines.append, lambda: now)
+    watch(20, 100)  # what an earlier run left took no time
+    for done in range(21, 101):
+        now += 10.0
+        watch(done, 100)
+    assert lines[0] == "sessions: 23 of 100, 13 min left"  # 77 of 10 s each
+    assert lines[-1] == "sessions: 98 of 100, 20 s left"
+    assert len(lines) == 26  # every 30 s, not at the end
+
+
+def test_short_work_writes_nothing() -> None:
+    lines: list[str] = []
+    watch = progress_lines("sessions", lines.append, lambda: 0.0)
+    for done in range(11):
+        watch(done, 10)
+    assert lines == []
+
+
+def test_times_are_told_in_the_largest_unit() -> None:
+    assert [spoken_time(t) for t in (0.4, 119, 120, 7300, 200000)] == [
+        "0 s",
+        "119 s",
+        "2 min",
+        "2 h",
+        "2 d",
+    ]
+
+
+def test_only_the_named_columns_are_read(tmp_path: Path) -> None:
+    columns = {"machine": Column(kind="text"), "diagnosis": Column(kind="text")}
+    table = ResultTable(tmp_path / "fleet.parquet", {}, columns, 1)
+    table.begin()
+    table.add(0, {"machine": ["a", "b"], "diagnosis": ["long", "longer"]})
+    path = table.finish()
+    assert read_results(path, ["machine"]) == {"machine": ["a", "b"]}
+    assert set(read_results(path)) == set(columns)

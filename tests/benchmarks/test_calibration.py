@@ -1,16 +1,21 @@
-"""The reliability of stated probabilities, on results whose truth is known."""
+"""What benchmarks conclude: probabilities, wrong columns, and the classic fit."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
+from benchmarks.classic_fit import ratio_error
 from benchmarks.corpus.calibration import reached, reliability
 from benchmarks.corpus.draw import COUNT, LISTED, draw_case
+from benchmarks.corpus.record import record_cases
+from benchmarks.corpus.trial import logs_of, robot_of
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.unlisted import NAMES
 from benchmarks.corpus.verdicts import judge_result
+from wbc.measurement import find_suspicions
 
 
 def result(found: str, probability: float, verdict: str = "named", size: float = 8.0) -> Any:
@@ -63,3 +68,40 @@ def test_a_certain_cause_that_is_false_is_wrong_beside_one_outside() -> None:
     assert not judge_result(mixed).good
     mixed["found"][0]["probability"] = 0.8
     assert judge_result(mixed).good
+
+
+# One joint moves, under a payload; a knee pushes with another joint's speed, more than it carries;
+# a body in free fall moves its joints little. Each was refused for a mistake that nobody had made.
+REFUSED = (122, 137, 532)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> dict[int, list[dict]]:
+    cases = [draw_case(number, 23) for number in REFUSED]
+    tables = record_cases([(case, case.excitations) for case in cases])
+    return dict(zip(REFUSED, tables, strict=True))
+
+
+@pytest.mark.parametrize("number", REFUSED)
+def test_strange_physics_is_no_wrong_column(number: int, recorded: dict[int, list[dict]]) -> None:
+    robot = robot_of(draw_case(number, 23))
+    found = find_suspicions(logs_of(recorded[number]), robot)
+    assert [f.text for own in found for f in own if f.severity == "error"] == []
+
+
+def test_the_error_of_a_ratio_is_that_of_repeated_logs() -> None:
+    """Beside the spread over logs drawn anew: one output shares its rows' noise, one does not."""
+    rng, blocks = np.random.default_rng(1), np.repeat(np.arange(60), 10)
+
+    def log() -> tuple[np.ndarray, np.ndarray]:
+        # Rows of a block leave the same: 60 independent values, not 600.
+        one, other, own = (np.repeat(rng.normal(size=(60, 2)), 10, axis=0) for _ in range(3))
+        return one, np.column_stack([one[:, 0] + 0.1 * own[:, 0], other[:, 1]])
+
+    ratios = []
+    for _ in range(400):
+        left, other = log()
+        ratios.append(np.sqrt(np.mean(left**2, axis=0) / np.mean(other**2, axis=0)))
+    told = np.mean([ratio_error(*log(), blocks) for _ in range(40)], axis=0)
+    assert told == pytest.approx(np.std(ratios, axis=0), rel=0.15)
+    assert told[0] < told[1] / 5

@@ -1,4 +1,4 @@
-"""Studies: what is varied, the table, its resumption after a kill, and the command."""
+"""Studies: sweeps, fronts, and tables on disk that go on where they ended."""
 
 from __future__ import annotations
 
@@ -14,17 +14,25 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import wbc.design.stored as stored
 from wbc.cli import main
 from wbc.design import (
+    Objective,
     Study,
+    best_designs,
     describe_columns,
+    over_gait,
+    pareto_front,
+    parse_objective,
     parse_sweep,
     read_designs,
     run_study,
+    sampled_designs,
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError, ResultsError, WbcError
 from wbc.metrics import sweep
+from wbc.results import Column, ResultTable
 
 LEG = load_robot("planar_leg")
 POSE = tuple(LEG.pose("paper").tolist())
@@ -229,3 +237,98 @@ def test_a_quadruped_and_an_arm(
     table = read_designs("designs.parquet")
     assert np.all(np.isfinite(table["backward_inertia"]))
     assert np.all(np.diff(table["backward_inertia"].reshape(5, -1)[:, 0]) > 0.0)
+
+
+def brute(costs: np.ndarray) -> set[int]:
+    """Return the rows that no other row beats, by comparing all pairs."""
+    found = set()
+    for i, row in enumerate(costs):
+        beaten = any(np.all(o <= row) and np.any(o < row) for o in costs)
+        if np.isfinite(row).all() and not beaten:
+            found.add(i)
+    return found
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+@pytest.mark.parametrize("rounded", [False, True])
+def test_the_front_is_that_of_all_pairs(columns: int, rounded: bool) -> None:
+    random = np.random.default_rng(columns).normal(size=(400, columns))
+    values = np.round(random, 1) if rounded else random  # rounded: equal rows and ties
+    table = {f"c{i}": values[:, i] for i in range(columns)}
+    signs = np.array([1.0, -1.0, 1.0])[:columns]
+    objectives = [Objective(f"c{i}", signs[i] < 0) for i in range(columns)]
+    front = pareto_front(table, objectives)
+    assert set(front.tolist()) == brute(values * signs)
+    assert np.all(np.diff((values * signs)[front, 0]) >= 0.0)
+
+
+def test_more_rows_than_a_block() -> None:
+    values = np.random.default_rng(0).normal(size=(5000, 2))
+    values[::7] = 0.1 * values[::7] + 2.0
+    front = pareto_front({"a": values[:, 0], "b": values[:, 1]}, [Objective("a"), Objective("b")])
+    assert set(front.tolist()) == brute(-values)
+
+
+def test_rows_without_a_number_never_count() -> None:
+    table = {"a": np.array([1.0, np.nan, 3.0, np.inf]), "b": np.array([2.0, 9.0, np.nan, 0.0])}
+    assert pareto_front(table, [Objective("a"), Objective("b")]).tolist() == [3, 0]
+    nothing = {"a": np.array([np.nan])}
+    assert pareto_front(nothing, [Objective("a")]).size == 0
+
+
+def test_objectives_are_read_and_checked() -> None:
+    assert parse_objective("a:min", ["a"]) == Objective("a", more=False)
+    for text in ("b:max", "a", "a:best"):
+        with pytest.raises(DesignError):
+            parse_objective(text, ["a"])
+    with pytest.raises(DesignError, match="at least one"):
+        pareto_front({"a": np.ones(1)}, [])
+
+
+OBJECTIVES = [Objective("lift"), Objective("inertia", more=False)]
+ROWS, INSTANTS = 3000, 3
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rows with a front of many designs, ties and places without a number, in three parts."""
+    random = np.random.default_rng(4)
+    lift = random.normal(size=ROWS).round(2)
+    columns = {
+        "design": np.arange(ROWS),
+        "lift": np.where(random.random(ROWS) < 0.05, np.nan, lift),
+        "inertia": (lift + 0.1 * random.normal(size=ROWS)).round(2),
+    }
+    kinds = {name: Column("1", "count" if name == "design" else "number") for name in columns}
+    results = ResultTable(
+        tmp_path_factory.mktemp("designs") / "designs.parquet", {}, kinds, parts=3
+    )
+    results.begin()
+    for part, rows in enumerate(np.split(np.arange(ROWS), [1100, 2500])):
+        results.add(part, {name: values[rows] for name, values in columns.items()})
+    return results.finish()
+
+
+@pytest.mark.parametrize("piece", [7, 100, 10_000])
+@pytest.mark.parametrize("instants", [0, INSTANTS])
+def test_the_front_of_pieces_is_the_front_of_the_whole(
+    table: Path, piece: int, instants: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored, "_PIECE", piece)
+    whole = read_designs(table)
+    rows = over_gait(whole, instants, OBJECTIVES) if instants else whole
+    front = pareto_front(rows, OBJECTIVES)
+    assert len(front) > 10
+    best = best_designs(table, OBJECTIVES, instants)
+    assert list(best) == list(rows)
+    for name, values in rows.items():
+        np.testing.assert_array_equal(best[name], values[front])
+
+
+def test_a_picture_gets_whole_designs_evenly_spread(table: Path) -> None:
+    assert len(sampled_designs(table, ROWS, OBJECTIVES)["design"]) == ROWS
+    few = sampled_designs(table, 100, OBJECTIVES)
+    assert few["design"].tolist() == list(range(0, ROWS, 30))
+    gait = sampled_designs(table, 100, OBJECTIVES, INSTANTS)
+    whole = over_gait(read_designs(table), INSTANTS, OBJECTIVES)
+    np.testing.assert_array_equal(gait["lift"], whole["lift"][::10])

@@ -1,11 +1,22 @@
+"""Robots: names, poses, copies, and joints that turn without end."""
+
 from __future__ import annotations
 
+import copy
+import pickle
+import re
+from pathlib import Path
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from wbc.effects import load_robot
+from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import RobotError, TransmissionError
-from wbc.robot import Robot, bare_robot
+from wbc.identification import compare
+from wbc.measurement import Log
+from wbc.robot import Robot, bare_robot, robot_names, robots_directory
+from wbc.robot.dc_drive import DcDrive
 from wbc.transmission import Transmission
 
 
@@ -58,3 +69,153 @@ def test_a_robot_without_gears() -> None:
     assert robot.floating_size == robot.model.nv
     with pytest.raises(TransmissionError, match=r"There are: \(none\)"):
         robot.transmission.index("hip")
+
+
+@pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda r: pickle.loads(pickle.dumps(r))])
+@pytest.mark.parametrize("name", robot_names())
+def test_a_copy_is_the_robot(name, how):
+    robot = load_robot(name)
+    robot = robot.with_effect(CoulombFriction(robot.transmission.joints[0], level=0.1))
+    found = how(robot)
+    q, v = robot.neutral(), np.ones(robot.model.nv)
+    one, two = (pin.rnea(r.model, r.model.createData(), q, v, v).copy() for r in (robot, found))
+    np.testing.assert_array_equal(one, two)
+    assert found.joints == robot.joints
+    assert found.contacts == robot.contacts or [c.name for c in found.contacts] == [
+        c.name for c in robot.contacts
+    ]
+    assert found.effects[0].level == 0.1
+    assert list(found.poses) == list(robot.poses)
+    for array in (
+        found.transmission.gear_ratio,
+        found.actuated,
+        *found.poses.values(),
+        *(c.offset for c in found.contacts),
+    ):
+        assert not array.flags.writeable
+    assert found.source == robot.source
+
+
+TEXT = """
+model = "{folder}/planar_leg/planar_leg.urdf"
+[poses.crouch]
+base_z = {{ value = 500.0, unit = "mm" }}
+knee = {{ value = 90.0, unit = "deg" }}
+[poses.tall]
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "robot.toml"
+    path.write_text(text.format(folder=robots_directory().as_posix()))
+    return path
+
+
+def test_poses_are_named_in_order_with_units(tmp_path: Path) -> None:
+    robot = load_robot(write(tmp_path, TEXT))
+    np.testing.assert_allclose(robot.pose("crouch"), [0.0, 0.5, 0.0, 0.0, np.pi / 2])
+    np.testing.assert_array_equal(robot.pose("tall"), np.zeros(5))
+    np.testing.assert_array_equal(robot.pose(), robot.pose("crouch"))
+    robot.pose()[0] = 1.0
+    assert robot.pose()[0] == 0.0
+
+
+def test_a_free_base_is_placed() -> None:
+    robot = load_robot("talos")
+    q = robot.pose("half_sitting")
+    assert q[2] == pytest.approx(1.01927, abs=1e-5)
+    np.testing.assert_array_equal(q[3:7], [0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("knee =", "knie =", "pose 'crouch': Unknown joint 'knie'. Did you mean 'knee'"),
+        ('unit = "deg"', 'unit = "mm"', "measures [m], expected [rad]"),
+        ('unit = "mm"', 'unit = "deg"', "measures [rad], expected [m]"),
+        ("90.0", '"bent"', "'bent' is not a number"),
+        ("[poses.tall]", "[poses]\ntall = 3", "a table of joints expected, got 3"),
+        ("base_z =", '"base.position.z" =', "Unknown joint 'base.position.z'"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(RobotError, match=re.escape(message)):
+        load_robot(write(tmp_path, TEXT.replace(old, new, 1)))
+
+
+def test_unknown_poses_list_the_known_ones(tmp_path: Path) -> None:
+    robot = load_robot(write(tmp_path, TEXT))
+    with pytest.raises(RobotError, match="There are: crouch, tall"):
+        robot.pose("sitting")
+    bare = load_robot(write(tmp_path, TEXT[: TEXT.index("[poses")]))
+    with pytest.raises(RobotError, match=r"There are: \(none\)"):
+        bare.pose()
+
+
+LINK = (
+    '<link name="{}"><inertial><origin xyz="0 0 -0.4"/><mass value="0.6"/>'
+    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>'
+)
+JOINT = (
+    '<joint name="swing" type="continuous"><parent link="base"/><child link="rod"/>'
+    '<axis xyz="0 1 0"/>{}</joint>'
+)
+
+
+@pytest.mark.parametrize("limit", ["", '<limit effort="5" velocity="8"/>'])
+@pytest.mark.parametrize("base", ["fixed", "free_flyer"])
+def test_a_continuous_joint_counts_its_turns(tmp_path, limit, base) -> None:
+    text = f'<robot name="r">{LINK.format("base")}{LINK.format("rod")}{JOINT.format(limit)}</robot>'
+    (tmp_path / "r.urdf").write_text(text)
+    (tmp_path / "robot.toml").write_text(
+        f'name = "r"\nmodel = "r.urdf"\nbase = "{base}"\n[gears.swing]\n'
+        'gear_ratio = { value = 6.0, unit = "1", source = "sheet" }\n'
+        'rotor_inertia = { value = 6e-5, unit = "kg m^2", source = "sheet" }\n'
+        'forward_efficiency = { value = 1.0, unit = "1", source = "none" }\n'
+    )
+    robot = load_robot(str(tmp_path / "robot.toml"))
+    assert robot.single_joints == ("swing",)
+    row = robot.position_index("swing")
+    assert robot.model.upperPositionLimit[row] == np.inf
+    if base == "free_flyer":
+        return
+    time = np.arange(0.0, 8.0, 0.005)
+    angle = 2.0 * np.pi * (1.0 - np.cos(0.8 * time))  # two turns and back
+    model, data = robot.model, robot.model.createData()
+    speed, rate = np.gradient(angle, time), np.gradient(np.gradient(angle, time), time)
+    torque = np.array([
+        pin.rnea(model, data, *map(np.atleast_1d, row))[0] + 6e-5 * 36.0 * row[2]
+        for row in zip(angle, speed, rate, strict=True)
+    ])  # fmt: skip
+    log = Log(time, {"swing.position": angle, "swing.motor_torque": torque})
+    found = compare(robot, [log]).outputs[0]
+    assert found.rms < 0.02 * found.size
+
+
+def test_mean_voltage_balances_around_the_winding() -> None:
+    drive = DcDrive(supply_voltage=12.0, source_resistance=0.5)
+    duty, back_emf, resistance = 0.6, 2.0, 3.0
+    current = float(drive.current(duty, back_emf, resistance))
+    assert duty * (12.0 - 0.5 * current) == pytest.approx(resistance * current + back_emf)
+
+
+def test_limits_hold() -> None:
+    drive = DcDrive(12.0, current_limit=1.0, duty_limit=0.9)
+    assert drive.current([1.0, -1.0], [0.0, 0.0], 2.0) == pytest.approx([1.0, -1.0])
+    assert drive.duty(10.0, [0.05, 1.0, -1.0]) == pytest.approx([0.5, 0.9, -0.9])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"supply_voltage": 0.0},
+        {"supply_voltage": 5.0, "source_resistance": -0.1},
+        {"supply_voltage": 5.0, "current_limit": 0.0},
+        {"supply_voltage": 5.0, "duty_limit": 1.2},
+    ],
+)
+def test_refuses_what_no_drive_can_be(wrong: dict[str, float]) -> None:
+    name = list(wrong)[-1]
+    with pytest.raises(RobotError, match=name):
+        DcDrive(**wrong)

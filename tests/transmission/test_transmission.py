@@ -1,3 +1,5 @@
+"""Gears: what their numbers may be, the mesh law, and a step through their flanks."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -6,7 +8,14 @@ import numpy as np
 import pytest
 
 from wbc.errors import TransmissionError
-from wbc.transmission import Transmission
+from wbc.transmission import (
+    Transmission,
+    mesh_input,
+    mesh_input_interval,
+    mesh_output,
+    wedge_backward_efficiency,
+)
+from wbc.transmission.flank_steps import flank_impulse
 
 PARALLELOGRAM = np.array([[1.0, 0.0], [-1.0, 1.0]])
 
@@ -92,3 +101,84 @@ def test_a_changed_copy_leaves_the_original_and_forgets_its_derived_matrices() -
     assert legs.distribution[0, 0] == 20.0
     with pytest.raises(TransmissionError, match="Did you mean 'knee'"):
         legs.with_value("gear_ratio", "kne", 1.0)
+
+
+ETA_F, ETA_B = 0.8, 0.6
+
+
+@pytest.mark.parametrize("speed", [2.0, -2.0])
+@pytest.mark.parametrize("torque", [3.0, -3.0])
+def test_power_out_is_efficiency_times_power_in(torque: float, speed: float) -> None:
+    given = float(mesh_input(torque, speed, ETA_F, ETA_B))
+    if torque * speed > 0:
+        assert torque * speed == pytest.approx(ETA_F * given * speed)
+    else:
+        assert -given * speed == pytest.approx(ETA_B * -torque * speed)
+
+
+@pytest.mark.parametrize("torque", [3.0, -3.0, 0.0])
+def test_the_interval_at_rest_ends_in_the_two_moving_branches(torque: float) -> None:
+    low, high = mesh_input_interval(torque, ETA_F, ETA_B)
+    moving = sorted(float(mesh_input(torque, v, ETA_F, ETA_B)) for v in (1.0, -1.0))
+    np.testing.assert_allclose([low, high], moving)
+    assert low <= mesh_input(torque, 0.0, ETA_F, ETA_B) <= high
+
+
+def test_the_output_between_the_branches_at_rest() -> None:
+    ends = (ETA_F * 2.0, 2.0 / ETA_B)
+    assert mesh_output(2.0, 0.0, ETA_F, ETA_B) == pytest.approx(np.mean(ends))
+    assert mesh_input(2.0, 0.0, ETA_F, ETA_B) == pytest.approx(np.mean((2.0 / ETA_F, 2.0 * ETA_B)))
+
+
+def test_a_self_locking_gear_needs_help_to_be_lowered() -> None:
+    # T pulls along the motion, the motor must push the same way: t and v have one sign.
+    given = mesh_input(-2.0, 1.0, 0.45, float(wedge_backward_efficiency(0.45)))
+    assert given > 0.0
+    low, high = mesh_input_interval(2.0, 0.45, -0.2)
+    assert low < 0.0 < high
+    for locking in (-0.2, 0.0):
+        with pytest.raises(TransmissionError, match="self-locking"):
+            mesh_output(-1.0, 1.0, 0.45, locking)
+        assert mesh_output(1.0, 1.0, 0.45, locking) == pytest.approx(0.45)
+
+
+def test_wedge_relation_and_its_range() -> None:
+    np.testing.assert_allclose(wedge_backward_efficiency([1.0, 0.8, 0.7, 0.5]), [1, 0.75, 4 / 7, 0])
+    for wrong in (0.0, -0.1, 1.01, np.nan):
+        with pytest.raises(TransmissionError, match=r"\(0, 1\]"):
+            wedge_backward_efficiency(wrong)
+
+
+@pytest.mark.parametrize(("late", "late_damping"), [(0.5, 1.0), (0.5, 0.5), (0.7, 0.7), (1.0, 1.0)])
+def test_what_a_flank_passes_never_falls_and_never_jumps(late: float, late_damping: float) -> None:
+    """With the speed at the end. Where a step left one flank for the other, damping made it jump:
+    no end of the step met the law, and a spring that was left loaded got its energy from nowhere.
+    """
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        damping = rng.choice([0.0, 10.0 ** rng.uniform(-2.0, 1.5)])
+        half, step = 10.0 ** rng.uniform(-4.0, -1.0), 10.0 ** rng.uniform(-4.0, -1.5)
+        law = 10.0 ** rng.uniform(1.0, 4.0), damping, half, step, late, late_damping
+        at = 2.0 * half * rng.normal(), 3.0 * rng.normal()
+        end = np.linspace(-10.0, 10.0, 401)
+        passed, slope, _, damped = np.array([flank_impulse(*law, *at, v) for v in end]).T
+        most = np.abs(passed).max()
+        assert np.diff(passed).min() >= -1e-12 * most
+        # Where the law is smooth its slope is the change; kinks and jumps are few.
+        change = 0.5 * (np.diff(passed)[1:] + np.diff(passed)[:-1]) / (end[1] - end[0])
+        assert np.median(np.abs(change - slope[1:-1])) <= 1e-4 * slope.max() + 1e-15
+        # A jump would be the same however near its two sides are.
+        worst = int(np.argmax(np.diff(passed)))
+        for _ in range(40):
+            middle = 0.5 * (end[worst] + end[worst + 1])
+            near = [flank_impulse(*law, *at, v)[0] for v in (end[worst], middle, end[worst + 1])]
+            later = near[2] - near[1] > near[1] - near[0]
+            end[worst + (0 if later else 1)] = middle
+        assert max(np.diff(near)) <= 1e-6 * most + 1e-18
+        if late == 0.5:  # The spring gives back what it stores.
+            way = 0.5 * step * (at[1] + np.linspace(-10.0, 10.0, 401))
+            bent = np.maximum(np.abs([at[0] + way, at[0] + 0.0 * way]) - half, 0.0)
+            stored = 0.5 * law[0] * (bent[0] ** 2 - bent[1] ** 2)
+            assert np.abs((passed - damped) * way / step - stored).max() <= 1e-9 * (
+                np.abs(stored).max() + 1e-15
+            )

@@ -1,4 +1,4 @@
-"""What cannot work is a status with a name and a safe torque, never an exception in the loop."""
+"""What cannot work is a status with a name and a safe torque; any kind of number is taken."""
 
 from __future__ import annotations
 
@@ -115,3 +115,29 @@ def test_setup_mistakes_are_errors():
         RotorTorqueLimit(0.0)
     with pytest.raises(ControlError, match="positive"):
         JointLimit.of(LEG, acceleration=0.0)
+
+
+MOVING = np.array([0.0, 0.0, 0.0, 1.0, -2.0])
+
+KINDS = {
+    "list": lambda values: values.tolist(),
+    "every second": lambda values: np.repeat(values, 2)[::2],
+    "column": lambda values: np.column_stack([values, values])[:, 1],
+    "read-only": lambda values: np.frombuffer(values.tobytes()),
+    "other byte order": lambda values: values.astype(">f8"),
+    "long double": lambda values: values.astype(np.longdouble),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_any_kind_of_vector_is_the_same_state(kind):
+    wanted = leg_controller(LEG).step(Motion(STAND, MOVING))
+    given = leg_controller(LEG).step(Motion(KINDS[kind](STAND), KINDS[kind](MOVING)))
+    assert given.status is Status.SOLVED
+    np.testing.assert_array_equal(given.rotor_torque, wanted.rotor_torque)
+
+
+def test_whole_numbers_are_speeds_too():
+    wanted = leg_controller(LEG).step(Motion(STAND, MOVING))
+    given = leg_controller(LEG).step(Motion(STAND, MOVING.astype(int)))
+    np.testing.assert_array_equal(given.rotor_torque, wanted.rotor_torque)

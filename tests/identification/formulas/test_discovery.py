@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,21 @@ import pytest
 from tests.identification.formulas.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
 from tests.outside import ROOT, outside
 from wbc.cli import main
-from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, ViscousFriction, load_robot
+from wbc.effects import (
+    CoulombFriction,
+    PayloadMass,
+    TorqueOffset,
+    TorqueTerm,
+    ViscousFriction,
+    load_robot,
+)
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.formulas import discover
+from wbc.identification.formulas.sparse_regression import (
+    SparseRegression,
+)
+from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
 
@@ -250,3 +262,42 @@ def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
         # Published, from other logs: 1.57 * 0.093 and 1.57 * 0.078 N m.
         assert dry == pytest.approx(-0.14, rel=0.25)
     assert compare(found.robot, given[1::2]).error < 0.6 * compare(arm, given[1::2]).error
+
+
+ROWS, CELLS, COUNT = 1200, 24, 14
+
+
+def table(seed: int, truth: dict[int, float], alike: float, dry: bool = False) -> TermTable:
+    """Return a table whose columns share a common part, with unit noise in the residual."""
+    random = np.random.default_rng(seed)
+    columns = random.normal(size=(ROWS, COUNT)) + alike * random.normal(size=(ROWS, 1))
+    residual = random.normal(size=ROWS)
+    for k, value in truth.items():
+        residual += value * columns[:, k]
+    names = [f"sin({k + 1} q_a)" for k in range(COUNT)]
+    a, r = columns.reshape(CELLS, -1, COUNT), residual.reshape(CELLS, -1)
+    return TermTable(
+        joint="a",
+        terms=tuple(TorqueTerm.parse(name) for name in names),
+        gram=np.einsum("cni,cnj->cij", a, a),
+        moment=np.einsum("cni,cn->ci", a, r),
+        energy=(r**2).sum(axis=1),
+        count=np.full(CELLS, r.shape[1], dtype=float),
+        folds=np.arange(CELLS) // 6,
+        blocks=np.arange(CELLS),
+        levels=np.abs(columns) if dry else np.zeros((ROWS, COUNT)),
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_path_holds_the_best_subsets_of_all(seed: int) -> None:
+    random = np.random.default_rng(90 + seed)
+    truth = dict(zip(range(4), random.normal(size=4), strict=True))
+    given = table(seed, truth, alike=1.5)
+    regression = SparseRegression(given, np.ones(CELLS, dtype=bool))
+    path = regression.path(3)
+    assert [len(support.chosen) for support in path] == [0, 1, 2, 3]
+    for support in path[1:]:
+        every = combinations(range(COUNT), len(support.chosen))
+        lowest = min(regression.fitted(chosen).loss for chosen in every)
+        assert support.loss == pytest.approx(lowest, rel=1e-9)

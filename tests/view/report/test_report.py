@@ -1,4 +1,4 @@
-"""The report says what the diagnosis says, offline, and works in a real browser."""
+"""The report of a diagnosis: what its page says, and that it works in a browser."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import wbc
 from tests.swinging_leg import swing
 from wbc.effects import (
     CoulombFriction,
+    CustomTorque,
     LinkInertias,
     ViscousFriction,
     effect_class,
@@ -32,8 +33,10 @@ from wbc.identification import (
     open_loop,
 )
 from wbc.identification.answer.words import MEANINGS, TITLES, verdict_sentence, what_to_do
+from wbc.identification.formulas import discover
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.sim.excitation import record_with
 from wbc.view.report import write_report
 
 COEFFICIENT = 0.4
@@ -365,3 +368,21 @@ def test_lines_to_copy_stand_on_lines_of_their_own(robot: Robot, tmp_path: Path)
     page = report.read_text(encoding="utf-8")
     assert re.search(r'<span class="soft lines">[^<]*\n *time.align_velocity = true\n', page)
     assert ".lines { white-space: pre-line; }" in page
+
+
+def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path) -> None:
+    leg = wbc.load_robot("planar_leg_fixed").lossless()
+    hidden = CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})
+    logs = record_with(leg, [hidden], duration=2.0)
+    diagnosis = diagnose(leg, logs, [ViscousFriction])
+    discovery = discover(leg, logs, known=diagnosis.effects)
+    (proposal,) = discovery.proposals
+    page = write_report(tmp_path / "r.html", leg, logs, diagnosis, discovery=discovery)
+    text = page.read_text(encoding="utf-8")
+    section = text[text.index('<section id="formulas">') :]
+    section = section[: section.index("</section>")]
+    assert "sin(2 q_hip)" in section
+    assert discovery.summary in section
+    (estimate,) = proposal.coefficients.values()
+    assert np.isclose(estimate.value, -0.8, rtol=0.02)
+    assert f"{abs(estimate.value):.3f}"[:4] in section

@@ -1,4 +1,4 @@
-"""Force capability against statics: what the mesh law lets a motor at its limit hold."""
+"""Forces that a robot lifts, holds and softens, against statics, momenta and the mesh law."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ from scipy.optimize import linprog
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.errors import DynamicsError
-from wbc.metrics import force_capability
+from wbc.metrics import (
+    backdriving_force,
+    backdriving_torque,
+    force_capability,
+    holding,
+    impact_mitigation,
+)
 from wbc.robot import Robot
 from wbc.transmission import mesh_input_interval
 
@@ -135,3 +141,109 @@ def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
 
     assert one.lift - 1e-9 <= furthest_along(n) <= one.hold + 1e-9
     assert one.lift - 1e-9 <= furthest_along(-n) <= one.hold + 1e-9
+
+
+UP = [0.0, 1.0]
+
+
+def rubbing(name: str = "planar_leg_strong") -> Robot:
+    robot = load_robot(name)
+    gears = robot.transmission.replace(rotor_coulomb_friction=np.array([0.01, 0.02]))
+    return robot.with_transmission(gears)
+
+
+def test_the_knee_holds_its_share_of_the_load_with_eta_b_of_the_torque() -> None:
+    robot = load_robot("planar_leg_strong")
+    found = holding(robot, robot.pose("paper"), "foot", UP, 200.0, "xz")
+    # The foot is straight under the hip: the knee's lever is 0.2 m, the reduction 20.
+    np.testing.assert_allclose(found.lossless, [0.0, 2.0], atol=1e-12)
+    eta_b = robot.transmission.backward_efficiency[1]
+    np.testing.assert_allclose(found.least, [0.0, 2.0 * eta_b], atol=1e-12)
+    np.testing.assert_allclose(found.most, [0.0, 2.0 / 0.7], atol=1e-12)
+    assert found.heat_lossless == pytest.approx(0.1 * (2.0 / 0.1) ** 2)
+    assert found.heat_saved == pytest.approx(1.0 - eta_b**2)
+    assert found.heat_least == pytest.approx(found.heat_lossless * eta_b**2)
+
+
+def test_rotor_friction_eases_holding_and_costs_lifting() -> None:
+    found = holding(rubbing(), rubbing().pose("paper"), "foot", UP, 200.0, "xz")
+    eta_b = 2.0 - 1.0 / 0.7
+    np.testing.assert_allclose(found.least, [0.0, 2.0 * eta_b - 0.02], atol=1e-12)
+    np.testing.assert_allclose(found.most, [0.01, 2.0 / 0.7 + 0.02], atol=1e-12)
+
+
+def test_self_locking_gears_hold_for_nothing_and_never_give() -> None:
+    robot = load_robot("planar_leg_strong")
+    gears = robot.transmission.replace(backward_efficiency=np.array([0.5, -0.1]))
+    locked = robot.with_transmission(gears)
+    found = holding(locked, locked.pose("paper"), "foot", UP, 200.0, "xz")
+    assert found.least[1] == 0.0
+    assert found.heat_saved == 1.0
+    assert backdriving_force(locked, locked.pose("paper"), "foot", UP, "xz") == np.inf
+    np.testing.assert_array_equal(backdriving_torque(locked), [0.0, np.inf])
+
+
+def test_the_force_that_moves_the_unpowered_leg() -> None:
+    robot = rubbing()
+    threshold = 20 * 0.02 / (2.0 - 1.0 / 0.7)
+    assert backdriving_torque(robot)[1] == pytest.approx(threshold)
+    force = backdriving_force(robot, robot.pose("paper"), "foot", UP, "xz")
+    assert force == pytest.approx(threshold / 0.2)
+
+
+def test_unknown_motors_count_as_equal() -> None:
+    robot = load_robot("planar_leg")
+    found = holding(robot, robot.pose("paper"), "foot", UP, 50.0, "xz")
+    assert np.isnan(found.heat_lossless)
+    assert found.heat_saved == pytest.approx(1.0 - (2.0 - 1.0 / 0.7) ** 2)
+    assert holding(robot, robot.pose("paper"), "foot", UP, 0.0, "xz").heat_saved == 0.0
+    with pytest.raises(DynamicsError, match="load"):
+        holding(robot, robot.pose("paper"), "foot", UP, -1.0, "xz")
+
+
+def impulse_to_stop(robot: Robot, q: np.ndarray, speed: float, blocked: bool) -> float:
+    """Return the vertical impulse that stops a falling foot whose joints were at rest.
+
+    The unknowns are the velocity after the impact, the ground's impulse and, with blocked gears,
+    the impulses that hold them. While a gear starts to turn its rotor takes N^2 I_r / eta_b.
+    """
+    nv, gears = robot.model.nv, robot.transmission
+    terms = evaluate(robot, q, np.zeros(nv))
+    select = gears.motor_from_joint @ np.eye(nv)[robot.actuated]
+    mass = terms.mass_matrix.copy()
+    if not blocked:
+        mass += select.T @ np.diag(gears.reflected_inertia / gears.backward_efficiency) @ select
+    rows = terms.contact_jacobian[2:3]
+    if blocked:
+        rows = np.vstack([rows, select])
+    before = np.zeros(nv)
+    before[1] = -speed
+    kkt = np.block([[mass, -rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    return float(np.linalg.solve(kkt, np.concatenate([mass @ before, np.zeros(len(rows))]))[nv])
+
+
+@pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg"])
+@pytest.mark.parametrize("knee_efficiency", [1.0, 0.7, 0.55])
+def test_the_factor_is_the_share_of_the_impulse_that_the_gears_save(
+    name: str, knee_efficiency: float
+) -> None:
+    robot = load_robot(name)
+    gears = robot.transmission.replace(
+        forward_efficiency=np.array([0.8, knee_efficiency]), backward_efficiency=None
+    )
+    robot = robot.with_transmission(gears)
+    q = robot.configuration(**POSE)
+    share = impulse_to_stop(robot, q, 1.0, blocked=False) / impulse_to_stop(
+        robot, q, 1.0, blocked=True
+    )
+    assert impact_mitigation(robot, q, "foot", "xz").along([0, 1]) == pytest.approx(1.0 - share)
+
+
+def test_a_direction_that_cannot_move_is_an_error() -> None:
+    robot = load_robot("planar_leg_fixed")
+    factor = impact_mitigation(robot, np.zeros(2), "foot", "xz")
+    with pytest.raises(DynamicsError, match="singular pose"):
+        _ = factor.matrix
+    spatial = impact_mitigation(robot, robot.configuration(**POSE), "foot")
+    with pytest.raises(DynamicsError, match="cannot be"):
+        spatial.along([0.0, 1.0, 0.0])

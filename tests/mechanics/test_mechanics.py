@@ -1,4 +1,4 @@
-"""The compiled tree of bodies against pinocchio."""
+"""Compiled trees of bodies and small matrices against pinocchio and NumPy."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tests.sim.random_robots import BASES, random_robot
 from wbc import load_robot
 from wbc.mechanics.inertia import bias_at, bodies_at, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.linear import factor, solve_factored
 from wbc.mechanics.tree import tree_of
 
 
@@ -53,3 +54,20 @@ def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
     for time in (1e-4, 0.3):
         moved_along(tree.joints, q, v, time, moved)
         assert moved == pytest.approx(pin.integrate(model, q, time * v), abs=1e-14)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 8, 11, 32, 67])
+def test_factors_solve_a_system(size: int) -> None:
+    rng = np.random.default_rng(size)
+    matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
+    matrix[0, 0] = 0.0 if size > 1 else 1.0  # the first pivot must be looked for
+    factors, pivots, found = matrix.copy(), np.zeros(size, dtype=np.int64), right.copy()
+    assert factor(factors, pivots)
+    solve_factored(factors, pivots, found)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 4, 6, 9])
+def test_a_singular_matrix_is_told(size: int) -> None:
+    matrix = np.ones((size, size)) if size > 1 else np.zeros((1, 1))
+    assert not factor(matrix, np.zeros(size, dtype=np.int64))

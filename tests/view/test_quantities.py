@@ -1,0 +1,81 @@
+"""What pages show of a log: averages, what a model explains, impacts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.measurement import Log
+from wbc.robot import Robot
+from wbc.view.channels import find_impacts, gear_flow, window_mean
+from wbc.view.residuals import explained_curves
+
+
+def test_a_jump_stays_sharp_and_a_ramp_stays_a_ramp() -> None:
+    ramp = np.arange(40.0)[:, None]
+    signal = ramp + np.where(ramp < 17.0, 0.0, 100.0)
+    np.testing.assert_allclose(window_mean(signal, 9, (17,)), signal, atol=1e-12)
+    assert window_mean(signal, 9)[16, 0] > 30.0
+
+
+def test_gear_speeds_jump_at_an_impact_of_a_log(leg: Robot, squat: Log) -> None:
+    landing = int(np.argmax(squat.column("foot.force.z") > 0.0))
+    moving = np.where(np.arange(len(squat)) < landing + 1, 0.0, 5.0)
+    log = squat.with_columns({"knee.velocity": moving})
+    speed = gear_flow(leg, log).speed[:, 1]
+    np.testing.assert_allclose(speed, moving, atol=1e-12)
+
+
+def test_dry_friction_is_one_curve_over_speed_and_none_over_position() -> None:
+    rng = np.random.default_rng(2)
+    speed, position = rng.uniform(-2.0, 2.0, 2000), rng.uniform(-1.0, 1.0, 2000)
+    friction = 0.5 * np.sign(speed)
+    ((center, mean),) = explained_curves(speed, friction, speed)
+    clear = np.abs(center) > 0.2
+    np.testing.assert_allclose(mean[clear], 0.5 * np.sign(center[clear]))
+    # Over the position each direction of motion is a constant, which the position does not decide.
+    assert explained_curves(position, friction, speed) == ()
+    noise = rng.standard_normal(2000)
+    assert explained_curves(position, noise, speed) == ()
+
+
+def test_a_lossy_gear_has_a_branch_over_the_load_for_each_direction() -> None:
+    rng = np.random.default_rng(3)
+    speed, load = rng.uniform(-2.0, 2.0, 3000), rng.uniform(-5.0, 8.0, 3000)
+    loss = 0.2 * np.abs(load) * np.sign(speed)
+    forth, back = explained_curves(load, loss, speed)
+    np.testing.assert_allclose(forth[1], 0.2 * np.abs(forth[0]), atol=0.04)
+    np.testing.assert_allclose(back[1], -0.2 * np.abs(back[0]), atol=0.04)
+
+
+TIME = np.arange(0.0, 1.0, 1e-3)
+WEIGHT = 100.0
+
+
+def vertical(*pieces: tuple[float, float, float]) -> np.ndarray:
+    force = np.zeros((len(TIME), 3))
+    for start, stop, size in pieces:
+        force[(start <= TIME) & (stop > TIME), 2] = size
+    return force
+
+
+def test_standing_from_the_start_is_no_impact() -> None:
+    assert find_impacts(TIME, {"foot": vertical((0.0, 1.0, WEIGHT))}, WEIGHT) == ()
+
+
+def test_landings_are_found_whatever_their_size() -> None:
+    force = vertical((0.1, 0.103, 30.0 * WEIGHT), (0.103, 0.5, WEIGHT), (0.6, 1.0, 1.2 * WEIGHT))
+    impacts = find_impacts(TIME, {"foot": force}, WEIGHT)
+    np.testing.assert_allclose([impact.time for impact in impacts], [0.1, 0.6], atol=1e-9)
+    np.testing.assert_allclose([impact.force for impact in impacts], [3000.0, 120.0])
+
+
+def test_chatter_of_a_millisecond_is_one_impact() -> None:
+    force = vertical((0.1, 0.11, 500.0), (0.112, 0.12, 400.0), (0.122, 1.0, WEIGHT))
+    assert len(find_impacts(TIME, {"foot": force}, WEIGHT)) == 1
+
+
+def test_a_foot_put_down_gently_is_no_impact() -> None:
+    force = vertical()
+    force[:, 2] = np.clip(TIME - 0.2, 0.0, 0.3) / 0.3 * 0.5 * WEIGHT
+    other = vertical((0.0, 1.0, 0.5 * WEIGHT))
+    assert find_impacts(TIME, {"left": force, "right": other}, WEIGHT) == ()
