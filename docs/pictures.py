@@ -146,8 +146,6 @@ EXPERIMENTS = {
     "payload_mass@shin",
     "experiment_quadruped": "solo12 --speed 6 --span 0.6 --rounds 20 --between "
     "rotor_inertia@FL_KFE payload_mass@FL_LOWER_LEG",
-    "experiment_arm": "staubli_tx40 --speed 3 --span 1 --rounds 60 --noise 0.2 --between "
-    "rotor_inertia@joint_3 payload_mass@link_3",
     "experiment_link": "staubli_tx40 --speed 3 --span 1 --rounds 60 --noise 0.2 --between "
     "center_of_mass@link_4+payload_mass@link_4",
 }
