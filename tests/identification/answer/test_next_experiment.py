@@ -100,5 +100,5 @@ def test_nobody_is_asked_to_hold_a_joint_still_that_no_motor_moves() -> None:
 
 def test_a_floor_that_cannot_be_is_not_counted_in() -> None:
     left = Remainder("knee", 1.0, "N m", 58383.0, (), "", 1.0, False)
-    assert "far above the noise floor" in left.text
+    assert "more than 100 times the noise floor" in left.text
     assert "58383" not in left.text

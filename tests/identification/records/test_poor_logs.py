@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
+from tests.outside import outside
 from tests.recover.plant import Lane, simulate
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.filters import quantisation_level
+from wbc.identification.records.filters import low_passed, quantisation_level
 from wbc.identification.records.not_judged import reported_torque
-from wbc.measurement import Log, SuspiciousLogError
+from wbc.measurement import Log, SuspiciousLogError, load_logs
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
 JOINTS = ("hip", "knee")
@@ -155,3 +157,32 @@ def test_a_flying_robot_needs_no_contact_forces() -> None:
     for joint in JOINTS:
         columns[f"{joint}.rotor_torque"] = 0.01 * random.standard_normal(count)
     assert len(compare(flying, [Log(t, columns)]).outputs) == 5
+
+
+@pytest.mark.parametrize("order", [2, 4])
+def test_a_low_pass_takes_no_noise_floor_away(order: int) -> None:
+    """Floors of 1e-7 N m were left, and residuals of 47,000 noise floors."""
+    (log,) = load_logs([outside("practice_leg/case00a.csv")])
+    as_recorded = compare(ROBOT, [log]).floor.values
+    found = compare(ROBOT, [_low_passed(log, 8.0, order)])
+    assert any("a low-pass took their noise away" in text for text in found.warnings)
+    ratio = found.floor.values / as_recorded
+    assert np.all((ratio > 0.2) & (ratio < 5.0)), ratio
+
+
+def test_an_arm_that_was_low_passed_has_a_floor_near_what_its_repeats_scatter_by() -> None:
+    """Its runs differ by 0.2 N m at the larger joints; floors of 1e-5 N m were stated."""
+    torques = np.load(outside("kuka_lwr4/lwr1.npz"))["torques"]
+    passed, density = low_passed(torques, 200.0)
+    assert np.all((passed > 1.0) & (passed < 3.0))
+    floor = np.sqrt(density * passed)
+    assert np.all((floor > 0.01) & (floor < 0.5)), floor
+    noisy = torques + 0.2 * np.random.default_rng(0).standard_normal(torques.shape)
+    assert np.all(low_passed(noisy, 200.0)[0] == np.inf)
+
+
+def _low_passed(log: Log, cutoff: float, order: int) -> Log:
+    """Return a log whose channels went through a Butterworth filter, forward and backward."""
+    sections = butter(order, cutoff, fs=1.0 / log.sample_time, output="sos")
+    columns = {name: sosfiltfilt(sections, values) for name, values in log.columns.items()}
+    return Log(log.time, columns)

@@ -25,8 +25,7 @@ from wbc.robot.coordinates import unit_at
 _BINS = 12
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
-# Floors from which on the floor is doubted: a recorded slide keeps 82, low-passed logs kept 58383.
-_FILTERED = 100.0
+_MANY = 100.0  # floors from which on they are not counted: a recorded slide keeps 82
 _CLUES = 3  # dependences that are mentioned
 _EXPERIMENTS = {
     "acceleration": "move {} fast with small strokes in several poses, with and without a known "
@@ -200,10 +199,8 @@ class Remainder:
         """One sentence."""
         said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
         text = f"{self.output}: {self.size:.2g} {self.unit} left, "
-        if self.floors > _FILTERED:
-            text += "far above the noise floor (low-passed logs hide noise: their floor is too low)"
-        else:
-            text += f"{plain(self.floors, 2)} times the noise floor"
+        many = self.floors > _MANY
+        text += f"{'more than 100' if many else plain(self.floors, 2)} times the noise floor"
         text += f", follows {', '.join(said)}" if said else ", follows no single variable"
         if self.growth > 1.5:
             text += f", grows {self.growth:.1f}-fold during a log"

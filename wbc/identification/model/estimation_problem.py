@@ -29,6 +29,7 @@ from wbc.identification.records.folds import (
     held_out_folds,
 )
 from wbc.identification.records.log_checks import (
+    low_passed_torques,
     moving_bases,
     require_readable,
     require_robot_and_logs,
@@ -99,7 +100,7 @@ class EstimationProblem:
         robot, prepared = prepared_with_times(robot, pieces)
         warnings += about_drive_times(robot)
         warnings += unmeasured_forces(prepared, output_names(robot))
-        warnings += standing_joints(prepared)
+        warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
         return cls._of(robot, pieces, prepared, warnings)
 
     def nearer(self, logs: Sequence[Log], reversal: float) -> EstimationProblem:

@@ -104,6 +104,22 @@ def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
     return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
 
 
+def low_passed_torques(records: Sequence[Record]) -> list[str]:
+    """Return a warning where a low-pass took the noise of torques away, empty where none did."""
+    joints = np.array(records[0].robot.transmission.joints)
+    passed = np.array([record.noise.passed for record in records])
+    filtered = np.isfinite(passed).any(axis=0)
+    if not filtered.any():
+        return []
+    named = "all joints" if filtered.all() else ", ".join(joints[filtered])
+    most = np.max(passed[np.isfinite(passed)])
+    return [
+        f"the torques of {named} hold nothing faster than {most:.2g} Hz: a low-pass took their "
+        "noise away. The noise floor is what they hold there, which may be more than noise. Logs "
+        "without the filter, or one motion recorded twice, would tell it."
+    ]
+
+
 def unmeasured_forces(records: Sequence[Record], outputs: Sequence[str]) -> list[str]:
     """Return what is not seen where contacts touched whose forces no sensor measured.
 

@@ -16,6 +16,7 @@ from wbc.identification.records.filters import (
     NoiseDensity,
     choose_bandwidth,
     gate,
+    low_passed,
     quantisation_level,
     steady_level,
     white_level,
@@ -72,14 +73,16 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
     velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
-    rate = channels.rate
+    rate, torque = channels.rate, _motor_torque(robot, channels)
+    passed, density = low_passed(torque, rate)
     return NoiseDensity(
         # NaN, where no position was measured, stays NaN.
         position=np.maximum(white_level(positions, rate), quantisation_level(positions, rate)),
         velocity=white_level(velocities, rate),
-        torque=white_level(_motor_torque(robot, channels), rate),
+        torque=np.maximum(white_level(torque, rate), density),
         forces={name: white_level(force, rate) for name, force in channels.forces.items()},
-        sensed=white_level(channels.sensed, rate),
+        sensed=np.maximum(white_level(channels.sensed, rate), low_passed(channels.sensed, rate)[1]),
+        passed=passed,
     )
 
 
@@ -195,13 +198,13 @@ def _while_turning_one_way(
     moved = np.abs(robot.transmission.topology) > 0.0
     # A gear changes its direction with any joint that it moves: the sum over them does, too.
     ways = way @ (moved * np.sqrt(np.arange(1.0, len(moved) + 1.0))[:, None])
-    torque, sensed = _motor_torque(robot, channels), channels.sensed
-    behind = ways[:, robot.sensed]
-    level = np.minimum(noise.torque, steady_level(torque, ways, channels.rate))
+    steady = steady_level(_motor_torque(robot, channels), ways, channels.rate)
+    behind = steady_level(channels.sensed, ways[:, robot.sensed], channels.rate)
+    unfiltered = low_passed(channels.sensed, channels.rate)[1] == 0.0
     return replace(
         noise,
-        torque=level,
-        sensed=np.minimum(noise.sensed, steady_level(sensed, behind, channels.rate)),
+        torque=np.where(noise.passed == np.inf, np.minimum(noise.torque, steady), noise.torque),
+        sensed=np.where(unfiltered, np.minimum(noise.sensed, behind), noise.sensed),
     )
 
 
