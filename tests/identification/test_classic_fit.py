@@ -46,7 +46,7 @@ def test_what_is_left_is_noise_although_it_is_held_out(fit: ClassicFit) -> None:
 def test_base_parameters_hold_the_payload(fit: ClassicFit) -> None:
     # The shin's first moment grows by mass times the length of the shin, whatever else is in it.
     moments = [p for p in fit.parameters if p.name.startswith("m") and p.name.endswith("shin")]
-    grown = max(abs(p.value - p.drawn) for p in moments)
+    grown = max(abs(p.value - p.given) for p in moments)
     shin = float(
         np.linalg.norm(LEG.model.frames[LEG.model.getFrameId("foot")].placement.translation)
     )

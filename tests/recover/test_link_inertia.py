@@ -105,7 +105,7 @@ def test_its_numbers_are_those_of_the_link(forearm: tuple[Diagnosis, Machine, Ro
     assert np.mean(inside) >= 0.8
     assert told["mass"].value == pytest.approx(link.mass, rel=0.01)
     joint = robot.body_joint("l3")
-    assert told["mass"].drawn == pytest.approx(robot.model.inertias[joint].mass)
+    assert told["mass"].given == pytest.approx(robot.model.inertias[joint].mass)
     # Physical by construction: some distribution of positive mass has this inertia.
     fitted = diagnosis.robot.model.inertias[joint]
     smallest, middle, largest = np.linalg.eigvalsh(fitted.inertia)

@@ -92,7 +92,7 @@ def test_the_classic_fit_reads_the_links_from_the_sensor(sensed: list[Log]) -> N
         drawn = {n: v for n, _, v in link_names(LEG)}
         (found,) = [p for p in fit.parameters if p.name == "mz shin"]
         change = truth["mz shin"] - drawn["mz shin"]
-        return abs((found.value - found.drawn) / change - 1.0)
+        return abs((found.value - found.given) / change - 1.0)
 
     # The knee's gear loses a fifth, and a fit of perfect gears puts a part of it into the shin.
     assert off(with_sensor) < 0.01

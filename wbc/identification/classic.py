@@ -92,7 +92,7 @@ class BaseParameter:
             the joint's origin.
         combination: what it stands for beside itself, as text; empty for itself alone.
         value: of the robot with it.
-        drawn: of the robot as given.
+        given: of the robot as given.
         low, high: 90 % interval.
         unit: SI.
     """
@@ -100,7 +100,7 @@ class BaseParameter:
     name: str
     combination: str
     value: float
-    drawn: float
+    given: float
     low: float
     high: float
     unit: str

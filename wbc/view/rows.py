@@ -142,10 +142,10 @@ def parameter_rows(fit: ClassicFit) -> TextTable:
     cells: list[tuple[str, ...]] = []
     for p in fit.parameters:
         value, interval = with_interval(p.value, p.low, p.high)
-        cells.append((p.name, value, interval, plain(p.drawn), p.unit))
+        cells.append((p.name, value, interval, plain(p.given), p.unit))
         if p.combination:
             cells.append((f"  with {p.combination}",))
-    heads = ("~parameter", ">value", "90 % interval", ">drawn", "unit")
+    heads = ("~parameter", ">value", "90 % interval", ">as given", "unit")
     return TextTable(heads, tuple(cells), whole=True)
 
 

@@ -41,14 +41,14 @@ Verdict = Literal["none", "named", "ambiguous", "partial", "unknown", "not_repea
 class Estimate:
     """A number that was found: value with the ends of its 90 % interval, in `unit`.
 
-    `drawn` is what the robot as given has in its place, None where it has nothing of the kind.
+    `given` is what the robot as given has in its place, None where it has nothing of the kind.
     """
 
     value: float
     unit: str
     low: float
     high: float
-    drawn: float | None = None
+    given: float | None = None
 
     @property
     def cells(self) -> tuple[str, str, str]:
@@ -221,8 +221,8 @@ class Diagnosis:
             for number, e in finding.numbers.items():
                 first = (name, certainty) if alone else (f"  {number}", "")
                 cells.append((first[0], *e.cells, first[1]))
-                if e.drawn is not None:
-                    cells.append(("  as given" if alone else "    as given", plain(e.drawn)))
+                if e.given is not None:
+                    cells.append(("  as given" if alone else "    as given", plain(e.given)))
             if finding.alternatives:
                 cells.append(("  or " + ", or ".join(finding.rivals),))
             cells += [(f"  warning: {warning}",) for warning in finding.warnings]

@@ -128,10 +128,10 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
 def quantities_of(
     problem: EstimationProblem, fit: Fit, k: int, distortion: FloatArray
 ) -> tuple[dict[str, Estimate], list[str]]:
-    """Return the quantities of effect `k` that differ from the drawing, and sentences on the rest.
+    """Return the quantities of effect `k` that differ from those given, and sentences on the rest.
 
-    A quantity is told where the logs know it at least twice as well as the drawing does. What is
-    told in the place of another is left out where that one is told.
+    A quantity is stated where the logs know it at least twice as well as its prior does. What is
+    stated in the place of another is left out where that one is stated.
 
     Args:
         problem: the logs.
@@ -143,8 +143,8 @@ def quantities_of(
     found = effect.search.quantities(effect, problem.robot)
     if not found:
         return {}, []
-    drawn = effect.with_values(effect.null_values(problem.robot, effect.where))
-    before = drawn.search.quantities(drawn, problem.robot)
+    given = effect.with_values(effect.null_values(problem.robot, effect.where))
+    before = given.search.quantities(given, problem.robot)
     rows = [row for row, (owner, _) in enumerate(fit.parameters) if owner == k]
     slopes = _slopes(problem, fit, effect, rows, found)
     usual = fit.usual.jacobian[:, rows]
@@ -170,9 +170,9 @@ def quantities_of(
     if not differ:
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     if same := [name for name in told if name not in differ]:
-        sentences.append(f"as drawn within what these logs tell: {', '.join(same)}")
+        sentences.append(f"as given, within their intervals: {', '.join(same)}")
     if silent := _silent(estimates, found):
-        sentences.append(f"these logs do not tell, left as drawn: {_listed(silent, found)}")
+        sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
     return differ, sentences
 
 
@@ -188,7 +188,7 @@ def _numbers_told(fit: Fit, rows: list[int]) -> str:
     count = int(np.sum(known > 1.0 / _TOLD**2 - 1.0))
     return (
         f"these logs tell {count} of its {len(rows)} numbers or of their combinations; the rest "
-        "stays as drawn"
+        "is regularised towards the CAD inertia"
     )
 
 

@@ -220,15 +220,15 @@ def _said(finding: Finding) -> str:
     if not finding.quantities:
         said = finding.effect.said({name: e.unit for name, e in finding.parameters.items()})
         given = [
-            f"{spoken(name)} {plain(e.drawn)} {e.unit}".removesuffix(" 1")
+            f"{spoken(name)} {plain(e.given)} {e.unit}".removesuffix(" 1")
             for name, e in finding.parameters.items()
-            if e.drawn is not None
+            if e.given is not None
         ]
         return f"{said} (as given: {', '.join(given)})" if given else said
     shown = list(finding.quantities.items())[:_MOST]
     sizes = ", ".join(
         f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")
-        + (f" instead of {plain(e.drawn)}" if e.drawn is not None else "")
+        + (f" instead of {plain(e.given)}" if e.given is not None else "")
         for name, e in shown
     )
     return f"{place} ({sizes})"
@@ -237,7 +237,7 @@ def _said(finding: Finding) -> str:
 def _replaced(findings: Sequence[Finding]) -> bool:
     """Return whether the robot as given has something in the place of an effect."""
     own = [e for f in findings if not f.quantities for e in f.numbers.values()]
-    return any(e.drawn is not None for e in own)
+    return any(e.given is not None for e in own)
 
 
 def _rivals(findings: Sequence[Finding]) -> str:
