@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.effects import (
+    CenterOfMass,
     CoulombFriction,
     LinkInertia,
     LinkInertias,
@@ -13,6 +14,7 @@ from wbc.effects import (
     TorqueConstant,
     load_robot,
 )
+from wbc.effects.links.inertia import add_point_mass
 from wbc.effects.links.pseudo_inertia import lower
 from wbc.identification import diagnose
 from wbc.sim.excitation import record_with
@@ -57,3 +59,15 @@ def test_what_is_only_explained_by_impossible_numbers_is_not_named() -> None:
     assert diagnosis.verdict == "unknown"
     believed = [f.effect.name for f in diagnosis.findings if f.probability >= 0.5]
     assert "torque_constant" not in believed
+
+
+def test_a_point_mass_that_grew_reaches_as_far_as_its_point() -> None:
+    """Of a recorded servo's pendulum: its moments about the centre are zero, or -2e-18 kg m^2."""
+    given = load_robot("xl330_pendulum")
+    shift = CenterOfMass("arm", 0.0, 0.0, 0.01)
+    asked = shift.search.implausibility(shift, given, ())
+    for added in np.linspace(0.01, 0.3, 30):
+        heavier = add_point_mass(given.model.inertias[1], float(added), np.array([0.0, 0.0, -0.1]))
+        robot = given.with_inertias({1: heavier})
+        with np.errstate(invalid="raise"):
+            assert shift.search.implausibility(shift, robot, ()) == pytest.approx(asked)

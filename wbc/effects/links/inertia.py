@@ -89,5 +89,6 @@ def reach(robot: Robot, joint: int) -> float:
             carried.append(frame.placement.act(np.asarray(contact.offset)))
     sizes = [float(np.linalg.norm(point)) for point in (*carried, inertia.lever)]
     if inertia.mass > 0.0:
-        sizes.append(2.0 * float(np.sqrt(0.5 * np.trace(inertia.inertia) / inertia.mass)))
+        about_center = max(float(np.trace(inertia.inertia)), 0.0)  # of a point: 0, but for rounding
+        sizes.append(2.0 * float(np.sqrt(0.5 * about_center / inertia.mass)))
     return max(sizes)
