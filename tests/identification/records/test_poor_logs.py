@@ -181,6 +181,19 @@ def test_an_arm_that_was_low_passed_has_a_floor_near_what_its_repeats_scatter_by
     assert np.all(low_passed(noisy, 200.0)[0] == np.inf)
 
 
+def test_a_position_that_is_the_integral_of_the_velocity_changes_nothing() -> None:
+    """A motor that stands still seemed to move: 0.16 N m were left in place of 0.07."""
+    folder = outside("tmotor_ak80")
+    robot = load_robot(str(folder / "robot.toml")).lossless()
+    left = []
+    for runs, columns in ((folder, folder / "current.toml"), (folder / "with_position", None)):
+        files = [runs / f"{name}.parquet" for name in ("sysid_1", "sysid_2", "opposing_2")]
+        found = compare(robot, load_logs(files, columns or runs / "columns.toml"))
+        assert any("motor in" in text and "stand still" in text for text in found.warnings)
+        left.append([(output.rms, output.floor) for output in found.outputs])
+    np.testing.assert_allclose(left[0], left[1], rtol=1e-6)
+
+
 def _low_passed(log: Log, cutoff: float, order: int) -> Log:
     """Return a log whose channels went through a Butterworth filter, forward and backward."""
     sections = butter(order, cutoff, fs=1.0 / log.sample_time, output="sos")

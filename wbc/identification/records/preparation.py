@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
@@ -30,6 +31,9 @@ from wbc.robot import Motion, Robot
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
 _SHARED_NOISE = 0.5
+# Share of a position's noise by which it differs from the integral of the velocity: 1e-11 and less
+# of three positions that were integrated, 0.5 and more of five recorded encoders.
+_SAME = 1e-3
 _REST = 3.0  # standard deviations of its noise, up to which a speed is none
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
 REVERSAL = 0.8  # width of the weight around a reversal, in periods of the kinematic band
@@ -73,6 +77,7 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
     velocities = np.full_like(positions, np.nan) if channels.velocity is None else channels.velocity
+    positions[:, _integrated(positions, velocities, channels.rate)] = np.nan
     rate, torque = channels.rate, _motor_torque(robot, channels)
     passed, density = low_passed(torque, rate)
     return NoiseDensity(
@@ -84,6 +89,15 @@ def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
         sensed=np.maximum(white_level(channels.sensed, rate), low_passed(channels.sensed, rate)[1]),
         passed=passed,
     )
+
+
+def _integrated(positions: FloatArray, velocities: FloatArray, rate: float) -> BoolArray:
+    """Return which positions (N, nv) are no measurement, but the integral of the velocities.
+
+    Their noise is a random walk: read as white it would make a motor that stands still move.
+    """
+    apart = positions - cumulative_trapezoid(velocities, dx=1.0 / rate, axis=0, initial=0.0)
+    return np.asarray(white_level(apart, rate) < _SAME * white_level(positions, rate))
 
 
 def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
