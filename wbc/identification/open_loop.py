@@ -17,6 +17,7 @@ from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
 from wbc.measurement.torque import DriveLaw, drive_law
 from wbc.robot import Motion, Robot
+from wbc.robot.coordinates import unit_at
 
 if TYPE_CHECKING:
     from wbc.sim import Plant, SimState
@@ -223,7 +224,7 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
     table = np.full((len(names), len(horizons)), np.nan)
     nothing = OpenLoop(
         joints=names,
-        units=tuple("m" if _slides(robot, name) else "rad" for name in names),
+        units=tuple(unit_at(robot, name, "rad") for name in names),
         horizons=tuple(horizons),
         error=table,
         moved=table,
@@ -235,7 +236,7 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
             SimulatedLog.of(robot, log, record) for log, record in zip(pieces, records, strict=True)
         ]
     except (LogError, SimulationError) as error:
-        return _because(nothing, str(error))
+        return replace(nothing, reason=str(error))
     misses: list[FloatArray] = []
     moves: list[FloatArray] = []
     for log, start in _starts(simulated, max(horizons)):
@@ -243,26 +244,13 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
         misses.append(missed)
         moves.append(moved)
     if not misses:
-        return _because(nothing, f"no log is longer than {min(horizons):g} s beside its ends.")
-    return OpenLoop(
-        nothing.joints,
-        nothing.units,
-        nothing.horizons,
+        reason = f"no log is longer than {min(horizons):g} s beside its ends."
+        return replace(nothing, reason=reason)
+    return replace(
+        nothing,
         error=_rms(np.stack(misses)),
         moved=_rms(np.stack(moves)),
         starts=tuple(int(n) for n in (~np.isnan(np.stack(moves)[:, 0])).sum(axis=0)),
-    )
-
-
-def _because(nothing: OpenLoop, reason: str) -> OpenLoop:
-    return OpenLoop(
-        nothing.joints,
-        nothing.units,
-        nothing.horizons,
-        nothing.error,
-        nothing.moved,
-        nothing.starts,
-        reason,
     )
 
 
@@ -284,8 +272,3 @@ def _rms(values: FloatArray) -> FloatArray:
     count = known.sum(axis=0)
     total = np.where(known, values, 0.0) ** 2
     return np.where(count > 0, np.sqrt(total.sum(axis=0) / np.maximum(count, 1)), np.nan)
-
-
-def _slides(robot: Robot, joint: str) -> bool:
-    kind = robot.model.joints[robot.model.getJointId(joint)].shortname()
-    return kind.startswith("JointModelP") and not kind.startswith("JointModelPlanar")

@@ -30,6 +30,7 @@ from wbc.identification.records.not_judged import without_torque_sensors
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
+from wbc.robot.coordinates import slides
 
 _EXPLAINED_FLOOR = 1.0  # rms excess over the floor, in floors, below which nothing is left
 _EXPLAINED_SHARE = 0.15  # ... and as a share of the first excess
@@ -265,18 +266,13 @@ def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt
 
 def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
     """Return every parameter with its interval, by effect, place and name."""
-    model = problem.robot.model
-    slides = {
-        name
-        for name in problem.robot.single_joints
-        if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
-    }
+    sliding = {name for name in problem.robot.single_joints if slides(problem.robot, name)}
     bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
     result = {}
     for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
         effect, unit = fit.effects[number], parameter.unit
         if isinstance(effect, CustomTorque):
-            unit = TorqueTerm.parse(parameter.name).unit(slides, at_slide=effect.where in slides)
+            unit = TorqueTerm.parse(parameter.name).unit(sliding, at_slide=effect.where in sliding)
         value = effect.values[parameter.name]
         key = (effect.name, effect.where, parameter.name)
         result[key] = Estimate(value, unit, float(low), float(high))

@@ -16,6 +16,7 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.robot import Motion, Robot
+from wbc.robot.coordinates import slides
 
 _MOST_BLOCKS = 96  # memory grows with blocks times the square of the library
 _LEVEL_SAMPLES = 2000
@@ -218,7 +219,7 @@ def torque_terms(
     """
     q, v = f"q_{joint}", f"v_{joint}"
     sign = f"sign({v})"
-    waves = {1.0, 2.0} if _turns(robot, joint) else set()
+    waves = {1.0, 2.0} if not slides(robot, joint) else set()
     smooth_orders, dry_orders = _orders(robot, joint, motions, unexplained, band)
     smooth_waves = _waves(q, waves | smooth_orders)
     dry_waves = _waves(q, waves | dry_orders)
@@ -244,7 +245,7 @@ def _across(
 ) -> tuple[list[str], list[str]]:
     """Return smooth products with the motion of another joint, and levels of dry friction."""
     q, v, x, u = f"q_{joint}", f"v_{joint}", f"q_{other}", f"v_{other}"
-    waves = _waves(x, {1.0, 2.0}) if _turns(robot, other) else []
+    waves = _waves(x, {1.0, 2.0}) if not slides(robot, other) else []
     smooth = [x, f"{x}^2", f"{q} * {x}", f"{q} * {x}^2", f"{q}^2 * {x}", *waves]
     smooth += [u, f"|{u}|", f"|{u}| * {u}", f"{u}^2", f"{u}^3", f"sign({u})", f"{v} * {u}"]
     smooth += [f"{x} * {v}", f"{q} * {u}", f"{x} * {u}", f"|{x}| * {v}", f"|{u}| * {v}"]
@@ -262,11 +263,6 @@ def _across(
 def _waves(position: str, orders: Iterable[float]) -> list[str]:
     numbers = ["" if order == 1.0 else f"{order:g} " for order in sorted(orders)]
     return [f"{wave}({number}{position})" for number in numbers for wave in ("sin", "cos")]
-
-
-def _turns(robot: Robot, joint: str) -> bool:
-    number = robot.model.getJointId(joint)
-    return not robot.model.joints[number].shortname().startswith("JointModelP")
 
 
 def _weighs(robot: Robot, joint: str, motions: Sequence[Motion]) -> bool:
