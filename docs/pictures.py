@@ -42,19 +42,11 @@ from wbc import load_robot, save_robot
 from wbc.cli import main as wbc
 from wbc.effects import CoulombFriction
 from wbc.files import atomic_write
-from wbc.identification import Diagnosis
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
 from wbc.view.channels import log_impacts
 from wbc.view.pictures import opened
-from wbc.view.plots import (
-    residual_figure,
-    staircase_figure,
-    unexplained_figure,
-    write_figure,
-)
-from wbc.view.report import stairs
-from wbc.view.residuals import residuals_of
+from wbc.view.plots import drawing, write_figure
 
 IMAGES = Path(__file__).resolve().parent / "images"
 OUT = Path("out")  # where the studies write
@@ -64,11 +56,17 @@ Draw = Callable[[Theme], Mapping[str, Figure]]
 def explained() -> None:
     """Explain a log: the second part of the demo."""
     diagnosis, _ = demo.explain(demo.Console(markup=False), 6.0)
-    residuals(diagnosis)
-    with opened(OUT / "report.html", 1100, 1000) as page:
+    plots(lambda theme: {"explained": diagnosis.plot()}, explained="explained")
+    with opened(OUT / "report.html", (1100, 1000)) as page:
         page.wait_for_function("window.report && window.report.ready")
         page.screenshot(path=OUT / "head.png")
+        for theme, ending in (("light", ""), ("dark", "_dark")):
+            page.evaluate(f"report.setTheme('{theme}')")
+            for name, place in (("residuals", "#panels"), ("staircase", "#stairs")):
+                page.locator(place).screenshot(path=OUT / f"{name}{ending}.png")
     keep(OUT / "head.png", "report")
+    for name in ("residuals", "residuals_dark", "staircase", "staircase_dark"):
+        keep(OUT / f"{name}.png", name)
 
 
 def stood() -> None:
@@ -87,27 +85,9 @@ def playback() -> None:
     """Take the landing in motion, and a moment after the impact."""
     robot, page = load_robot("planar_leg_strong"), OUT / "landing.html"
     (hit, *_), film = log_impacts(robot, load_logs([OUT / "landing.parquet"])[0]), OUT / "fall.gif"
-    write_animation(film, page, start=0.0, stop=1.0, speed=0.5, width=560, height=400)
+    write_animation(film, page, (0.0, 1.0), speed=0.5, size=(560, 400))
     keep(film, "landing")
-    keep(write_picture(OUT / "moment.png", page, hit.time + 1e-3, height=760), "playback")
-
-
-def residuals(diagnosis: Diagnosis) -> None:
-    """Draw where the model failed and how the error fell."""
-    leg = load_robot("planar_leg_fixed").lossless()
-    logs = load_logs([OUT / f"run{k}.csv" for k in range(3)])
-    found = residuals_of(leg, diagnosis.robot, logs)
-    steps = [(step["label"], step["error"]) for step in stairs(diagnosis)]
-    plots(
-        lambda theme: {
-            "explained": unexplained_figure(found, "with the effects found", theme),
-            "residuals": residual_figure(found, "with the effects found", theme),
-            "staircase": staircase_figure(steps, diagnosis.error.floor_source, theme),
-        },
-        explained="explained",
-        residuals="residuals",
-        staircase="staircase",
-    )
+    keep(write_picture(OUT / "moment.png", page, hit.time + 1e-3, size=(1280, 760)), "playback")
 
 
 ARM_POSE = ("--contact", "link_6", "--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.6")
@@ -243,23 +223,21 @@ def walked() -> None:
     found = trot.main()
     plots(lambda theme: trot.draw(found, theme), trot="trot")
     page, film = trot.film(OUT / "trot.html", 2.4), OUT / "trot.gif"
-    write_animation(
-        film, page, start=0.4, stop=2.4, speed=0.5, width=640, height=440, frame_rate=10.0
-    )
+    write_animation(film, page, (0.4, 2.4), speed=0.5, size=(640, 440), frame_rate=10.0)
     keep(film, "trot")
     steps = stepping.main(engines=("MuJoCo",), scenes=("on the spot", "forward", "step"))
     plots(lambda theme: stepping.draw(steps, theme), stepping="stepping")
     page, film = stepping.film(OUT / "stepping.html", 6), OUT / "stepping.gif"
-    write_animation(
-        film, page, start=0.5, stop=6.0, speed=1.0, width=600, height=680, frame_rate=6.0
-    )
+    write_animation(film, page, (0.5, 6.0), size=(600, 680), frame_rate=6.0)
     keep(film, "stepping")
 
 
 def plots(draw: Draw, **names: str) -> None:
     """Keep light and dark plots; `names` are those to keep, with their names on the pages."""
     for theme, ending in ((LIGHT, ""), (DARK, "_dark")):
-        for own, figure in draw(theme).items():
+        with drawing(theme):
+            drawn = draw(theme)
+        for own, figure in drawn.items():
             if name := names.get(own):
                 keep(write_figure(OUT / f"{name}{ending}.png", figure), name + ending)
 

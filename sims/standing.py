@@ -103,7 +103,7 @@ def draw(loops: dict[str, Loop], theme: Theme = LIGHT) -> dict[str, Figure]:
         "squat": standing_figure(robot, squats, theme=theme),
         "landing": impact_figure(robot, landings, theme=theme),
         "power": power_figure(robot, ours, theme),
-        "energy": energy_figure(robot, ours, theme, held=True),
+        "energy": energy_figure(robot, ours, theme),
     }
 
 

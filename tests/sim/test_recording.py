@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from wbc.sim import (
     StepEvent,
     simulate,
 )
-from wbc.view.playback import playback_page
+from wbc.view import write_playback
 
 
 def _run(robot=None, duration: float = 0.2) -> Simulation:
@@ -31,7 +32,7 @@ def _run(robot=None, duration: float = 0.2) -> Simulation:
     return simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
 
 
-def test_the_playback_shows_what_steps_had_to_say() -> None:
+def test_the_playback_shows_what_steps_had_to_say(tmp_path: Path) -> None:
     """Events of one kind in a row are one mark, where they begin."""
     run = _run()
     kinds = ("overlap", "overlap", "overlap", "energy")
@@ -46,8 +47,9 @@ def test_the_playback_shows_what_steps_had_to_say() -> None:
         "overlap: overlap of 0.1": 0.1,
         "energy: energy of 0.05": 0.05,
     }
-    page = playback_page(load_robot("planar_leg"), run.log, marks=marks)
-    assert all(label in page for label in marks)
+    page = write_playback(tmp_path / "run.html", load_robot("planar_leg"), run.log, marks=marks)
+    text = page.read_text(encoding="utf-8")
+    assert all(label in text for label in marks)
 
 
 def test_a_recording_is_a_log_of_true_values() -> None:

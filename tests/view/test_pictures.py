@@ -30,7 +30,7 @@ def has_colour(picture: np.ndarray, rgb: tuple[int, int, int], reach: int) -> bo
 
 @pytest.mark.usefixtures("chromium")
 def test_a_picture_shows_force_and_direction_of_power(page: Path, tmp_path: Path) -> None:
-    path = write_picture(tmp_path / "squat.png", page, 0.45, width=640, height=480)
+    path = write_picture(tmp_path / "squat.png", page, 0.45, size=(640, 480))
     picture = np.asarray(Image.open(path).convert("RGB"))
     assert picture.shape == (480, 640, 3)
     scene = picture[110:360, 200:]
@@ -42,7 +42,7 @@ def test_a_picture_shows_force_and_direction_of_power(page: Path, tmp_path: Path
 @pytest.mark.usefixtures("chromium")
 def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> None:
     path = write_animation(
-        tmp_path / "squat.gif", page, start=0.3, stop=0.7, frame_rate=10.0, width=320, height=240
+        tmp_path / "squat.gif", page, (0.3, 0.7), frame_rate=10.0, size=(320, 240)
     )
     film = Image.open(path)
     assert film.n_frames == 4
@@ -54,14 +54,14 @@ def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> 
 @pytest.mark.usefixtures("chromium")
 def test_a_notebook_whose_thread_runs_a_loop_takes_pictures(page: Path, tmp_path: Path) -> None:
     async def cell() -> Path:
-        return write_picture(tmp_path / "cell.png", page, 0.2, width=300, height=200)
+        return write_picture(tmp_path / "cell.png", page, 0.2, size=(300, 200))
 
     assert Image.open(asyncio.run(cell())).size == (300, 200)
 
 
 @pytest.mark.usefixtures("chromium")
 def test_a_small_negative_number_is_no_minus_zero(page: Path) -> None:
-    with opened(page, 700, 500, "still") as shown:
+    with opened(page, (700, 500), "still") as shown:
         shown.wait_for_function("window.player")
         shown.evaluate("player.seek(0.02)")  # in the air: no torque, no power
         table = shown.inner_text("#gears")
@@ -71,7 +71,7 @@ def test_a_small_negative_number_is_no_minus_zero(page: Path) -> None:
 
 @pytest.mark.usefixtures("chromium")
 def test_a_printed_playback_shows_all_of_the_scene(page: Path) -> None:
-    with opened(page, 1200, 800, "still") as shown:
+    with opened(page, (1200, 800), "still") as shown:
         shown.wait_for_function("window.player")
         shown.emulate_media(media="print")
         shown.set_viewport_size({"width": 700, "height": 900})
@@ -97,11 +97,9 @@ def test_an_mp4_has_the_frames_and_the_size_asked_for(page: Path, tmp_path: Path
     path = write_animation(
         tmp_path / "squat.mp4",
         page,
-        start=0.3,
-        stop=0.7,
+        (0.3, 0.7),
         frame_rate=10.0,
-        width=321,
-        height=240,
+        size=(321, 240),
         progress=told.append,
     )
     raw = [ffmpeg, "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]

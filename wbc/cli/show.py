@@ -245,5 +245,12 @@ def _pictures(
             yield view.write_picture(options.png, page, at, theme=options.theme)
     if options.gif:
         with working(console, "taking pictures") as progress:
-            chosen = {k: getattr(options, k) for k in ("start", "stop", "speed", "theme")}
-            yield view.write_animation(options.gif, page, progress=progress, **chosen)
+            span = options.start, options.stop
+            yield view.write_animation(
+                options.gif,
+                page,
+                span,
+                speed=options.speed,
+                theme=options.theme,
+                progress=progress,
+            )

@@ -38,12 +38,12 @@ Result = TypeVar("Result")
 
 
 @contextmanager
-def opened(page: Path, width: int, height: int, fragment: str = "") -> Iterator[Page]:
+def opened(page: Path, size: tuple[int, int], fragment: str = "") -> Iterator[Page]:
     """Open a page in a Chromium without a display.
 
     Args:
         page: an HTML file.
-        width, height: size of the window [px].
+        size: width and height of the window [px].
         fragment: what to put behind the # of the address.
 
     Raises:
@@ -62,7 +62,7 @@ def opened(page: Path, width: int, height: int, fragment: str = "") -> Iterator[
     with sync_playwright() as driver:
         try:
             browser = driver.chromium.launch(executable_path=program, args=_FLAGS)
-            shown = browser.new_page(viewport={"width": width, "height": height})
+            shown = browser.new_page(viewport={"width": size[0], "height": size[1]})
             shown.set_default_timeout(_PATIENCE)
             shown.goto(page.resolve().as_uri() + (f"#{fragment}" if fragment else ""))
             yield shown
@@ -76,8 +76,7 @@ def write_picture(
     playback: str | Path,
     at: float,
     *,
-    width: int = 1280,
-    height: int = 800,
+    size: tuple[int, int] = (1280, 800),
     controls: bool = True,
     theme: str = "light",
 ) -> Path:
@@ -87,7 +86,7 @@ def write_picture(
         path: the PNG to write.
         playback: HTML written by `write_playback`.
         at: time [s] on the log's clock, clipped to the log.
-        width, height: [px].
+        size: width and height [px].
         controls: whether buttons are in the picture (the timeline always is).
         theme: "light" or "dark".
 
@@ -96,7 +95,7 @@ def write_picture(
     """
 
     def take() -> bytes:
-        with opened(Path(playback), width, height, "still" if controls else "still&bare") as page:
+        with opened(Path(playback), size, "still" if controls else "still&bare") as page:
             _prepare(page, theme)
             return _shown(page, at)
 
@@ -107,13 +106,11 @@ def write_picture(
 def write_animation(
     path: str | Path,
     playback: str | Path,
+    span: tuple[float | None, float | None] = (None, None),
     *,
-    start: float | None = None,
-    stop: float | None = None,
     speed: float = 1.0,
     frame_rate: float = 15.0,
-    width: int = 640,
-    height: int = 480,
+    size: tuple[int, int] = (640, 480),
     theme: str = "light",
     progress: Callable[[str], None] = lambda line: None,
 ) -> Path:
@@ -122,10 +119,10 @@ def write_animation(
     Args:
         path: ends in .gif, or in .mp4 (needs ffmpeg, or the extra `wbc[video]`).
         playback: HTML written by `write_playback`.
-        start, stop: [s] on the log's clock; the whole log when left out.
+        span: from when to when [s] on the log's clock; None for an end of the log.
         speed: 0.5 shows it at half speed.
         frame_rate: frames per second of the animation.
-        width, height: [px].
+        size: width and height [px].
         theme: "light" or "dark".
         progress: called with a line of text as pictures are taken.
 
@@ -140,10 +137,12 @@ def write_animation(
     encoder = find_ffmpeg() if destination.suffix.lower() == ".mp4" else None
 
     def film() -> Path:
-        with opened(Path(playback), width, height, "still&bare") as page:
+        with opened(Path(playback), size, "still&bare") as page:
             _prepare(page, theme)
-            begin = float(page.evaluate("player.start")) if start is None else start
-            end = float(page.evaluate("player.stop")) if stop is None else stop
+            begin, end = (
+                float(page.evaluate(f"player.{name}")) if given is None else given
+                for name, given in zip(("start", "stop"), span, strict=True)
+            )
             if not (end > begin and speed > 0.0 and frame_rate > 0.0):
                 raise ViewError(
                     f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}."

@@ -242,24 +242,6 @@ def write_playback(
     Raises:
         LogError: the log holds no position of the robot.
     """
-    page = playback_page(
-        robot, log, ghost=ghost, ground=ground, marks=marks, title=title, theme=theme, at=at
-    )
-    return write_text(path, page)
-
-
-def playback_page(
-    robot: Robot,
-    log: Log,
-    *,
-    ghost: Ghost | None = None,
-    ground: Terrain | Sequence[GroundSlab] | None = None,
-    marks: Mapping[str, float] | None = None,
-    title: str | None = None,
-    theme: str = "",
-    at: float | None = None,
-) -> str:
-    """Return the HTML text of `write_playback`, with the same arguments."""
     track = make_track(robot, log)
     recorder = CommandRecorder()
     root = recorder.visualizer()["/wbc"]
@@ -298,7 +280,7 @@ def playback_page(
         "commands": recorder.encoded(),
     }
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
-    return environment.get_template("playback.html.j2").render(
+    page = environment.get_template("playback.html.j2").render(
         title=title or robot.name,
         theme=theme,
         css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
@@ -306,6 +288,7 @@ def playback_page(
         meshcat=meshcat_script(),
         scene=json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"),
     )
+    return write_text(path, page)
 
 
 @cache

@@ -4,7 +4,6 @@ from wbc.extras import needs
 
 with needs("view", "drawing plots"):
     from wbc.view.leg_figures import leg_figure, tradeoff_figure
-    from wbc.view.residual_figures import residual_figure, staircase_figure, unexplained_figure
     from wbc.view.run_figures import (
         LogEnergy,
         energy_audit,
@@ -28,11 +27,8 @@ __all__ = [
     "new_figure",
     "pareto_figure",
     "power_figure",
-    "residual_figure",
-    "staircase_figure",
     "standing_figure",
     "tradeoff_figure",
     "trend_figure",
-    "unexplained_figure",
     "write_figure",
 ]

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ with needs("view", "writing a report"):
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    from wbc.view.playback import playback_page
+    from wbc.view.playback import write_playback
     from wbc.view.track import model_ghost
 
 _STRONG = 0.1
@@ -241,7 +242,10 @@ def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
     title = f"{short_label(log.source.label)} and the model as given"
     size = np.max(np.abs(np.array(list(ghost.residual.values()))), axis=0)
     worst = float(ghost.residual_time[int(np.argmax(size))])
-    return playback_page(robot, log, ghost=ghost, title=title, at=worst)
+    with TemporaryDirectory() as folder:
+        page = Path(folder) / "playback.html"
+        write_playback(page, robot, log, ghost=ghost, title=title, at=worst)
+        return page.read_text(encoding="utf-8")
 
 
 def _embedded(value: object) -> str:

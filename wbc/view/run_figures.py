@@ -111,17 +111,16 @@ class LogEnergy:
     unexplained: FloatArray
 
 
-def energy_audit(robot: Robot, log: Log, *, held: bool = False) -> LogEnergy:
-    """Return where the energy of a log went according to the model.
+def energy_audit(robot: Robot, log: Log) -> LogEnergy:
+    """Return where the energy of a recording went according to the model.
 
     What the model lacks (friction, a payload, an impact too short for the sampling) ends up in
     `unexplained`.
 
     Args:
         robot: whose masses and gears.
-        log: positions or velocities, torques, contact forces.
-        held: whether torques and forces are held from each row to the next, as in a recording of
-            the simulator. Otherwise they are samples, and powers are averaged over 20 ms.
+        log: positions or velocities; torques and contact forces that are held from each row to the
+            next, as in a recording of the simulator.
     """
     position, speed = configuration(robot, log), velocity(robot, log)
     model, data = robot.model, robot.model.createData()
@@ -133,15 +132,8 @@ def energy_audit(robot: Robot, log: Log, *, held: bool = False) -> LogEnergy:
     spin = (speed[:, robot.actuated] @ gears.motor_from_joint.T) * gears.gear_ratio
     rotors = 0.5 * np.sum(gears.rotor_inertia * spin**2, axis=1)
     force = contact_torque(robot, position, contact_forces(robot, log))
-    if held:
-        middle = 0.5 * (speed[1:] + speed[:-1])
-        drive, loss = _gear_powers(robot, log, speed)
-        push = np.sum(force[:-1] * middle, axis=1)
-    else:
-        flow = gear_flow(robot, log)
-        drive, loss, push = (
-            _between(power) for power in (flow.rotor_power, flow.loss, force * speed)
-        )
+    drive, loss = _gear_powers(robot, log, speed)
+    push = np.sum(force[:-1] * 0.5 * (speed[1:] + speed[:-1]), axis=1)
     motor, heat, ground = (_sum(log.time, power) for power in (drive, loss, push))
     kinetic = links + rotors - links[0] - rotors[0]
     potential = height - height[0]
@@ -149,14 +141,14 @@ def energy_audit(robot: Robot, log: Log, *, held: bool = False) -> LogEnergy:
     return LogEnergy(motor, ground, kinetic, potential, heat, rest)
 
 
-def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT, *, held: bool = False) -> Figure:
+def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     """Return the audit as lines: what came in, what is stored, what is lost.
 
     Args:
-        robot, log, held: see `energy_audit`.
+        robot, log: see `energy_audit`.
         theme: page colours.
     """
-    audit = energy_audit(robot, log, held=held)
+    audit = energy_audit(robot, log)
     lines = [
         ("work of the motors", audit.motor_work),
         ("work of the ground", audit.contact_work),
@@ -202,12 +194,6 @@ def _gear_powers(robot: Robot, log: Log, speed: FloatArray) -> tuple[FloatArray,
     _, loss = gear_powers(gears, torque, middle, growth)
     drive = torque * gears.gear_ratio * middle
     return np.nansum(drive, axis=1), np.nansum(loss, axis=1)
-
-
-def _between(power: FloatArray) -> FloatArray:
-    """Return the sum (N - 1,) over columns of a sampled power (N, ...), between its rows."""
-    total = np.nansum(power, axis=1)
-    return np.asarray(0.5 * (total[1:] + total[:-1]))
 
 
 def _sum(time: FloatArray, power: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from wbc.identification.answer.shown import Series
@@ -35,8 +36,8 @@ def torque_figure(
     axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
     for k, (output, unit) in enumerate(outputs.items()):
         torque, rest = axes[2 * k], axes[2 * k + 1]
-        first = models[0][1][log]
-        torque.plot(first.time, first.measured[:, k], color="0.15", label="measured")
+        first, ink = models[0][1][log], rcParams["text.color"]
+        torque.plot(first.time, first.measured[:, k], color=ink, label="measured")
         for number, (label, series) in enumerate(models):
             one, colour = series[log], f"C{1 - number % 2}"
             torque.plot(one.time, one.modelled[:, k], color=colour, linewidth=1.0, label=label)
