@@ -4,30 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import cos, exp, pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import brentq
 
 from wbc.arrays import FloatArray
-from wbc.control import (
-    CenterOfMassTask,
-    Command,
-    Controller,
-    ControllerSettings,
-    PointContact,
-    PointFootBalanceTask,
-    PostureTask,
-    Reference,
-)
+from wbc.control import Command, Controller, PostureTask
+from wbc.design.simulations import PointLeg, cushion, stance_controller, stance_references
 from wbc.dynamics import evaluate
 from wbc.robot import Robot
 from wbc.sim import SensorNoise, SimState
 from wbc.transmission import wedge_backward_efficiency
 
-_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
-_UPRIGHT = Reference(0.0)
+__all__ = ["LegControl", "balanced_pose", "squat", "stance_controller", "stance_references"]
 
 HeightReference = Callable[[float], FloatArray]
 """Time [s] -> height, its rate and its acceleration (3,) [m, m/s, m/s^2]."""
@@ -53,17 +43,8 @@ def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatAr
         lift: height of the foot above the ground [m].
         knee: its angle [rad].
     """
-    q, rest = robot.configuration(knee=knee), np.zeros(robot.model.nv)
-    hip, height = robot.position_index("hip"), robot.position_index("base_z")
-
-    def overhang(angle: float) -> float:
-        q[hip] = angle
-        terms = evaluate(robot, q, rest)
-        return float(terms.center_of_mass[0] - terms.contact_position[0, 0])
-
-    q[hip] = brentq(overhang, -knee, 0.5 * knee)
-    q[height] = lift - evaluate(robot, q, rest).contact_position[0, 2]
-    return q
+    leg = PointLeg(robot, "foot", "base", robot.position_index("base_z"))
+    return leg.balanced(robot.configuration(knee=knee), lift)
 
 
 def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:
@@ -86,28 +67,6 @@ def squat(height: float, amplitude: float, frequency: float, start: float = 0.0)
         return np.array([height - amplitude + near, -w * far, -w * w * near])
 
     return at
-
-
-def stance_controller(model: Robot, settings: ControllerSettings | None = None) -> Controller:
-    """Return the controller of height, balance and posture on the foot that obeys `model`."""
-    tasks = [
-        CenterOfMassTask(
-            name="height",
-            axes="z",
-            weight=100.0,
-            stiffness=400.0,
-            acceleration_limit=np.inf,
-        ),
-        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
-        PostureTask.of(model, weight=1e-3),
-    ]
-    return Controller(model, tasks, [PointContact(name="foot")], settings=settings)
-
-
-def stance_references(height: FloatArray) -> dict[str, Reference]:
-    """Return what that controller is asked for at a height with its two rates (3,)."""
-    wanted = Reference(height[:1], height[1:2], height[2:])
-    return {"height": wanted, "balance": _UPRIGHT}
 
 
 @dataclass
@@ -141,11 +100,7 @@ class LegControl:
 
     def _cushioned(self, time: float) -> FloatArray:
         """Return the height reference plus the landing's own motion, critically damped away."""
-        (gap, speed), w = self._landing, _CUSHION
-        slope, fade = speed + w * gap, exp(-w * time)
-        left = gap + slope * time
-        motion = fade * left, fade * (slope - w * left), fade * w * (w * left - 2.0 * slope)
-        return self.height(time) + motion
+        return self.height(time) + cushion(*self._landing, time)
 
     def __call__(self, state: SimState) -> FloatArray:
         """Return the rotor torque for a state."""

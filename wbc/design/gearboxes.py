@@ -9,7 +9,6 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import RegularGridInterpolator
 
 from wbc.arrays import FloatArray
 from wbc.errors import DesignError, unknown_name
@@ -125,6 +124,8 @@ class EfficiencyTable:
         """Return forward and backward efficiency for output torques of any shape [N m]."""
         inside = np.clip(np.abs(load), self.load[0], self.load[-1])
         rate = np.clip(abs(speed), self.speed[0], self.speed[-1])
+        from scipy.interpolate import RegularGridInterpolator  # which few studies need
+
         # An axis of one value gets a second place with the same efficiencies.
         axes = [a if len(a) > 1 else (*a, a[0] + 1.0) for a in (self.load, self.speed)]
         table = np.stack([self.forward, self.backward], axis=-1)

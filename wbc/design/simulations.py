@@ -40,7 +40,7 @@ _TICK = 1e-3  # [s]
 _STAND = (0.3, 0.2)  # [s] to come to rest, [s] over which the cost is taken
 _SUNK = 0.02  # [m] by which a leg that stands never gives way: it moves by less than 0.1 mm
 _LAND = 0.6  # [s] after touchdown: more than three time constants of the cushion
-_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down, as in `sims.leg`
+_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
 _WRONG = 0.1  # share by which the controller's efficiencies are wrong
 _PUSH = 1.0  # [s] after which a leg that has not left the ground counts as too weak
 _STRETCH = 0.95  # share of the straight leg at which the push ends, short of the singular pose
@@ -101,21 +101,9 @@ class PointLeg:
         return placed(self.robot, pose, lift)
 
     def stance(self, policy: RestPolicy = RestPolicy.NEUTRAL) -> Controller:
-        """Return a controller that keeps height and balance."""
-        tasks = [
-            CenterOfMassTask(
-                name="height",
-                axes="z",
-                weight=100.0,
-                stiffness=400.0,
-                acceleration_limit=np.inf,
-            ),
-            PointFootBalanceTask(contact=self.contact, frame=self.base, weight=100.0),
-            PostureTask.of(self.robot, weight=1e-3),
-        ]
+        """Return the leg's `stance_controller` with a policy of rest."""
         settings = ControllerSettings(rest_policy=policy)
-        contacts = [PointContact(name=self.contact)]
-        return Controller(self.robot, tasks, contacts, settings=settings)
+        return stance_controller(self.robot, settings, contact=self.contact, base=self.base)
 
     def mistaken(self, share: float) -> PointLeg:
         """Return the leg as a controller believes it: efficiencies wrong by `share`.
@@ -129,9 +117,28 @@ class PointLeg:
         return replace(self, robot=self.robot.with_transmission(changed))
 
 
-def standing_reference(height: float) -> dict[str, Reference]:
-    """Return the references of `stance` for a height of the centre of mass [m]."""
-    return {"height": Reference(np.array([height])), "balance": Reference(0.0)}
+def stance_controller(
+    robot: Robot,
+    settings: ControllerSettings | None = None,
+    *,
+    contact: str = "foot",
+    base: str = "base",
+) -> Controller:
+    """Return the controller of height, balance and posture on a point foot that obeys `robot`."""
+    tasks = [
+        CenterOfMassTask(
+            name="height", axes="z", weight=100.0, stiffness=400.0, acceleration_limit=np.inf
+        ),
+        PointFootBalanceTask(contact=contact, frame=base, weight=100.0),
+        PostureTask.of(robot, weight=1e-3),
+    ]
+    return Controller(robot, tasks, [PointContact(name=contact)], settings=settings)
+
+
+def stance_references(height: FloatArray) -> dict[str, Reference]:
+    """Return what that controller is asked for at a height with its two rates (3,)."""
+    wanted = Reference(height[:1], height[1:2], height[2:])
+    return {"height": wanted, "balance": Reference(0.0)}
 
 
 def drop(robot: Robot, q: FloatArray, contact: str) -> Row:
@@ -177,7 +184,7 @@ def _standing_cost(leg: PointLeg, pose: FloatArray, policy: RestPolicy) -> tuple
     """Return rms rotor torque over gears [N m] and Joule heat [W], NaN if the leg falls."""
     robot, controller = leg.robot, leg.stance(policy)
     height = _height(robot, pose)
-    references, plant = standing_reference(height), Plant(robot)
+    references, plant = stance_references(np.array([height, 0.0, 0.0])), Plant(robot)
     state = plant.state(pose)
     quiet, spent = (round(time / _TICK) for time in _STAND)
     torques = []
@@ -219,24 +226,27 @@ def _landing_error(leg: PointLeg, believed: PointLeg) -> float:
         state = result.state
     state, errors = result.state, []
     gap = _height(robot, state.position) - height
-    slope = float(_com_rate(robot, state)[2]) + _CUSHION * gap
+    rate, still = float(_com_rate(robot, state)[2]), np.array([height, 0.0, 0.0])
     for tick in range(round(_LAND / _TICK)):
-        wanted = _cushioned(height, gap, slope, tick * _TICK)
-        references = {"height": Reference(*wanted[:, None]), "balance": Reference(0.0)}
+        wanted = still + cushion(gap, rate, tick * _TICK)
         errors.append(_height(robot, state.position) - wanted[0])
-        command = controller.step(state, references)
+        command = controller.step(state, stance_references(wanted))
         state = plant.step(state, command.rotor_torque, _TICK).state
     if abs(errors[-1]) > 0.5 * height:
         return np.nan
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _cushioned(height: float, gap: float, slope: float, time: float) -> FloatArray:
-    """Return height, rate and acceleration (3,) of a gap that dies away critically damped."""
-    w, left = _CUSHION, gap + slope * time
+def cushion(gap: float, rate: float, time: float) -> FloatArray:
+    """Return what is left of a gap after a time, its rate and acceleration (3,) [m, s].
+
+    It dies away critically damped, as a leg gives way after it has touched down.
+    """
+    w = _CUSHION
+    slope = rate + w * gap
+    left = gap + slope * time
     motion = np.array([left, slope - w * left, w * (w * left - 2.0 * slope)])
-    wanted: FloatArray = np.exp(-w * time) * motion + np.array([height, 0.0, 0.0])
-    return wanted
+    return np.asarray(np.exp(-w * time) * motion)
 
 
 def hop(robot: Robot, q: FloatArray, contact: str) -> Row:

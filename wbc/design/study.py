@@ -11,7 +11,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from wbc.arrays import FloatArray
 from wbc.design.gearboxes import EfficiencyTable, Gearbox
@@ -129,6 +128,8 @@ class Study:
     def values(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the parameters of designs `start` to before `stop` by column."""
         if self.samples:
+            from scipy.stats import qmc  # which takes longer to load than all of this room
+
             sequence = qmc.Sobol(len(self.varied), scramble=True, rng=self.seed)
             if start:
                 sequence.fast_forward(start)

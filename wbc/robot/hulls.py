@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,10 +47,10 @@ def hull_of(name: str, body: str, joint: int, points: FloatArray, radius: float 
         ends = np.concatenate((*points[:2], np.zeros(6)))[None] if len(points) == 2 else none
         return Hull(name, body, joint, points, none, ends.reshape(-1, 12), radius, 2.0 * radius)
     # scipy.spatial is half of the time that `import wbc` takes; few robots have hulls.
-    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial import QhullError
 
     try:
-        planes, edges = _faces(points, ConvexHull(points))
+        planes, edges = _faces(points)
     except (QhullError, ValueError):  # fewer than four points, or all in one plane
         return Hull(name, body, joint, points, none, none.reshape(-1, 12), 0.0, 0.0)
     thickness = float((planes[:, 3] - (points @ planes[:, :3].T).min(axis=0)).min())
@@ -84,8 +84,15 @@ def ground_box(center: FloatArray, rotation: FloatArray, low: FloatArray, high: 
     return Hull("ground", "", 0, corners @ rotation.T + center, planes, placed, 0.0, thickness)
 
 
-def _faces(points: FloatArray, hull: Any) -> tuple[FloatArray, FloatArray]:
-    """Return planes and edges, see `Hull`, of points (n, 3) with their `ConvexHull`."""
+def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return planes and edges, see `Hull`, of the hull of points (n, 3).
+
+    Raises:
+        QhullError: points that span no volume.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points)
     size = float(np.ptp(points, axis=0).max())
     planes: list[FloatArray] = []
     face = []  # of each triangle

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.aims import Aim, deciding, slopes_are_exact
@@ -237,7 +237,7 @@ def _softened(distances: FloatArray) -> float:
 def _decided(distances: FloatArray) -> float:
     """Return the probability of more than `_SURE` nats: noise makes them normal, variance 2 d."""
     spread = np.sqrt(2.0 * np.maximum(distances, 1e-12))
-    return float(np.mean(norm.cdf((distances - _SURE) / spread)))
+    return float(np.mean(ndtr((distances - _SURE) / spread)))
 
 
 def _drawn(site: Site, random: np.random.Generator) -> FourierPath:
