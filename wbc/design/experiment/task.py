@@ -29,6 +29,7 @@ from wbc.design.experiment.rivals import (
 from wbc.design.experiment.search import Designed, design_experiment, expected, random_paths
 from wbc.effects import effect_class, load_robot
 from wbc.errors import DesignError, failure_text
+from wbc.files import take_schema
 from wbc.progress import Watch
 from wbc.results import Column, ResultTable, fill_table
 from wbc.robot import Effect, Robot
@@ -367,12 +368,14 @@ def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
     """Return what `wbc diagnose --json` wrote.
 
     Raises:
-        DesignError: a file that cannot be read, or is no table.
+        DesignError: a file that cannot be read, is no table, or was written by a newer wbc.
     """
     try:
         table = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as cause:
         raise DesignError(f"--between '{path}' cannot be read as JSON: {cause}.") from cause
-    if not isinstance(table, Mapping):
+    if not isinstance(table, dict):
         raise DesignError(f"--between '{path}' is no diagnosis.")
+    if reason := take_schema(table):
+        raise DesignError(f"--between '{path}': {reason}.")
     return table
