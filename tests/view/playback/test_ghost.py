@@ -134,6 +134,6 @@ def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
     np.testing.assert_allclose(np.abs(run.before[fast, 0]), 0.7, atol=0.05)
     assert np.abs(run.after[fast, 0]).max() < 0.1
     (name, unit, speed, (curve,)), *_ = residuals.over(0)
-    assert (name, unit, len(speed)) == ("speed", "rad/s", len(run.time))
+    assert (name, unit, len(speed)) == ("speed", "rad/s", 2 * len(run.time))
     assert curve[1][0] == pytest.approx(-0.7, abs=0.05)
     assert curve[1][-1] == pytest.approx(0.7, abs=0.05)
