@@ -212,3 +212,11 @@ def test_what_was_compiled_ahead_is_found_again(tmp_path):
         [sys.executable, "-c", look], env=run, cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert int(done.stdout) == int(again.stdout) > 0
+
+
+def test_a_large_function_is_called_where_it_is_also_from_what_is_kept(run):
+    """Numba would copy it, with all that it calls, into each function that calls it."""
+    large = "import wbc.compiled; wbc.compiled._COPIED = 0"
+    assert run("2.0", "1.0", before=large) == ["4.0", "0"]
+    assert run("2.0", "1.0", before=large) == ["4.0", "1"]
+    assert run("2.0", "3.0", before=large) == ["8.0", "0"]

@@ -57,7 +57,7 @@ def compile_all(processes: int | None = None) -> int:
 
 def _level(function: MachineCode) -> int:
     """Return how many compiled functions call each other below this one, at most."""
-    return max((1 + _level(called) for called in function.calls()), default=0)
+    return max((1 + _level(called) for called in function.calls), default=0)
 
 
 def _compile(place: tuple[str, str]) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from copy import copy
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -20,7 +21,7 @@ from types import CodeType
 from typing import Any, ClassVar, TypeVar, cast
 
 import numba
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import config, types
 from numba.core.caching import (
     CompileResultCacheImpl,
@@ -64,6 +65,10 @@ OutTable = types.Array(types.int64, 2, "C")
 """Whole numbers to write, row by row."""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_COPIED = 700
+"""Bytes of Python's code, those of copied functions included, up to which machine code is copied
+into functions that call it."""
 
 
 def several(*fields: Any) -> Any:
@@ -186,7 +191,13 @@ def make_ready(room: str) -> None:
 
 
 class MachineCode(CPUDispatcher):  # type: ignore[misc]
-    """A function that is compiled for one signature, when it is first needed."""
+    """A function that is compiled for one signature, when it is first needed.
+
+    Attributes:
+        calls: compiled functions that it calls.
+        size: bytes of Python's code, those of functions included that it holds a copy of.
+        stamp: text that differs where its machine code would.
+    """
 
     def __init__(self, function: Callable[..., Any], signature: Any, counted: bool) -> None:
         """Look where its machine code may be kept.
@@ -199,6 +210,10 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         options = {"nopython": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
         super().__init__(function, targetoptions={**options, "_nrt": counted})
         self._declared = signature
+        used = (function.__globals__.get(name) for name in function.__code__.co_names)
+        self.calls: list[MachineCode] = [one for one in used if isinstance(one, MachineCode)]
+        copies = (one.size for one in self.calls if one.copied)
+        self.size: int = len(function.__code__.co_code) + sum(copies)
         self.stamp = _stamp(function, (signature, counted))
         vars(function)["stamp"] = self.stamp
         self._kept = True
@@ -211,11 +226,18 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         """Pickle it by its name."""
         return str(self.py_func.__qualname__)
 
-    def calls(self) -> list[MachineCode]:
-        """Return the compiled functions that it calls."""
-        function = self.py_func
-        used = (function.__globals__.get(name) for name in function.__code__.co_names)
-        return [one for one in used if isinstance(one, MachineCode)]
+    @property
+    def copied(self) -> bool:
+        """Whether functions that call it hold a copy of it; else they call it where it is."""
+        return self.size <= _COPIED
+
+    def _called_by_name(self) -> Iterator[MachineCode]:
+        """Yield what its machine code calls without holding a copy of it."""
+        for one in self.calls:
+            if one.copied:
+                yield from one._called_by_name()
+            else:
+                yield one
 
     def make_ready(self) -> None:
         """Load or compile it, if that was not done yet."""
@@ -223,6 +245,8 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
             return
         if not self._kept:
             _warn_of_compiling()
+        for called in self._called_by_name():
+            called.make_ready()
         try:
             super().compile(self._declared)
         except OSError:  # a folder that is full, or cannot be read
@@ -230,6 +254,22 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
             self._cache = NullCache()
             super().compile(self._declared)
         self.disable_compile()
+        if not self.copied:
+            self._give_name()
+
+    def _give_name(self) -> None:
+        """Let others call it by a name instead of linking its machine code into their own.
+
+        Numba copies what a function calls, and all that this calls, into it and optimises it there
+        once more: the innermost functions as often as there are ways to them.
+        """
+        found = self.overloads[self._declared.args]
+        place = found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
+        binding.add_symbol(f"wbc_{self.stamp}", place)
+        named = copy(found.fndesc)
+        named.mangled_name = f"wbc_{self.stamp}"
+        self.targetctx.remove_user_function(found.entry_point)
+        self.targetctx.insert_user_function(found.entry_point, named)
 
     def compile(self, sig: Any) -> Any:
         """Return the machine code; only for the types declared, whatever is asked for."""
@@ -326,7 +366,7 @@ def _stamp(function: Callable[..., Any], declared: tuple[Any, bool]) -> str:
     That also holds the functions that it calls and the numbers that it reads from its module. Its
     place in the file, its text and comments do not matter.
     """
-    versions = numba.__version__, *sys.version_info[:2]
+    versions = numba.__version__, *sys.version_info[:2], _COPIED
     signature, _ = declared
     names = [
         name for kind in (signature.return_type, *signature.args) for name in _field_names(kind)
