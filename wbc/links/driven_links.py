@@ -119,22 +119,29 @@ class DrivenLinks:
             first: number of the first sample of each window (W,), from 0 on.
             starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
-        from wbc.links.steps import follow_links  # it loads the compiler
+        from wbc.links.steps import LINKS, follow_links  # it loads the compiler
 
         numbers = np.array([(g.stiffness, g.damping, 0.5 * g.play) for g in gears], dtype=float)
-        stiffness, damping, half = np.ascontiguousarray(numbers.T)
         parts = self._parts(gears)
         h = self.step / parts
-        late = np.where(stiffness * h**2 < self.least_inertia, 0.5, 1.0)
+        late = np.where(numbers[:, 0] * h**2 < self.least_inertia, 0.5, 1.0)
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
         ended, last = np.zeros((2, len(first), *d.shape[1:]))
-        whole = np.ascontiguousarray
-        follow_links(
-            whole(self.inertia), whole(self.drag), whole(self.pull),
-            whole(self._loads(parts)), whole(self.speed), whole(self.level),
-            self.step, parts, late, stiffness, damping, half, _FARTHEST,
-            first, whole(starts[:, 0]), whole(starts[:, 1]), d, v, dry, ended, last,
-        )  # fmt: skip
+        given = {
+            "inertia": self.inertia,
+            "drag": self.drag,
+            "pull": self.pull,
+            "load": self._loads(parts),
+            "speed": self.speed,
+            "level": self.level,
+            "gears": np.column_stack((numbers, late)),
+            "begun": starts[:, 0],
+            "rates": starts[:, 1],
+        }
+        whole = {name: np.ascontiguousarray(array) for name, array in given.items()}
+        written = {"d": d, "v": v, "dry": dry, "ended": ended, "last": last}
+        links = LINKS.of(**whole, **written, first=first, parts=parts)
+        follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
         reached[first[1:] - 1] = last[:-1]
         return self._motions(gears, d, v, reached, dry, np.stack([ended, last], axis=1))

@@ -5,17 +5,30 @@ Loading the compiler takes a moment that most programs need not wait for.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Places, compiled
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Count,
+    Dense,
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Places,
+    Row,
+    compiled,
+    group,
+)
+from wbc.structures import Structure
 from wbc.transmission.flank_steps import flank_impulse
 
 _Cube = types.Array(types.float64, 3, "C", readonly=True)
 _OutCube = types.Array(types.float64, 3, "C")
-_Row = types.Array(types.float64, 1, "C", readonly=True)
-_OutRow = types.Array(types.float64, 1, "C")
 _SWEEPS = 30
 _SETTLED = 1e-9  # of the level
 _NEWTON = 8  # rounds, after which flanks count with their largest slope: slow, but always nearer
@@ -23,8 +36,62 @@ _ROUNDS = 40
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
-@compiled(Nothing, OutDense, OutDense)
-def _invert(whole: FloatArray, inverse: FloatArray) -> None:
+LINKS = Structure(
+    "Links",
+    **dict.fromkeys(("inertia", "drag", "pull"), _Cube),
+    **dict.fromkeys(("load", "speed", "level", "gears"), Dense),
+    first=Places,
+    **dict.fromkeys(("begun", "rates"), _Cube),
+    **dict.fromkeys(("d", "v", "dry", "ended", "last"), _OutCube),
+    parts=Count,
+)
+"""Links behind their gears along a log, in windows.
+
+Arrays:
+    inertia, drag, pull: of the links at the samples (N, n, n), without their gears; straight lines
+        between.
+    load: torque of the links without deflection at the steps ((N - 1) parts + 1, n).
+    speed, level: speed of the motors, level of the links' dry friction at the samples (N, n).
+    gears: (n, 4) at STIFFNESS, DAMPING, HALF, half of the play, none of which makes a spring, and
+        LATE, theta, the weight of a step's end.
+    first: number of the first sample of each window (W,), from 0 on.
+    begun, rates: deflections and their rates (W, n, S) with which the windows begin.
+    d, v: deflections and their rates (N, n, S) to write.
+    dry: friction (N, n, S) to write, the mean of each interval; the last one stays.
+    ended, last: deflections and rates (W, n, S) to write, at the ends of the windows.
+    parts: steps per sample.
+"""
+
+STIFFNESS, DAMPING, HALF, LATE = range(4)
+
+
+class LinkStep(NamedTuple):
+    """Memory for one step of n links.
+
+    Attributes:
+        inertia, by_rate, by_place, gain: (n, n) impulse per rate at the end, at the start, per
+            deflection; and rates per impulse, with the flanks.
+        push: (n,) impulse of the loads.
+        motor, level: (n,) speed of the motors, level of dry friction at the end.
+        carried, slope: (n,) impulse of the flanks at rest, and its change per rate.
+    """
+
+    inertia: FloatArray
+    by_rate: FloatArray
+    by_place: FloatArray
+    gain: FloatArray
+    push: FloatArray
+    motor: FloatArray
+    level: FloatArray
+    carried: FloatArray
+    slope: FloatArray
+
+
+_STEP = group(LinkStep, *(OutDense,) * 4, *(OutRow,) * 5)
+
+
+@compiled(Nothing, OutDense, OutDense, counted=False)
+def invert(whole: FloatArray, inverse: FloatArray) -> None:
     """Write the inverse of `whole` (n, n), which is used up.
 
     The inertia outweighs the rest at short steps: elimination needs no exchange of rows.
@@ -46,15 +113,8 @@ def _invert(whole: FloatArray, inverse: FloatArray) -> None:
                     inverse[b, e] -= factor * inverse[a, e]
 
 
-@compiled(Nothing, _OutRow, _OutRow, _Row, _Row, Dense, Number)
-def _rub(
-    rate: FloatArray,
-    rubs: FloatArray,
-    speed: FloatArray,
-    level: FloatArray,
-    gain: FloatArray,
-    step: float,
-) -> None:
+@compiled(Nothing, OutRow, OutRow, _STEP, Number, counted=False)
+def rub(rate: FloatArray, rubs: FloatArray, at: LinkStep, h: float) -> None:
     """Change the rates (n,) of links at a step's end, and the friction (n,) that they have had.
 
     Friction is what would stop a link by the step's end, within its level; several links ask one
@@ -63,179 +123,205 @@ def _rub(
     Args:
         rate: with the friction `rubs`.
         rubs: friction of the step.
-        speed, level: of the motors and of the friction at the step's end (n,).
-        gain: rates per torque impulse (n, n).
-        step: [s].
+        at: the step.
+        h: [s].
     """
-    n = rate.size
+    n, level, gain = rate.size, at.level, at.gain
     for _ in range(_SWEEPS):
         settled = True
         for a in range(n):
             if level[a] == 0.0 and rubs[a] == 0.0:
                 continue
-            wanted = rubs[a] + (rate[a] + speed[a]) / (step * gain[a, a])
+            wanted = rubs[a] + (rate[a] + at.motor[a]) / (h * gain[a, a])
             wanted = min(max(wanted, -level[a]), level[a])
             change = wanted - rubs[a]
             rubs[a] = wanted
             settled = settled and abs(change) <= _SETTLED * level[a]
             for b in range(n):
-                rate[b] -= step * gain[b, a] * change
+                rate[b] -= h * gain[b, a] * change
         if settled or n == 1:
             break
 
 
-@compiled(
-    Nothing,
-    *(_Cube, _Cube, _Cube),
-    *(Dense, Dense, Dense),
-    *(Number, Count),
-    *(_Row, _Row, _Row, _Row, Number),
-    *(Places, _Cube, _Cube),
-    *(_OutCube, _OutCube, _OutCube, _OutCube, _OutCube),
-)
-def follow_links(
-    inertia: FloatArray,
-    drag: FloatArray,
-    pull: FloatArray,
-    load: FloatArray,
-    speed: FloatArray,
-    level: FloatArray,
-    step: float,
-    parts: int,
-    late: FloatArray,
-    stiffness: FloatArray,
-    damping: FloatArray,
-    half: FloatArray,
-    farthest: float,
-    first: IntArray,
-    begun: FloatArray,
-    rates: FloatArray,
-    d: FloatArray,
-    v: FloatArray,
-    dry: FloatArray,
-    ended: FloatArray,
-    last: FloatArray,
-) -> None:
+@compiled(Nothing, LINKS.kind, Count, Count, Number, _STEP, counted=False)
+def place_step(links: Any, i: int, part: int, h: float, at: LinkStep) -> None:
+    """Write a step of h [s], a `part` of the interval that begins with sample i."""
+    middle, end, now = (
+        (part + 0.5) / links.parts,
+        (part + 1.0) / links.parts,
+        i * links.parts + part,
+    )
+    n = len(at.push)
+    for a in range(n):
+        late = links.gears[a, LATE]
+        early = 1.0 - late
+        at.push[a] = h * (early * links.load[now, a] + late * links.load[now + 1, a])
+        at.motor[a] = (1.0 - end) * links.speed[i, a] + end * links.speed[i + 1, a]
+        at.level[a] = (1.0 - end) * links.level[i, a] + end * links.level[i + 1, a]
+        for b in range(n):
+            m = (1.0 - middle) * links.inertia[i, a, b] + middle * links.inertia[i + 1, a, b]
+            c = (1.0 - middle) * links.drag[i, a, b] + middle * links.drag[i + 1, a, b]
+            k = (1.0 - middle) * links.pull[i, a, b] + middle * links.pull[i + 1, a, b]
+            other = links.gears[b, LATE]
+            at.inertia[a, b] = m + h * late * (c + h * other * k)
+            at.by_rate[a, b] = m - h * (early * c + h * late * (1.0 - other) * k)
+            at.by_place[a, b] = h * k
+
+
+@compiled(Count, Dense, Number, Row, Row, Row, Flag, _STEP, counted=False)
+def lean(
+    gears: FloatArray,
+    h: float,
+    place: FloatArray,
+    rate: FloatArray,
+    new: FloatArray,
+    steepest: bool,
+    at: LinkStep,
+) -> int:
+    """Write what flanks carry near the rates `new` (n,) of a step's end.
+
+    Args:
+        gears: (n, 4), see LINKS.
+        h: [s].
+        place, rate, new: (n,) deflections, their rates, and rates at the end.
+        steepest: whether flanks count with their largest slope.
+        at: the step.
+
+    Returns:
+        the flanks that carry throughout, as a number; -1 where one is crossed.
+    """
+    pattern = 0
+    for a in range(len(new)):
+        k, c, half, late = gears[a, STIFFNESS], gears[a, DAMPING], gears[a, HALF], gears[a, LATE]
+        carried, slope, touch, _ = flank_impulse(
+            k, c, half, h, late, late, place[a], rate[a], new[a]
+        )
+        if steepest or touch == 1.0:
+            touch, slope = 1.0, h * late * (h * late * k + c)
+        if pattern >= 0 and touch == 1.0:
+            pattern += 1 << a
+        elif touch > 0.0:
+            pattern = -1
+        at.carried[a], at.slope[a] = carried - slope * new[a], slope
+    return pattern
+
+
+@compiled(Flag, Dense, Number, Row, Row, Row, _STEP, counted=False)
+def meets(
+    gears: FloatArray, h: float, place: FloatArray, rate: FloatArray, new: FloatArray, at: LinkStep
+) -> bool:
+    """Return whether flanks pass at `new` (n,) what the step took them to; others as of `lean`."""
+    for a in range(len(new)):
+        k, c, half, late = gears[a, STIFFNESS], gears[a, DAMPING], gears[a, HALF], gears[a, LATE]
+        if half > 0.0:
+            passed, _, _, _ = flank_impulse(k, c, half, h, late, late, place[a], rate[a], new[a])
+            off = abs(passed - at.carried[a] - at.slope[a] * new[a])
+            size = at.inertia[a, a] * (abs(new[a]) + abs(rate[a]))
+            if off > _MET * (size + abs(passed)):
+                return False
+    return True
+
+
+@compiled(Count, Dense, Number, Row, Row, OutRow, OutRow, Count, _STEP)
+def next_rates(
+    gears: FloatArray,
+    h: float,
+    place: FloatArray,
+    rate: FloatArray,
+    rubs: FloatArray,
+    new: FloatArray,
+    known: int,
+    at: LinkStep,
+) -> int:
+    """Write the rates (n,) at a step's end, and the friction that the links have had.
+
+    Args:
+        gears: (n, 4), see LINKS.
+        h: [s].
+        place, rate: (n,) deflections and their rates.
+        rubs: (n,) friction, of the step before and then of this one.
+        new: to write.
+        known: flanks that `gain` is for, see `lean`.
+        at: the step.
+
+    Returns:
+        the flanks that `gain` is for then.
+    """
+    n, rough = len(new), False
+    for a in range(n):
+        new[a], rough = rate[a], rough or at.level[a] > 0.0 or rubs[a] != 0.0
+    right, whole = np.empty(n), np.empty((n, n))
+    for turn in range(_ROUNDS):
+        pattern = lean(gears, h, place, rate, new, turn >= _NEWTON, at)
+        if pattern < 0 or pattern != known:
+            known = pattern
+            for a in range(n):
+                for b in range(n):
+                    whole[a, b] = at.inertia[a, b]
+                whole[a, a] += at.slope[a]
+            invert(whole, at.gain)
+        for a in range(n):
+            right[a] = -at.push[a] - h * rubs[a] - at.carried[a]
+            for b in range(n):
+                right[a] += at.by_rate[a, b] * rate[b] - at.by_place[a, b] * place[b]
+        for a in range(n):
+            new[a] = 0.0
+            for b in range(n):
+                new[a] += at.gain[a, b] * right[b]
+        if rough:
+            rub(new, rubs, at, h)
+        if meets(gears, h, place, rate, new, at):
+            break
+    return known
+
+
+@compiled(Nothing, LINKS.kind, Number, Number)
+def follow_links(links: Any, step: float, farthest: float) -> None:
     """Write how n links move together behind their gears, S times, in each of W windows anew.
 
     Every step of the theta rule is linear in rates, deflections and loads, with the matrices of
     the middle of the step, but for the flanks: `flank_impulse`, solved by Newton's method, which
-    takes one round unless a flank is reached or let go. Dry friction as in `_rub`. What strays
+    takes one round unless a flank is reached or let go. Dry friction as in `rub`. What strays
     farther than `farthest` is not followed: from there on all is infinite.
 
     Args:
-        inertia, drag, pull: of the links at the samples (N, n, n), without their gears; straight
-            lines between.
-        load: torque of the links without deflection at the steps ((N - 1) parts + 1, n).
-        speed, level: speed of the motors, level of the links' dry friction at the samples (N, n).
+        links: a LINKS.
         step: distance of the samples [s].
-        parts: steps per sample.
-        late: theta of each link, the weight of a step's end (n,).
-        stiffness, damping, half: of the flanks, and half of the play (n,); none makes a spring.
         farthest: [rad].
-        first: number of the first sample of each window (W,), from 0 on.
-        begun, rates: deflections and their rates (W, n, S) with which the windows begin.
-        d, v: deflections and their rates (N, n, S) to write.
-        dry: (N, n, S) to write, the mean of each interval; the last one stays.
-        ended, last: deflections and rates (W, n, S) to write, at the ends of the windows.
     """
-    n, starts = d.shape[1], d.shape[2]
-    h = step / parts
-    m, whole, gain = np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
-    by_rate, by_place, push = np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    at, rate = np.empty((starts, n)), np.empty((starts, n))
-    new, right, rubs = np.empty(n), np.empty(n), np.zeros((starts, n))
-    motor, most, lost = np.empty(n), np.empty(n), np.zeros(starts)
-    carried, slope, whole_slope = np.empty(n), np.empty(n), np.empty(n)
-    rough, window = False, 0
-    for a in range(n):
-        whole_slope[a] = h * late[a] * (h * late[a] * stiffness[a] + damping[a])
-    for i in range(level.shape[0]):
-        for a in range(n):
-            rough = rough or level[i, a] > 0.0
+    d, v, gears, first = links.d, links.v, links.gears, links.first
+    n, starts, h, window = d.shape[1], d.shape[2], step / links.parts, 0
+    at = LinkStep(
+        np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n),
+        np.empty(n), np.empty(n), np.empty(n), np.empty(n),
+    )  # fmt: skip
+    place, rate, rubs = np.empty((starts, n)), np.empty((starts, n)), np.zeros((starts, n))
+    new, lost = np.empty(n), np.zeros(starts)
     for i in range(d.shape[0] - 1):
         if window < first.size and first[window] == i:
             for s in range(starts):
-                lost[s] = 0.0
+                lost[s], rubs[s] = 0.0, 0.0
                 for a in range(n):
-                    at[s, a], rate[s, a] = begun[window, a, s], rates[window, a, s]
-                    rubs[s, a] = 0.0
-                    d[i, a, s], v[i, a, s] = at[s, a], rate[s, a]
+                    place[s, a], rate[s, a] = links.begun[window, a, s], links.rates[window, a, s]
+                    d[i, a, s], v[i, a, s] = place[s, a], rate[s, a]
             window += 1
-        for part in range(parts):
-            middle, end, now = (part + 0.5) / parts, (part + 1.0) / parts, i * parts + part
-            for a in range(n):
-                early = 1.0 - late[a]
-                push[a] = h * (early * load[now, a] + late[a] * load[now + 1, a])
-                motor[a] = (1.0 - end) * speed[i, a] + end * speed[i + 1, a]
-                most[a] = (1.0 - end) * level[i, a] + end * level[i + 1, a]
-                for b in range(n):
-                    inert = (1.0 - middle) * inertia[i, a, b] + middle * inertia[i + 1, a, b]
-                    c = (1.0 - middle) * drag[i, a, b] + middle * drag[i + 1, a, b]
-                    k = (1.0 - middle) * pull[i, a, b] + middle * pull[i + 1, a, b]
-                    m[a, b] = inert + h * late[a] * (c + h * late[b] * k)
-                    by_rate[a, b] = inert - h * (early * c + h * late[a] * (1.0 - late[b]) * k)
-                    by_place[a, b] = h * k
-            known = -1  # pattern of the flanks that `gain` is for
+        for part in range(links.parts):
+            place_step(links, i, part, h, at)
+            known = -1
             for s in range(starts):
                 if lost[s] > 0.0:
                     continue
+                known = next_rates(gears, h, place[s], rate[s], rubs[s], new, known, at)
                 for a in range(n):
-                    new[a] = rate[s, a]
-                for turn in range(_ROUNDS):
-                    pattern = 0  # of the flanks that carry throughout; -1 where one is crossed
-                    for a in range(n):
-                        carried[a], slope[a], touch, _ = flank_impulse(
-                            stiffness[a], damping[a], half[a], h, late[a], late[a],
-                            at[s, a], rate[s, a], new[a],
-                        )  # fmt: skip
-                        if turn >= _NEWTON:
-                            touch = 1.0
-                        if touch == 1.0:
-                            slope[a] = whole_slope[a]
-                        if pattern >= 0 and touch == 1.0:
-                            pattern += 1 << a
-                        elif touch > 0.0:
-                            pattern = -1
-                        carried[a] -= slope[a] * new[a]
-                    if pattern < 0 or pattern != known:
-                        known = pattern
-                        for a in range(n):
-                            for b in range(n):
-                                whole[a, b] = m[a, b]
-                            whole[a, a] += slope[a]
-                        _invert(whole, gain)
-                    for a in range(n):
-                        total = -push[a] - h * rubs[s, a] - carried[a]
-                        for b in range(n):
-                            total += by_rate[a, b] * rate[s, b] - by_place[a, b] * at[s, b]
-                        right[a] = total
-                    for a in range(n):
-                        new[a] = 0.0
-                        for b in range(n):
-                            new[a] += gain[a, b] * right[b]
-                    if rough:
-                        _rub(new, rubs[s], motor, most, gain, h)
-                    met = True
-                    for a in range(n):
-                        if half[a] > 0.0:
-                            passed, _, _, _ = flank_impulse(
-                                stiffness[a], damping[a], half[a], h, late[a], late[a],
-                                at[s, a], rate[s, a], new[a],
-                            )  # fmt: skip
-                            off = abs(passed - carried[a] - slope[a] * new[a])
-                            size = m[a, a] * (abs(new[a]) + abs(rate[s, a]))
-                            met = met and off <= _MET * (size + abs(passed))
-                    if met:
-                        break
-                for a in range(n):
-                    at[s, a] += h * ((1.0 - late[a]) * rate[s, a] + late[a] * new[a])
+                    late = gears[a, LATE]
+                    place[s, a] += h * ((1.0 - late) * rate[s, a] + late * new[a])
                     rate[s, a] = new[a]
-                    dry[i, a, s] += rubs[s, a] / parts
-                    if not abs(at[s, a]) < farthest:
+                    links.dry[i, a, s] += rubs[s, a] / links.parts
+                    if not abs(place[s, a]) < farthest:
                         lost[s] = 1.0
         for s in range(starts):
             for a in range(n):
-                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else at[s, a]
+                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else place[s, a]
                 v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]
-                ended[window - 1, a, s], last[window - 1, a, s] = d[i + 1, a, s], v[i + 1, a, s]
+                links.ended[window - 1, a, s] = d[i + 1, a, s]
+                links.last[window - 1, a, s] = v[i + 1, a, s]
