@@ -73,7 +73,7 @@ def _field(target: Any, builder: Any, kind: Any, words: Any, name: str) -> Any:
         data=builder.inttoptr(word(0), array.data.type),
         shape=[word(1 + axis) for axis in range(found.ndim)],
         strides=[word(1 + found.ndim + axis) for axis in range(found.ndim)],
-        itemsize=target.get_constant(types.intp, found.dtype.bitwidth // 8),
+        itemsize=target.get_constant(types.intp, np.dtype(str(found.dtype)).itemsize),
         meminfo=None,
     )
     return array._getvalue()

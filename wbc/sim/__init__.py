@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         TorqueLag,
         with_wrong_efficiencies,
     )
+    from wbc.sim.energy import EnergyAudit, EnergyFlow
     from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.height_field import HeightField
     from wbc.sim.moving_ground import Moving
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.state import SimState
     from wbc.sim.step.course import Impact
-    from wbc.sim.step.energy import EnergyAudit, EnergyFlow
     from wbc.sim.step.program import (
         Elements,
         Residuals,
@@ -81,7 +81,7 @@ _HOMES = {
         "with_wrong_efficiencies",
     ),
     "step.course": ("Impact",),
-    "step.energy": ("EnergyAudit", "EnergyFlow"),
+    "energy": ("EnergyAudit", "EnergyFlow"),
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),
     "moving_ground": ("Moving",),

@@ -13,12 +13,12 @@ from wbc.arrays import FloatArray, checked
 from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Hull, Robot, body_surfaces
+from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup, prepare
 from wbc.sim.state import SimState
 from wbc.sim.step.course import Course
-from wbc.sim.step.energy import surveyed
 from wbc.sim.step.pairs import FAR
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]

@@ -11,12 +11,12 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.mechanics.kinematics import place
 from wbc.sim.barriers import TOUCH
+from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.step.books import KINETIC, NORMAL, TRAFFIC
 from wbc.sim.step.course import Impact
-from wbc.sim.step.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.step.flow import Flow
-from wbc.sim.step.part import KINETIC, NORMAL, TRAFFIC
 from wbc.sim.step.program import StepSolution
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds

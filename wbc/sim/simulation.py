@@ -12,12 +12,12 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.progress import progress_bar
+from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
 from wbc.sim.result import StepEvent
 from wbc.sim.state import SimState
 from wbc.sim.step.course import Impact
-from wbc.sim.step.energy import EnergyAudit, EnergyFlow
 from wbc.sim.step.program import Residuals, worst
 
 Controller = Callable[[SimState], FloatArray]

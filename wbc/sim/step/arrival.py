@@ -18,9 +18,11 @@ from wbc.compiled import (
     Nothing,
     Number,
     OutDense,
+    OutFlags,
     OutRow,
     Row,
     compiled,
+    several,
 )
 from wbc.mechanics.kinematics import moved_along, place
 from wbc.mechanics.linear import (
@@ -34,6 +36,7 @@ from wbc.mechanics.linear import (
 from wbc.sim.step.contacts import barrier_rows, gaps_at
 from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
 from wbc.sim.step.pairs import FAR
+from wbc.sim.step.part_rows import ACTING, Acting
 from wbc.sim.step.tables import (
     DRIFT_FROM,
     GEARS,
@@ -156,40 +159,40 @@ def shift_of(
     return True
 
 
-@compiled(
-    Nothing, OPENED, Flags, Dense, Flags, Row, Number, Number, OutRow, OutRow, OutRow
-)  # fmt: skip
+@compiled(Count, OPENED, counted=False)
+def rigid_ones(plant: Opened) -> int:
+    """Return how many barriers are rigid: all, or the joint limits where contacts are compliant."""
+    limits = 2 * len(plant.obstacles.limit_at)
+    if plant.bounds[HERTZ] > 0.0:
+        return limits
+    return limits + len(plant.obstacles.touch)
+
+
+@compiled(Nothing, OPENED, Dense, Flags, Row, Number, Number)
 def take_back(
     plant: Opened,
-    closed: BoolArray,
     matrix: FloatArray,
     pressed: BoolArray,
     drift: FloatArray,
     furthest: float,
     time: float,
-    q: FloatArray,
-    gap: FloatArray,
-    moved: FloatArray,
 ) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
     Args:
-        plant: its memory stands at q, but for `placed.inertia`: that is the middle's.
-        closed: (2 j + c,).
+        plant: its memory stands at the end, but for `placed.inertia`: that is the middle's.
+            Position, gaps and shift of the end are changed.
         matrix: (b, nv) rows of the closed limits and normals in the middle.
         pressed: (b,) whether they carry an impulse.
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
         time: [s].
-        q: (nq,) to change.
-        gap: (2 j + c,) to change.
-        moved: (nv,) sum of the shifts, to write.
     """
     joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    q, gap, closed, moved = plant.end.position, plant.end.gap, plant.end.closed, plant.end.moved
     count, off, n = len(drift), np.inf, matrix.shape[1]
     aim, missing, shift = np.empty(count), np.empty(count), np.empty(n)
     last, gap_last, metric = np.empty(len(q)), np.empty(len(gap)), np.empty((n, n))
-    moved[:] = 0.0
     metric_of(plant.placed.inertia, plant.gears, metric)
     for i in range(count):
         nearer = max(-drift[i], -furthest) if pressed[i] else -drift[i]
@@ -218,62 +221,24 @@ def take_back(
             return
 
 
-@compiled(Count, OPENED, counted=False)
-def rigid_ones(plant: Opened) -> int:
-    """Return how many barriers are rigid: all, or the joint limits where contacts are compliant."""
-    limits = 2 * len(plant.obstacles.limit_at)
-    if plant.bounds[HERTZ] > 0.0:
-        return limits
-    return limits + len(plant.obstacles.touch)
+@compiled(several(Number, Number), OPENED, Row, OutFlags, OutRow, counted=False)
+def drifts(
+    plant: Opened, pushes: FloatArray, pressed: BoolArray, drift: FloatArray
+) -> tuple[float, float]:
+    """Write the gaps (l + k,) of closed barriers at the end, and whether they are pressed.
 
-
-@compiled(
-    Flag, OPENED, Flags, Dense, Row, Row, Row, Number, Number, OutRow, OutRow, OutRow, OutRow,
-    OutRow,
-)  # fmt: skip
-def arrive(
-    plant: Opened,
-    closed: BoolArray,
-    matrix: FloatArray,
-    pushes: FloatArray,
-    middle: FloatArray,
-    after: FloatArray,
-    step: float,
-    time: float,
-    q_end: FloatArray,
-    v_end: FloatArray,
-    gap: FloatArray,
-    overlap: FloatArray,
-    moved: FloatArray,
-) -> bool:
-    """Write position, velocity, gaps and overlaps at the end of a part; True where some is left.
+    Compliant ones do not drift.
 
     Args:
-        plant: its memory stands at the middle, and afterwards at the end.
-        closed: (2 j + c,).
-        matrix: (l + k, nv) rows of the closed limits and normals.
-        pushes: (l + k,) their impulses.
-        middle: q (nq,) at the middle.
-        after: v (nv,) there, after forces and impulses.
-        step: h [s].
-        time: [s] at the end.
-        q_end: (nq,) to write.
-        v_end: (nv,) to write, with the momentum that `after` has in the middle.
-        gap: (2 j + c,) to write.
-        overlap: (2 j + c,) beyond what is taken back, to write.
-        moved: (nv,) shift out of overlaps, to write.
+        plant: with the gaps.
+        pushes: (l + k,) impulses of the closed limits and normals.
+        pressed, drift: (l + k,) to write.
+
+    Returns:
+        the largest drift that is to be taken back, and the least gap.
     """
-    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
-    half, bases = 0.5 * step, plant.flight.bases
-    carry(plant.flight, plant.placed, after)
-    moved_along(joints, middle, after, half, q_end)
-    place(joints, shapes, q_end, poses)
-    advance(plant.tree, plant.flight, half, q_end, poses)
-    gaps_at(plant, q_end, time, gap)
-    pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
-    row, off, deepest, left = 0, 0.0, 0.0, False
+    gap, closed, row, off, deepest = plant.end.gap, plant.end.closed, 0, 0.0, 0.0
     for i in range(len(closed)):
-        overlap[i] = 0.0
         if closed[i] and i >= rigid_ones(plant):
             pressed[row], drift[row] = False, 0.0
             row += 1
@@ -282,19 +247,43 @@ def arrive(
             off = max(off, abs(gap[i]) if pressed[row] else -gap[i])
             deepest = min(deepest, gap[i])
             row += 1
-    moved[:] = 0.0
+    return off, deepest
+
+
+@compiled(Flag, OPENED, ACTING, Dense, Row)
+def arrive(plant: Opened, acting: Acting, matrix: FloatArray, pushes: FloatArray) -> bool:
+    """Write the end of a part; return whether some overlap is left.
+
+    These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
+    of overlaps, and overlaps beyond what is taken back.
+
+    Args:
+        plant: its memory stands at the middle, and afterwards at the end.
+        acting: what the part starts from.
+        matrix: (l + k, nv) rows of the closed limits and normals.
+        pushes: (l + k,) their impulses.
+    """
+    joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
+    half, time = 0.5 * acting.step, acting.time + acting.step
+    carry(plant.flight, plant.placed, end.after)
+    moved_along(joints, end.middle, end.after, half, end.position)
+    place(joints, shapes, end.position, poses)
+    advance(plant.tree, plant.flight, half, end.position, poses)
+    gaps_at(plant, end.position, time, end.gap)
+    pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
+    off, deepest = drifts(plant, pushes, pressed, drift)
+    end.moved[:], end.depth[:] = 0.0, 0.0
     if off > plant.bounds[DRIFT_FROM]:
-        furthest = plant.bounds[RETURN_SPEED] * step
-        if deepest < -furthest - plant.bounds[TOUCH]:
-            left = True
-            for i in range(len(closed)):
-                rigid = closed[i] and i < rigid_ones(plant)
-                overlap[i] = max(-gap[i] - furthest, 0.0) if rigid else 0.0
-        take_back(plant, closed, matrix, pressed, drift, furthest, time, q_end, gap, moved)
-    v_end[:] = after
-    if len(bases):
-        look(plant.tree, plant.flight, base_rows(bases), plant.placed)
-        set_momentum(plant.flight, plant.placed, v_end)
+        furthest = plant.bounds[RETURN_SPEED] * acting.step
+        left = deepest < -furthest - plant.bounds[TOUCH]
+        for i in range(rigid_ones(plant) if left else 0):
+            if end.closed[i]:
+                end.depth[i] = max(-end.gap[i] - furthest, 0.0)
+        take_back(plant, matrix, pressed, drift, furthest, time)
+    end.velocity[:] = end.after
+    if len(plant.flight.bases):
+        look(plant.tree, plant.flight, base_rows(plant.flight.bases), plant.placed)
+        set_momentum(plant.flight, plant.placed, end.velocity)
     return left
 
 

@@ -19,10 +19,11 @@ from math import sqrt
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Count, Number, OutDense, OutRow, Row, compiled, several
+from wbc.compiled import Count, Number, Row, compiled, several
 from wbc.mechanics.newton import UNSOLVED, speeds_at
 from wbc.mechanics.rows import SYSTEM, RowSystem
-from wbc.sim.step.gears import solve_gripped
+from wbc.sim.step.flanks import solve_gripped
+from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved
 from wbc.sim.step.tables import DISSIPATION, HERTZ, OPENED, Opened
 
 _ROUNDS = 60
@@ -54,33 +55,26 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
     return share * force, share * slope + rate * force
 
 
-@compiled(
-    several(Count, Count, Number), OPENED, OutDense, SYSTEM, Row, Number, Row, Number,
-    *(OutRow,) * 3,
-)  # fmt: skip
+@compiled(several(Count, Count, Number), OPENED, ROWS, SYSTEM, Row, Number, Number, SOLVED)
 def solve_compliant(
     plant: Opened,
-    depths: FloatArray,
+    rows: PartRows,
     system: RowSystem,
-    relative: FloatArray,
-    step: float,
     start: FloatArray,
+    step: float,
     tolerance: float,
-    impulse: FloatArray,
-    end: FloatArray,
-    damped: FloatArray,
+    solved: Solved,
 ) -> tuple[int, int, float]:
     """Solve the rows of a part with compliant contacts.
 
     Args:
         plant: what moves.
-        depths: (k, 2) of the contacts at the start of the part and in its middle.
-        system: of the rows.
-        relative, step, start, tolerance, impulse, end, damped: see `solve_gripped`.
+        rows, system, start, step, tolerance, solved: see `solve_gripped`.
 
     Returns:
         see `solve_gripped`.
     """
+    depths, impulse = rows.depths, solved.impulse
     count, contacts = len(system.targets), len(depths)
     first, work, m = count - contacts, 0, len(system.laws)
     delassus, slope = system.delassus.copy(), system.slope.copy()
@@ -100,9 +94,7 @@ def solve_compliant(
             delassus[row, row] = own + give
             slope[row] = 1.0 / (own + give)
             targets[first + c] = speed[row] + push * give if give > 0.0 else NEVER
-        used, way, missed = solve_gripped(
-            plant.gears, softer, relative, step, guess, tolerance, impulse, end, damped
-        )
+        used, way, missed = solve_gripped(plant.gears, rows, softer, guess, step, tolerance, solved)
         work += used
         if way >= UNSOLVED:
             return work, way, missed

@@ -327,19 +327,9 @@ def ground_speeds(
                 speed[at] += axes[c * (1 + d) + a, x] * ground[which[c], x]
 
 
-@compiled(
-    Nothing, OPENED, Flags, Flags, Row, Row, Row, Number, Dense, OutRow, counted=False
-)  # fmt: skip
+@compiled(Nothing, OPENED, Flags, Number, Dense, OutRow, counted=False)
 def lowest_speeds(
-    plant: Opened,
-    closed: BoolArray,
-    kept: BoolArray,
-    rate: FloatArray,
-    gap: FloatArray,
-    speed: FloatArray,
-    step: float,
-    rows: FloatArray,
-    targets: FloatArray,
+    plant: Opened, kept: BoolArray, step: float, rows: FloatArray, targets: FloatArray
 ) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
@@ -352,19 +342,16 @@ def lowest_speeds(
     energy, whatever else happens in the part.
 
     Args:
-        plant: what moves.
-        closed: (2 j + c,).
+        plant: with closed barriers, gaps and speeds of the middle.
         kept: (2 j + c,) barriers that may close within the part.
-        rate: (2 j + c,) speed at which closed contacts opened at the start.
-        gap: (2 j + c,) in the middle.
-        speed: v (nv,) in the middle.
         step: h [s].
         rows: (l + k, nv) of the closed barriers.
         targets: to write.
     """
-    row, limits = 0, 2 * len(plant.obstacles.limit_at)
-    for i in range(len(closed)):
-        if closed[i]:
+    row, limits, end = 0, 2 * len(plant.obstacles.limit_at), plant.end
+    gap, rate, speed = end.gap, end.rate, end.speed
+    for i in range(len(kept)):
+        if end.closed[i]:
             targets[row] = 0.0
             if kept[i] or gap[i] >= FAR:
                 targets[row] = -2.0 / step * max(gap[i], 0.0)

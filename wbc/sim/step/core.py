@@ -20,6 +20,7 @@ from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
 from wbc.sim.step.compliant import NEVER
 from wbc.sim.step.contacts import GAPS
+from wbc.sim.step.flanks import grip_laws
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import (
@@ -34,16 +35,9 @@ from wbc.sim.step.impact import (
     impact_at,
     impact_in_rows,
 )
-from wbc.sim.step.motion import free_bases
-from wbc.sim.step.part import (
-    LANDED,
-    NO_INERTIA,
-    UNDECIDED,
-    PartRows,
-    first_half,
-    part_in_rows,
-    part_of_step,
-)
+from wbc.sim.step.motion import free_bases, to_middle
+from wbc.sim.step.part import LANDED, part_in_rows, part_of_step, second_half
+from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.program import (
     TOLERANCE,
     Elements,
@@ -55,7 +49,8 @@ from wbc.sim.step.program import (
     tolerance_of,
     unsolved,
 )
-from wbc.sim.step.tables import Obstacles, opened
+from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, couple
+from wbc.sim.step.tables import Ending, Obstacles, opened
 
 _NOTHING = np.zeros(0)
 _ROUNDING = 1e-9
@@ -72,26 +67,13 @@ def _cut(place: int) -> FloatArray:
 
 
 class Ended:
-    """Where a part ended: slices of one array, cut when asked for.
+    """Where a part ended: a copy of `Ending`, cut into its arrays when asked for.
 
     Attributes:
         closed: (2 j + c,) barriers that stay closed.
         landed: whether a barrier that is not closed is passed.
         left: whether some overlap is left to take back.
         given: whether Python solved the rows, range by range of self-locking gears.
-        position, velocity: q (nq,), v (nv,) at the end.
-        motor_speed: (m,) of the motor outputs.
-        impulse: of the rows, in the plant's layout.
-        gap: (2 j + c,).
-        after: v (nv,) at the middle, after forces and impulses.
-        mesh_impulse: T (m,) [N m s].
-        depth: (2 j + c,) that is left to take back.
-        pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
-            world axes.
-        deflection: (m,) [rad] of the motor outputs ahead of the joints.
-        books: (11,) work and losses [J], MOTOR to MISSED of `part`.
-        work: linear systems solved, and what found the impulses, see `mechanics.newton`.
-        before, speed: q (nq,), v (nv,) in the middle.
     """
 
     __slots__ = ("_cuts", "_out", "closed", "given", "landed", "left")
@@ -99,7 +81,7 @@ class Ended:
     def __init__(
         self, out: FloatArray, cuts: tuple[slice, ...], closed: BoolArray, result: int
     ) -> None:
-        """Keep what `part_of_step` wrote, and where it is cut."""
+        """Keep a copy of what `part_of_step` wrote, and where it is cut."""
         self._out, self._cuts, self.closed = out, cuts, closed
         self.landed, self.left, self.given = abs(result) == LANDED, result < 0, False
 
@@ -180,15 +162,27 @@ class Core:
         )
         stored = m + nv + size + tangents * barriers.contacts
         pushes = 3 * (points + len(barriers.pairs))
-        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size)
-        ends = np.cumsum(sizes)
-        self._cuts = tuple(map(slice, [0, *ends.tolist()], ends.tolist()))
-        self._most, self._size, self._pushes = m + size * (1 + tangents), size, pushes
+        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv)
+        ends = np.cumsum(sizes).tolist()
+        self._cuts = tuple(map(slice, [0, *ends], ends))
+        self._out, self._size = np.zeros(ends[-1]), size
+        slices = (self._out[cut] for cut in self._cuts)
+        ending = dict(zip(Ending._fields, slices, strict=False))
+        ending["closed"] = np.zeros(size, dtype=np.bool_)
+        hit = {
+            "after": np.zeros(nv),
+            "pushes": np.zeros(pushes),
+            "impulse": np.zeros(m + size * (1 + tangents)),
+            "aims": np.zeros(size),
+            "found": np.zeros(9),
+            "fresh": np.zeros(size, dtype=np.bool_),
+            "closed": np.zeros(size, dtype=np.bool_),
+        }
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH, *compliance
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
-        self.plant = opened(tree, bases, obstacles, gears, barriers.bodies, bounds, ends)
-        self._loose, self._drive, self._nv = drive.any_loose, drive, nv
+        self.plant = opened(tree, bases, obstacles, gears, barriers.bodies, bounds, ending, hit)
+        self._loose, self._drive = drive.any_loose, drive
 
     def _ask_ground(self, what: int, time: float, later: float) -> None:
         """Fill gaps and normals, or speeds, of ground that only Python knows."""
@@ -218,24 +212,19 @@ class Core:
             deflection, speed = self._drive.motion(state)
             self.plant.gears.motion[:, 0], self.plant.gears.motion[:, 1] = deflection, speed
 
-    def to_middle(self, state: SimState, half: float) -> FloatArray:
-        """Return what a part writes, with its first half written: see `Ended`.
+    def to_middle(self, state: SimState, half: float) -> tuple[FloatArray, FloatArray]:
+        """Return q (nq,) and v (nv,) in the middle of a part, after `half` a step [s].
 
-        The memory then stands in the middle, after `half` a step [s].
+        The memory then stands there.
         """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        out = np.empty(self._cuts[-1].stop)
-        first_half(self.plant, q, v, state.time, half, state.closed, out)
-        return out
-
-    def middle(self, out: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return q (nq,) and v (nv,) in the middle, of what `to_middle` returned."""
-        return out[self._cuts[12]], out[self._cuts[13]]
+        to_middle(self.plant, q, v, state.time, half, state.closed)
+        return self.plant.end.middle.copy(), self.plant.end.speed.copy()
 
     def part(
         self,
         state: SimState,
-        half: FloatArray | None,
+        begun: bool,
         forces: EffectForces,
         external: FloatArray | None,
         kept: BoolArray,
@@ -245,7 +234,7 @@ class Core:
 
         Args:
             state: at its start.
-            half: what `to_middle` returned, None where forces do not depend on the middle.
+            begun: whether the memory stands in the middle already.
             forces: of the effects there.
             external: (nv,), None for none.
             kept: (2 j + c,) barriers that may close within the part.
@@ -255,50 +244,46 @@ class Core:
             SimulationError: the part has no solution, or several.
         """
         self.tell_motion(state)
-        before = self._given(state, forces, external, kept, step)
-        out = np.empty(self._cuts[-1].stop) if half is None else half
-        closed, given = np.empty(len(kept), dtype=np.bool_), _NOTHING
-        arguments = (*before, given, half is not None, out, closed)
-        result = part_of_step(*arguments)
+        self._tell_forces(forces, external)
+        before, v = (state.closed, kept, state.impulse), np.ascontiguousarray(state.velocity)
+        given = _NOTHING
+        if begun:
+            result = second_half(self.plant, *before, given, v, state.time, step)
+        else:
+            q = np.ascontiguousarray(state.position)
+            result = part_of_step(self.plant, *before, q, v, state.time, step)
         if result == 10 + UNDECIDED:
-            _, system, start, _ = self._in_rows(before, _NOTHING, _NOTHING)
+            _, system, start, _ = self._in_rows(state, kept, step)
             given, _, _ = solve_rows(system, start, self._names)
-            arguments = (*before, given, False, out, closed)
-            result = part_of_step(*arguments)
+            result = second_half(self.plant, *before, given, v, state.time, step)
         if self._error is not None:
             self._heard()
-        ended = Ended(out, self._cuts, closed, result)
+        ended = Ended(self._out.copy(), self._cuts, self.plant.end.closed.copy(), result)
         ended.given = len(given) > 0
         if result >= 10:
-            raise self._failure(result - 10, state, before, ended)
+            raise self._failure(result - 10, state, kept, step, ended)
         return ended
 
-    def _given(
-        self,
-        state: SimState,
-        forces: EffectForces,
-        external: FloatArray | None,
-        kept: BoolArray,
-        step: float,
-    ) -> tuple[Any, ...]:
-        """Return the arguments that the loops of a part share."""
-        force = forces.joint if external is None else forces.joint + external
-        friction = _NOTHING if forces.friction is None else forces.friction
-        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        before = state.closed, kept, state.impulse, q, v
-        return self.plant, *before, forces.rotor, force, friction, state.time, step
+    def _tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
+        """Give the loops what acts, beside what stays."""
+        told = self.plant.forces
+        told.torque[:] = forces.rotor
+        told.joint[:] = forces.joint if external is None else forces.joint + external
+        told.friction[:] = 0.0 if forces.friction is None else forces.friction
 
-    def _in_rows(self, before: tuple[Any, ...], after: FloatArray, motor: FloatArray) -> Any:
-        arguments = (*before, after, motor)
-        return part_in_rows(*arguments)
+    def _in_rows(self, state: SimState, kept: BoolArray, step: float) -> Any:
+        """Return what `part_in_rows` does; the loops have been told motion and forces."""
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        before = state.closed, kept, state.impulse
+        return part_in_rows(self.plant, *before, q, v, state.time, step)
 
     def _failure(
-        self, way: int, state: SimState, before: tuple[Any, ...], ended: Ended
+        self, way: int, state: SimState, kept: BoolArray, step: float, ended: Ended
     ) -> SimulationError:
         inertia = self.plant.placed.inertia
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
-        rows, system, _, _ = self._in_rows(before, _NOTHING, _NOTHING)
+        rows, system, _, _ = self._in_rows(state, kept, step)
         if not np.isfinite(system.free).all():
             return blown_up(inertia, state.velocity)
         return unsolved(system, ended.impulse[rows.places], tolerance_of(system))
@@ -314,8 +299,11 @@ class Core:
     ) -> StepSolution:
         """Return the program of a part and its solution; arguments as of `part`, and its end."""
         self.tell_motion(state)
-        before = self._given(state, forces, external, kept, step)
-        rows, system, _, inertia = self._in_rows(before, ended.after, ended.motor_speed)
+        self._tell_forces(forces, external)
+        rows, system, _, inertia = self._in_rows(state, kept, step)
+        couple(self.plant, rows, system, ended.speed, ended.after, step)
+        gears, motor = self.plant.gears, ended.motor_speed
+        grip_laws(gears, rows.relative, step, ended.after, motor, system.laws)
         used, way = ended.work.astype(int).tolist()
         method, impulse = "ranges" if ended.given else WAYS[way], ended.impulse[rows.places]
         if len(rows.depths):  # what compliant contacts meet is their aim
@@ -340,9 +328,8 @@ class Core:
         return done, q, gap
 
     def impact(
-        self, state: SimState, closed: BoolArray, kept: BoolArray, back: FloatArray, left: float,
-        slow: float,
-    ) -> Struck:  # fmt: skip
+        self, state: SimState, closed: BoolArray, kept: BoolArray, back: FloatArray, left: float
+    ) -> Struck:
         """Return the impact on barriers that have just been reached.
 
         Args:
@@ -351,60 +338,54 @@ class Core:
             kept: (2 j + c,) barriers that are rows of what is left of the step.
             back: (2 j + c,) restitution.
             left: of the step [s].
-            slow: speed up to which barriers that part stay closed.
 
         Raises:
             SimulationError: the impact has no solution, or several.
         """
         self.tell_motion(state)
-        size = len(closed)
-        fresh, after_closed = np.empty((2, size), dtype=np.bool_)
-        after, aims = np.empty(self._nv), np.empty(size)
-        pushes = np.empty(self._pushes)
-        impulse, found = np.empty(self._most), np.empty(9)
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        before = self.plant, closed, kept, back, q, v, state.time, slow, left
-        written = after, pushes, impulse, aims, found, fresh, after_closed
+        hit, found = self.plant.hit, self.plant.hit.found
 
         def strike(share: float, given: FloatArray = _NOTHING) -> int:
-            arguments = (*before, share, given, *written)
-            kind: int = impact_at(*arguments)
+            own = share * back
+            kind: int = impact_at(self.plant, closed, kept, own, q, v, state.time, left, given)
+            found[SHARE] *= share
             return kind
 
         kind = strike(1.0)
         self._heard()
-        together = closed | fresh | kept
+        together = closed | hit.fresh | kept
         if kind == HIT and found[SHARE] > 0.0 and found[WAY] <= UNSOLVED:
             _give_less_back(strike, found)
         elif kind == HIT and found[WAY] == UNDECIDED:
             for share in (1.0, 0.0):
                 strike(share)
-                _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
+                _, system, _ = self._impact_in_rows(state, together, hit.aims, _NOTHING)
                 start, m = np.zeros(len(system.free)), len(self._names)
                 start[:m] = state.impulse[:m] if len(state.impulse) else 0.0
                 given, _, _ = solve_rows(system, start, self._names)
                 strike(share, given)
                 if found[CONTACT] >= 0.0:
                     break
-        impulse = impulse[: int(found[ROWS_OF])]
         if kind == HIT and found[WAY] >= UNSOLVED:
-            raise self._impact_failure(int(found[WAY]), state, together, aims, impulse)
-        aims, points = aims[: int(together.sum())], pushes.reshape(-1, 3)
-        return Struck(kind, fresh, after_closed, after, points, impulse, aims, found)
+            raise self._impact_failure(int(found[WAY]), state, together)
+        return Struck(
+            kind,
+            hit.fresh.copy(),
+            hit.closed.copy(),
+            hit.after.copy(),
+            hit.pushes.reshape(-1, 3).copy(),
+            hit.impulse[: int(found[ROWS_OF])].copy(),
+            hit.aims[: int(together.sum())].copy(),
+            found.copy(),
+        )
 
-    def _impact_failure(
-        self,
-        way: int,
-        state: SimState,
-        together: BoolArray,
-        aims: FloatArray,
-        impulse: FloatArray,
-    ) -> SimulationError:
-        inertia = self.plant.placed.inertia
+    def _impact_failure(self, way: int, state: SimState, together: BoolArray) -> SimulationError:
+        inertia, hit = self.plant.placed.inertia, self.plant.hit
         if way == NO_INERTIA or not np.isfinite(inertia).all():
             return blown_up(inertia, state.velocity)
-        _, system, _ = self._impact_in_rows(state, together, aims, _NOTHING)
-        return unsolved(system, impulse, tolerance_of(system))
+        _, system, _ = self._impact_in_rows(state, together, hit.aims, _NOTHING)
+        return unsolved(system, hit.impulse[: int(hit.found[ROWS_OF])], tolerance_of(system))
 
     def _impact_in_rows(
         self, state: SimState, together: BoolArray, aims: FloatArray, after: FloatArray

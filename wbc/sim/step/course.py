@@ -250,8 +250,7 @@ def settle(
     if springy is not None:
         back[~springy] = 0.0
     setup.tell_coupling(state.position, state.velocity)
-    slow = 0.5 * setup.gravity * left
-    struck = setup.core.impact(state, closed, ahead, back, left, slow)
+    struck = setup.core.impact(state, closed, ahead, back, left)
     if struck.kind == APART:
         return _with(state, state.velocity, closed), None, struck.fresh
     if struck.kind == RESTING:

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.step.books import CONTACT, FRICTION, GEAR, GROUND, MESH, MISSED, MOTOR, ROTOR
 from wbc.sim.step.core import Ended
-from wbc.sim.step.energy import EnergyFlow
 from wbc.sim.step.forces import EffectForces
-from wbc.sim.step.part import CONTACT, FRICTION, GEAR, GROUND, MESH, MISSED, MOTOR, ROTOR
 from wbc.sim.step.program import StepSolution
 
 _MESH_ROUNDS = 40
@@ -198,10 +198,9 @@ def _with_mesh(first: Flow, solve: Callable[[FloatArray], Flow]) -> Flow:
 def _once(given: PartInput) -> Flow:
     """Return the part for what effects take the gears to carry."""
     setup, state, command, step, external, kept, mesh = given
-    core, half = setup.core, None
+    core = setup.core
     if setup.waits:
-        half = core.to_middle(state, 0.5 * step)
-        position, velocity = core.middle(half)
+        position, velocity = core.to_middle(state, 0.5 * step)
         at, of_motor = (position, velocity, state.time + 0.5 * step), (setup.temperature, mesh)
         forces = setup.effects.forces(at, command, state.memory, step, *of_motor)
         setup.tell_losses(position, velocity)
@@ -209,7 +208,7 @@ def _once(given: PartInput) -> Flow:
     else:
         forces = EffectForces(setup.still, None, command, ())
     try:
-        found = core.part(state, half, forces, external, kept, step)
+        found = core.part(state, setup.waits, forces, external, kept, step)
     finally:
         setup.forget_losses()  # impacts, and whatever comes next
     following = SimState(

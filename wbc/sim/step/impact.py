@@ -12,38 +12,25 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
+    Flag,
     Flags,
     Nothing,
     Number,
     OutDense,
-    OutFlags,
     OutRow,
     Row,
     compiled,
     several,
 )
 from wbc.mechanics.kinematics import place
-from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import SYSTEM, RowSystem
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.contacts import (
-    barrier_rows,
-    friction_of,
-    gaps_at,
-    ground_speeds,
-    world_pushes,
-)
-from wbc.sim.step.gears import motor_speeds, rotor_brings
+from wbc.sim.step.contacts import gaps_at, ground_speeds, world_pushes
+from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.motion import look
-from wbc.sim.step.part import (
-    NO_INERTIA,
-    ROWS,
-    PartRows,
-    couple,
-    part_system,
-    solve_part,
-)
+from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved, part_system, rows_where
+from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
 from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
@@ -153,37 +140,78 @@ def impact_rows(plant: Opened, together: BoolArray, v: FloatArray, time: float) 
 
     Their targets are still to be written.
     """
-    obstacles, n, m = plant.obstacles, len(v), len(plant.gears.rows)
-    d, limits, held, touching = obstacles.tangents, 2 * len(obstacles.limit_at), 0, 0
-    for i in range(len(together)):
-        held += together[i] and i < limits
-        touching += together[i] and i >= limits
-    both = held + touching
-    total = m + both + d * touching
-    matrix, laws, lower = np.empty((total, n)), np.empty((m, 9)), np.empty((n, n))
-    axes, which = np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64)
-    carried, frictions, motor = np.zeros(total), np.empty(touching), np.empty(m)
-    barrier_rows(plant, together, m, matrix, axes, which)
-    ground_speeds(plant, time, time, axes, which, carried[m + held :])
-    motor_speeds(plant.gears, v, motor)
-    impact_laws(plant, motor, laws)
+    rows = rows_where(plant, together, v, 0)
+    contacts = len(rows.laws) + len(rows.targets) - len(rows.which)
+    ground_speeds(plant, time, time, rows.axes, rows.which, rows.carried[contacts:])
+    impact_laws(plant, rows.motor, rows.laws)
+    return rows
+
+
+@compiled(Flag, OPENED, Flags, Flags, Row, Number, counted=False)
+def reaches(plant: Opened, before: BoolArray, kept: BoolArray, q: FloatArray, time: float) -> bool:
+    """Write the barriers that are reached, and those that take part; return whether there are any.
+
+    Arguments as of `impact_at`. The poses and touches then stand at q.
+    """
+    hit, gap, found = plant.hit, plant.end.gap, False
+    gaps_of(plant, q, time, gap)
+    for i in range(len(before)):
+        hit.fresh[i] = not before[i] and gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
+        hit.closed[i] = before[i] or hit.fresh[i] or kept[i]
+        found = found or (hit.closed[i] and not before[i])
+    return found
+
+
+@compiled(Flag, OPENED, Flags, Row, Row, Number, ROWS, counted=False)
+def impact_targets(
+    plant: Opened,
+    before: BoolArray,
+    back: FloatArray,
+    v: FloatArray,
+    left: float,
+    rows: PartRows,
+) -> bool:
+    """Write at which speeds the barriers are to part; return whether one of them is coming.
+
+    Arguments as of `impact_at`; found[SHARE] is one where any springs back.
+    """
+    hit, row, coming = plant.hit, 0, False
+    for i in range(len(before)):
+        if not hit.closed[i]:
+            continue
+        approach = -rows.carried[len(rows.laws) + row]
+        for c in range(len(v)):
+            approach += rows.matrix[len(rows.laws) + row, c] * v[c]
+        ahead = not before[i] and not hit.fresh[i]
+        least = -2.0 * plant.end.gap[i] / left if ahead else 0.0
+        opening = 0.0 if ahead else -back[i] * min(approach, 0.0)
+        if opening > 0.0:
+            hit.found[SHARE] = 1.0
+        coming = coming or (not before[i] and approach < least - _SLOW)
+        hit.aims[row] = rows.targets[row] = least + opening
+        row += 1
+    return coming
+
+
+@compiled(Nothing, OPENED, Row, ROWS, SOLVED)
+def book_impact(plant: Opened, v: FloatArray, rows: PartRows, solved: Solved) -> None:
+    """Write losses of an impact from v (nv,), and the work of moving ground."""
+    found, following, m, work = plant.hit.found, rows.motor.copy(), len(rows.motor), 0.0
+    for i in range(len(solved.impulse)):
+        work += solved.impulse[i] * rows.carried[i]
     for i in range(m):
-        for c in range(n):
-            matrix[i, c] = plant.gears.rows[i, c]
-    for c in range(touching):
-        frictions[c] = friction_of(plant, which[c])
-    if not factor_inertia(plant.placed.inertia, lower):
-        lower[0, 0] = np.nan
-    return PartRows(
-        matrix, lower, laws, np.zeros(both), frictions, v.copy(), carried, np.zeros(0), axes, which,
-        np.zeros(0, dtype=np.int64), motor, np.zeros(m), np.zeros((0, 2)),
-    )  # fmt: skip
+        if plant.gears.at[i, 1] == 0:
+            following[i] = 0.0
+            for c in range(len(v)):
+                following[i] += plant.gears.rows[i, c] * solved.after[c]
+    mesh = solved.impulse[:m]
+    found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
+    kept = kinetic_of(plant, solved.after, following)
+    found[CONTACT] = found[ENERGY] - kept + work - found[MESH]
+    found[WORK] = work
 
 
-@compiled(
-    Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number, Number, Number, Row,
-    OutRow, OutRow, OutRow, OutRow, OutRow, OutFlags, OutFlags,
-)  # fmt: skip
+@compiled(Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number, Row)
 def impact_at(
     plant: Opened,
     before: BoolArray,
@@ -192,19 +220,10 @@ def impact_at(
     q: FloatArray,
     v: FloatArray,
     time: float,
-    slow: float,
     left: float,
-    share: float,
     given: FloatArray,
-    after: FloatArray,
-    pushes: FloatArray,
-    impulse: FloatArray,
-    aims: FloatArray,
-    found: FloatArray,
-    fresh: BoolArray,
-    closed: BoolArray,
 ) -> int:
-    """Write the impact on barriers that have just been reached, see `settle`.
+    """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
 
     Args:
         plant: what moves.
@@ -213,87 +232,49 @@ def impact_at(
         back: (2 j + c,) restitution of the barriers.
         q, v: (nq,), (nv,).
         time: [s].
-        slow: speed up to which barriers that part stay closed.
         left: of the step [s].
-        share: of the restitution that is given back.
         given: (r,) impulses where they are known already, else empty.
-        after: v (nv,) to write.
-        pushes: (3 k,) impulses on the contact points, world, to write.
-        impulse: of the rows, one after the other, to write; more than there are.
-        aims: speeds at which the barriers that take part are to part, in their order, to write.
-        found: (9,) numbers MESH to LEFT to write.
-        fresh: (2 j + c,) barriers that are reached, to write.
-        closed: (2 j + c,) barriers that are closed afterwards, to write.
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
         found[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
-    size, touch = len(before), plant.bounds[TOUCH]
-    place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    gap, ahead, reached, both = np.empty(size), np.zeros(size, dtype=np.bool_), False, 0
-    gaps_at(plant, q, time, gap)
-    found[:], rigid = 0.0, rigid_ones(plant)
-    for i in range(size):
-        fresh[i] = not before[i] and gap[i] <= touch and i < rigid
-        ahead[i] = kept[i] and not before[i] and not fresh[i]
-        closed[i] = before[i] or fresh[i] or ahead[i]
-        reached = reached or fresh[i] or ahead[i]
-        both += closed[i]
-    if not reached:
+    hit, gravity = plant.hit, plant.tree.gravity
+    found = hit.found
+    found[:] = 0.0
+    if not reaches(plant, before, kept, q, time):
         return APART
     look(plant.tree, plant.flight, len(v), plant.placed)
-    rows = impact_rows(plant, closed, v, time)
+    rows = impact_rows(plant, hit.closed, v, time)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
         return HIT
-    least, opening, m = np.zeros(both), np.zeros(both), len(rows.motor)
-    row, coming, opens = 0, False, False
-    for i in range(size):
-        if closed[i]:
-            approach = -rows.carried[m + row]
-            for c in range(len(v)):
-                approach += rows.matrix[m + row, c] * v[c]
-            if ahead[i]:
-                least[row] = -2.0 * gap[i] / left
-            else:
-                opening[row] = -back[i] * min(approach, 0.0)
-            opens = opens or opening[row] > 0.0
-            coming = coming or ((fresh[i] or ahead[i]) and approach < least[row] - _SLOW)
-            row += 1
-    if not coming:
-        for i in range(size):
-            closed[i] = closed[i] and not ahead[i]
+    if not impact_targets(plant, before, back, v, left, rows):
+        for i in range(len(before)):
+            hit.closed[i] = before[i] or hit.fresh[i]
         return RESTING
-    share, carried, had = share if opens else 0.0, 0.0, kinetic_of(plant, v, rows.motor)
-    for i in range(both):
-        aims[i] = rows.targets[i] = least[i] + share * opening[i]
+    found[ENERGY] = kinetic_of(plant, v, rows.motor)
     system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.carried))
-    work = 1.0 if share == 0.0 else _SHARE_OF_WORK
+    work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
     solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
-    found[USED], found[ROWS_OF], found[ENERGY] = solved.used, len(solved.impulse), had
-    found[WAY], found[SHARE], found[LEFT] = solved.way, share, solved.missed
+    found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
+    found[WAY], found[LEFT] = solved.way, solved.missed
     for i in range(len(solved.impulse)):
-        impulse[i] = solved.impulse[i]
-        carried += solved.impulse[i] * rows.carried[i]
+        hit.impulse[i] = solved.impulse[i]
     if solved.way >= UNSOLVED:
         return HIT
-    following, mesh = rows.motor.copy(), solved.impulse[:m]
-    for i in range(m):
-        if plant.gears.at[i, 1] == 0:
-            following[i] = 0.0
-            for c in range(len(v)):
-                following[i] += plant.gears.rows[i, c] * solved.after[c]
-    found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
-    found[CONTACT] = had - kinetic_of(plant, solved.after, following) + carried - found[MESH]
-    found[WORK] = carried
-    after[:] = solved.after
-    first = m + both - len(rows.which)
-    world_pushes(plant, solved.impulse[first:], rows.axes, rows.which, pushes.reshape(-1, 3))
-    row = m
-    for i in range(size):
-        if closed[i]:
-            closed[i] = solved.speed[row] <= max(touch, slow) and not ahead[i]
+    book_impact(plant, v, rows, solved)
+    hit.after[:] = solved.after
+    contacts = len(rows.laws) + len(rows.targets) - len(rows.which)
+    pushes = hit.pushes.reshape(-1, 3)
+    world_pushes(plant, solved.impulse[contacts:], rows.axes, rows.which, pushes)
+    # What parts so slowly that gravity brings it back within the step stays closed.
+    slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    row = len(rows.laws)
+    for i in range(len(before)):
+        if hit.closed[i]:
+            parts = solved.speed[row] > max(plant.bounds[TOUCH], slow)
+            hit.closed[i] = (before[i] or hit.fresh[i]) and not parts
             row += 1
     return HIT
 

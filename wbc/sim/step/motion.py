@@ -179,19 +179,11 @@ def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: Float
                     poses[body, 9 + k] += missing[k]
 
 
-@compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, OutRow, OutRow, OutRow, counted=False)
+@compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, counted=False)
 def to_middle(
-    plant: Opened,
-    q: FloatArray,
-    v: FloatArray,
-    time: float,
-    half: float,
-    closed: BoolArray,
-    middle: FloatArray,
-    speed: FloatArray,
-    rate: FloatArray,
+    plant: Opened, q: FloatArray, v: FloatArray, time: float, half: float, closed: BoolArray
 ) -> None:
-    """Write q (nq,) and v (nv,) half a step later with the momentum that the robot has.
+    """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
     The attitude goes by the velocity of the middle (one correction), which makes free rotation of
     second order. The memory then stands at the middle, with all of H_l. How fast the closed
@@ -199,6 +191,7 @@ def to_middle(
     """
     tree, flight, placed = plant.tree, plant.flight, plant.placed
     joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
+    middle, speed, rate = plant.end.middle, plant.end.speed, plant.end.rate
     upto, touching = base_rows(bases), False
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]

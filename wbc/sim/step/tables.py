@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
     Flag,
     OutDense,
-    OutPlaces,
+    OutFlags,
     OutRow,
     OutTable,
     Table,
@@ -146,16 +146,92 @@ class Flight(NamedTuple):
     frames: FloatArray
 
 
+class Forces(NamedTuple):
+    """Memory for what acts over a part beside gravity and the gears' losses.
+
+    Attributes:
+        torque: (m,) [N m] on the rotors.
+        joint: (nv,) generalised forces of effects and from outside.
+        friction: (nv,) level of dry friction.
+    """
+
+    torque: FloatArray
+    joint: FloatArray
+    friction: FloatArray
+
+
+class Ending(NamedTuple):
+    """Memory for the middle of a part and its end.
+
+    Attributes:
+        position, velocity: q (nq,), v (nv,) at the end.
+        motor_speed: (m,) of the motor outputs.
+        impulse: of the rows, in the layout in which a state keeps them.
+        gap: (2 j + c,).
+        after: v (nv,) at the middle, after forces and impulses.
+        mesh_impulse: T (m,) [N m s].
+        depth: (2 j + c,) that is left to take back.
+        pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
+            world axes.
+        deflection: (m,) [rad] of the motor outputs ahead of the joints.
+        books: (11,) work and losses [J], MOTOR to MISSED of `books`.
+        work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
+        middle, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
+        rate: (2 j + c,) at which closed contacts opened at the start.
+        moved: (nv,) shift out of overlaps.
+        closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    motor_speed: FloatArray
+    impulse: FloatArray
+    gap: FloatArray
+    after: FloatArray
+    mesh_impulse: FloatArray
+    depth: FloatArray
+    pushes: FloatArray
+    deflection: FloatArray
+    books: FloatArray
+    work: FloatArray
+    middle: FloatArray
+    speed: FloatArray
+    rate: FloatArray
+    moved: FloatArray
+    closed: BoolArray
+
+
+class Hit(NamedTuple):
+    """Memory for an impact.
+
+    Attributes:
+        after: v (nv,).
+        pushes: as of `Ending`.
+        impulse: of the rows, one after the other; more than there are.
+        aims: speeds at which the barriers that take part are to part, in their order.
+        found: (9,) numbers MESH to LEFT of `impact`.
+        fresh: (2 j + c,) barriers that are reached.
+        closed: (2 j + c,) barriers that take part; afterwards those that are closed.
+    """
+
+    after: FloatArray
+    pushes: FloatArray
+    impulse: FloatArray
+    aims: FloatArray
+    found: FloatArray
+    fresh: BoolArray
+    closed: BoolArray
+
+
 class Opened(NamedTuple):
     """All of a plant.
 
     Attributes:
-        tree, flight, obstacles, gears, placed, bodies: see there.
+        tree, flight, obstacles, gears, placed, bodies, forces, end, hit: see there.
         bounds: (6,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
             solution; DRIFT_FROM: overlap from which on it is taken back; TOUCH: gap up to which a
             barrier counts as closed; HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for
             rigid ones.
-        ends: where each part of what a step writes ends, see `Ended`.
     """
 
     tree: Tree
@@ -164,8 +240,10 @@ class Opened(NamedTuple):
     gears: Gears
     placed: PlacedTree
     bodies: Bodies
+    forces: Forces
+    end: Ending
+    hit: Hit
     bounds: FloatArray
-    ends: IntArray
 
 
 _TREE = Structure("Tree", joints=OutTable, shapes=OutDense, rows=OutTable, gravity=OutRow)
@@ -207,6 +285,9 @@ _BODIES = Structure(
     frictions=OutDense,
     slots=OutTable,
 )
+_FORCES = Structure("Forces", **dict.fromkeys(Forces._fields, OutRow))
+_ENDING = Structure("Ending", **dict.fromkeys(Ending._fields[:-1], OutRow), closed=OutFlags)
+_HIT = Structure("Hit", **dict.fromkeys(Hit._fields[:5], OutRow), fresh=OutFlags, closed=OutFlags)
 TREE, OBSTACLES, GEARS = _TREE.kind, _OBSTACLES.kind, _GEARS.kind
 PLACED, FLIGHT, BODIES = _PLACED.kind, _FLIGHT.kind, _BODIES.kind
 _OPENED = Structure(
@@ -217,8 +298,10 @@ _OPENED = Structure(
     gears=GEARS,
     placed=PLACED,
     bodies=BODIES,
+    forces=_FORCES.kind,
+    end=_ENDING.kind,
+    hit=_HIT.kind,
     bounds=OutRow,
-    ends=OutPlaces,
 )
 OPENED = _OPENED.kind
 
@@ -235,12 +318,13 @@ def opened(
     gears: Gears,
     bodies: Bodies,
     bounds: tuple[float, ...],
-    ends: IntArray,
+    ending: dict[str, Any],
+    hit: dict[str, Any],
 ) -> Opened:
     """Return a plant's numbers and memory as the structure that compiled loops read and write."""
-    n, nv, b = len(tree.joints), len(tree.rows), len(bases)
-    room = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
-    placed = dict(zip(PlacedTree._fields, map(np.zeros, room), strict=True))
+    n, nv, b, m = len(tree.joints), len(tree.rows), len(bases), len(gears.numbers)
+    shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+    placed = dict(zip(PlacedTree._fields, map(np.zeros, shapes), strict=True))
     found: Opened = _OPENED.of(
         tree=_TREE.of(**tree._asdict()),
         flight=_FLIGHT.of(bases=bases, carried=np.zeros((b, 10)), frames=np.zeros((b, 12))),
@@ -248,8 +332,10 @@ def opened(
         gears=_GEARS.of(**gears._asdict()),
         placed=_PLACED.of(**placed),
         bodies=_BODIES.of(**bodies._asdict()),
+        forces=_FORCES.of(torque=np.zeros(m), joint=np.zeros(nv), friction=np.zeros(nv)),
+        end=_ENDING.of(**ending),
+        hit=_HIT.of(**hit),
         bounds=np.array(bounds),
-        ends=ends,
     )
     return found
 

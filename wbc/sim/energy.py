@@ -12,10 +12,10 @@ from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
+from wbc.sim.step.books import spring_energy
 from wbc.sim.step.compliant import stored_at
 from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds
-from wbc.sim.step.part import spring_energy
 from wbc.sim.step.tables import (
     DEFLECTION,
     HERTZ,

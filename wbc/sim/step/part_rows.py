@@ -1,0 +1,303 @@
+"""The rows of a part of a step: gears, coordinates that rub, limits and contacts, and what acts.
+
+A part is Moreau's midpoint scheme, in which no barrier is hit:
+
+    q_m = q + h/2 v;  H(q_m)(v' - v) = h (forces at q_m) + row impulses;  q' = q_m + h/2 v'
+
+On a free base v is the momentum's at each of the three places (`motion`). The rows are put together
+in the middle. An impact has the same rows, but for its laws and targets.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.compiled import (
+    Count,
+    Flag,
+    Flags,
+    Nothing,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutRow,
+    Row,
+    compiled,
+    group,
+    local,
+)
+from wbc.mechanics.inertia import bias_at
+from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
+from wbc.mechanics.momentum import part_on_joints
+from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
+from wbc.mechanics.tree import Tree
+from wbc.sim.step.contacts import (
+    barrier_rows,
+    friction_of,
+    gaps_at,
+    ground_speeds,
+    lowest_speeds,
+)
+from wbc.sim.step.gears import gear_laws, motor_speeds
+from wbc.sim.step.tables import (
+    BACKWARD,
+    FIRST,
+    FLIGHT,
+    HERTZ,
+    JOINT,
+    OPENED,
+    PLACED,
+    PLANAR,
+    TREE,
+    Flight,
+    Opened,
+    PlacedTree,
+)
+
+
+class Acting(NamedTuple):
+    """What a part starts from, beside the plant's memory.
+
+    Attributes:
+        kept: (2 j + c,) barriers that may close within the part.
+        v: (nv,) at the start.
+        time: [s] at the start.
+        step: h [s].
+    """
+
+    kept: BoolArray
+    v: FloatArray
+    time: float
+    step: float
+
+
+class PartRows(NamedTuple):
+    """The rows of a part, and what they act on.
+
+    Attributes:
+        matrix: G (r, nv): gears, coordinates that rub alone, limits, contact normals and tangents.
+        lower: L (nv, nv) with L' L = H_l.
+        laws: (m + a, 9) see `RowSystem`.
+        targets: (l + k,) lowest speeds.
+        frictions: (k,).
+        free: v (nv,) without the rows.
+        carried: (r,) speeds of the ground along the rows.
+        pushed: (k + k d,) the same in the middle, for its work.
+        axes: (k (1 + d), 3) of the closed contacts.
+        which: (k,) their numbers.
+        places: (r,) of the rows among the impulses that a state keeps.
+        motor: (m,) speeds of the motor outputs before.
+        relative: (m,) the same less those of the joints.
+        depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
+    """
+
+    matrix: FloatArray
+    lower: FloatArray
+    laws: FloatArray
+    targets: FloatArray
+    frictions: FloatArray
+    free: FloatArray
+    carried: FloatArray
+    pushed: FloatArray
+    axes: FloatArray
+    which: IntArray
+    places: IntArray
+    motor: FloatArray
+    relative: FloatArray
+    depths: FloatArray
+
+
+class Solved(NamedTuple):
+    """How the rows of a part ended.
+
+    Attributes:
+        impulse, speed: (r,).
+        after: v (nv,).
+        end: (m,) relative speeds of the motor outputs.
+        damped: (m,) what soft gears pass beside their springs [N m s].
+        used: linear systems solved.
+        way: that found it; UNSOLVED or UNDECIDED where none did.
+        missed: speed by which a PASSIVE end misses the laws, else zero.
+    """
+
+    impulse: FloatArray
+    speed: FloatArray
+    after: FloatArray
+    end: FloatArray
+    damped: FloatArray
+    used: int
+    way: int
+    missed: float
+
+
+ACTING = group(Acting, Flags, Row, Number, Number)
+ROWS = group(
+    PartRows, OutDense, OutDense, OutDense, *(OutRow,) * 5, OutDense, OutPlaces, OutPlaces,
+    OutRow, OutRow, OutDense,
+)  # fmt: skip
+SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
+
+
+@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow, counted=False)
+def bias_of(
+    tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
+) -> None:
+    """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
+    bias_at(tree.joints, tree.rows, tree.gravity, placed.columns, placed.bodies, v, bias)
+    bases, weight = flight.bases, local(3)
+    for i in range(len(bases)):
+        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
+        for k in range(3):
+            weight[k] = -placed.composite[bases[i, JOINT], 0] * tree.gravity[k]
+        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
+        part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
+
+
+@compiled(Nothing, OPENED, Number, ROWS)
+def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
+    """Write v + h H_l^-1 (forces) (nv,) of the middle."""
+    free, speed = rows.free, plant.end.speed
+    bias = np.empty(len(free))
+    bias_of(plant.tree, plant.flight, plant.placed, speed, bias)
+    for i in range(len(free)):
+        free[i] = step * (plant.forces.joint[i] - bias[i])
+    halfway(rows.lower, free.reshape(-1, 1))
+    rest_of_way(rows.lower, free)
+    for i in range(len(free)):
+        free[i] += speed[i]
+
+
+@compiled(Flag, OPENED, Count, counted=False)
+def rubs_alone(plant: Opened, c: int) -> bool:
+    """Return whether a coordinate has dry friction, and no gear that shares it."""
+    gears = plant.gears
+    if not plant.forces.friction[c] > 0.0:
+        return False
+    for i in range(len(gears.rows) if gears.direct else 0):
+        if gears.at[i, 0] == c and gears.numbers[i, BACKWARD] >= 0.0:
+            return False
+    return True
+
+
+@compiled(ROWS, OPENED, Flags, Row, Count)
+def rows_where(plant: Opened, closed: BoolArray, v: FloatArray, rubbing: int) -> PartRows:
+    """Return rows where the memory stands: their directions, and how the motors move at v (nv,).
+
+    Laws, targets and speeds are still to be written, and the rows of `rubbing` coordinates.
+    `lower[0, 0]` is no number where H_l is not positive.
+    """
+    gears, obstacles, n, m = plant.gears, plant.obstacles, len(v), len(plant.gears.rows)
+    d, limits, held, touching = obstacles.tangents, 2 * len(obstacles.limit_at), 0, 0
+    for i in range(len(closed)):
+        held += closed[i] and i < limits
+        touching += closed[i] and i >= limits
+    elements, both = m + rubbing, held + touching
+    total = elements + both + d * touching
+    soft = touching if plant.bounds[HERTZ] > 0.0 else 0
+    rows = PartRows(
+        np.empty((total, n)), np.empty((n, n)), np.zeros((elements, 9)), np.zeros(both),
+        np.empty(touching), v.copy(), np.zeros(total), np.zeros(touching * (1 + d)),
+        np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64),
+        np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
+    )  # fmt: skip
+    motor_speeds(gears, v, rows.motor)
+    for i in range(m):
+        rows.places[i] = i
+        for c in range(n):
+            rows.matrix[i, c] = gears.rows[i, c]
+        if gears.at[i, 1] == 1:
+            rows.relative[i] = rows.motor[i]
+            for c in range(n):
+                rows.relative[i] -= gears.rows[i, c] * v[c]
+    if both > 0:
+        barrier_rows(plant, closed, elements, rows.matrix, rows.axes, rows.which)
+        place_barriers(plant, closed, elements, rows)
+    if not factor_inertia(plant.placed.inertia, rows.lower):
+        rows.lower[0, 0] = np.nan
+    return rows
+
+
+@compiled(Nothing, OPENED, Flags, Count, ROWS, counted=False)
+def place_barriers(plant: Opened, closed: BoolArray, row: int, rows: PartRows) -> None:
+    """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
+    first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
+    for i in range(len(closed)):
+        if closed[i]:
+            rows.places[row] = first + i
+            row += 1
+    for c in range(len(rows.which)):
+        rows.frictions[c] = friction_of(plant, rows.which[c])
+        for a in range(d):
+            rows.places[row] = first + len(closed) + d * rows.which[c] + a
+            row += 1
+
+
+@compiled(Nothing, OPENED, Number, ROWS, counted=False)
+def rub(plant: Opened, step: float, rows: PartRows) -> None:
+    """Write rows and laws of the coordinates that rub alone."""
+    row = m = len(plant.gears.rows)
+    for c in range(rows.matrix.shape[1] if len(rows.laws) > m else 0):
+        if rubs_alone(plant, c):
+            law = rows.laws[row]
+            rows.matrix[row], rows.places[row] = 0.0, m + c
+            rows.matrix[row, c] = law[3] = law[4] = 1.0
+            law[5], law[7] = step * plant.forces.friction[c], np.inf
+            row += 1
+
+
+@compiled(Nothing, OPENED, ACTING, ROWS, counted=False)
+def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
+    """Write lowest speeds of the closed barriers, how the ground moves, depths of soft contacts.
+
+    Speeds count from the ground's at the end, so that what holds on to it ends at its speed.
+    """
+    elements, step, touching = len(rows.laws), acting.step, len(rows.which)
+    contacts = elements + len(rows.targets) - touching
+    now, later = acting.time + 0.5 * step, acting.time + step
+    lowest_speeds(plant, acting.kept, step, rows.matrix[elements:], rows.targets)
+    ground_speeds(plant, now, now, rows.axes, rows.which, rows.pushed)
+    ground_speeds(plant, now, later, rows.axes, rows.which, rows.carried[contacts:])
+    for c in range(len(rows.depths)):
+        opens = -rows.pushed[c]
+        for i in range(rows.matrix.shape[1]):
+            opens += rows.matrix[contacts + c, i] * plant.end.speed[i]
+        gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
+        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
+
+
+@compiled(ROWS, OPENED, ACTING)
+def rows_of(plant: Opened, acting: Acting) -> PartRows:
+    """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
+
+    Args:
+        plant: whose memory stands in the middle; gaps are written where any barrier is closed.
+        acting: what the part starts from.
+    """
+    end, rubbing, touches = plant.end, 0, False
+    for c in range(len(acting.v)):
+        rubbing += rubs_alone(plant, c)
+    for i in range(len(end.closed)):
+        touches = touches or end.closed[i]
+    if touches:
+        gaps_at(plant, end.middle, acting.time + 0.5 * acting.step, end.gap)
+    rows = rows_where(plant, end.closed, acting.v, rubbing)
+    free_velocity(plant, acting.step, rows)
+    gear_laws(plant, rows.motor, acting.step, rows.laws)
+    rub(plant, acting.step, rows)
+    if touches:
+        aim(plant, acting, rows)
+    return rows
+
+
+@compiled(SYSTEM, ROWS, Count)
+def part_system(rows: PartRows, tangents: int) -> RowSystem:
+    """Return what a part is to its rows."""
+    system = system_of(
+        rows.matrix, rows.lower, rows.free, rows.laws, rows.targets, rows.frictions, tangents
+    )
+    for i in range(len(rows.carried)):
+        system.free[i] -= rows.carried[i]
+    return system

@@ -1,0 +1,207 @@
+"""How the rows of a part or of an impact end: every row, flank and rotor coupling on its law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.compiled import (
+    Flag,
+    Nothing,
+    Number,
+    OutDense,
+    OutRow,
+    Row,
+    compiled,
+)
+from wbc.mechanics.linear import halfway, rest_of_way
+from wbc.mechanics.newton import (
+    PASSIVE,
+    UNSOLVED,
+    distance,
+    solve_system,
+    speeds_at,
+    velocity_after,
+)
+from wbc.mechanics.rows import SYSTEM, RowSystem
+from wbc.sim.step.compliant import solve_compliant
+from wbc.sim.step.flanks import solve_gripped
+from wbc.sim.step.gears import rotor_brings
+from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved
+from wbc.sim.step.tables import ACCURACY, INERTIA, OPENED, Opened
+
+UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
+"""Self-locking gears may have several solutions; H_l is not positive definite."""
+
+_COUPLING_ROUNDS = 200
+_COUPLING_TOLERANCE = 1e-13
+_SLOWEST = 1e-9
+
+
+@compiled(Flag, OPENED, OutDense, counted=False)
+def undecided(plant: Opened, laws: FloatArray) -> bool:
+    """Return whether a rigid self-locking gear turns against its rotor's momentum."""
+    found = False
+    for i in range(len(plant.gears.rows)):
+        law = laws[i]
+        fast = max(law[0], -law[1]) > _SLOWEST * law[2]
+        found = found or (law[4] < 0.0 and fast)
+    return found and not plant.gears.loose and len(plant.gears.coupling) == 0
+
+
+@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Row, Number, OutDense, OutRow, counted=False)
+def lag_coupling(
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    speed: FloatArray,
+    last: FloatArray,
+    free: FloatArray,
+    step: float,
+    laws: FloatArray,
+    shifted: FloatArray,
+) -> None:
+    """Put the inertial coupling of rotors and housings at a last iterate into the rows.
+
+    The rotor's momentum is I_r (phi_dot + a'J_omega v), so a change of v asks the impulse N C dv of
+    the rotor (at the motor output, C = I_r a'J_omega) and a change of its spin asks C' N dw of the
+    links. Both are taken from the last iterate; the iteration contracts by about the share of rotor
+    in link inertia.
+
+    Args:
+        plant: with `coupling` and `gyration`.
+        rows: of the part.
+        system: of the rows, whose free speeds are changed.
+        speed: v (nv,) before.
+        last: v (nv,) of the last iterate.
+        free: (nv,) without coupling.
+        step: h [s], zero for an impact.
+        laws: (m, 9) without coupling, over a step; those of the system are changed.
+        shifted: v (nv,) without the rows, to write.
+    """
+    gears, n, m = plant.gears, len(speed), len(plant.gears.rows)
+    for c in range(n):
+        shifted[c] = -step * gears.gyration[0, c]
+    for i in range(m):
+        turned, taken = 0.0, step * gears.gyration[0, n + i]
+        for c in range(n):
+            turned += gears.rows[i, c] * (last[c] - speed[c])
+            taken += gears.coupling[i, c] * (last[c] - speed[c])
+        for c in range(n):
+            shifted[c] -= gears.coupling[i, c] * turned
+        if step > 0.0:
+            system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
+        elif gears.at[i, 1] == 0:
+            brought = gears.numbers[i, INERTIA] * rows.motor[i] - taken
+            rotor_brings(gears.numbers[i], brought, system.laws[i])
+    halfway(rows.lower, shifted.reshape(-1, 1))
+    rest_of_way(rows.lower, shifted)
+    for c in range(n):
+        shifted[c] += free[c]
+    for i in range(len(system.free)):
+        system.free[i] = -rows.carried[i]
+        for c in range(n):
+            system.free[i] += rows.matrix[i, c] * shifted[c]
+
+
+@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Number)
+def couple(
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    speed: FloatArray,
+    after: FloatArray,
+    step: float,
+) -> None:
+    """Put the inertial coupling of a solution that ends at `after` v (nv,) into the rows."""
+    if len(plant.gears.coupling):
+        free, laws = rows.free.copy(), system.laws.copy()
+        lag_coupling(plant, rows, system, speed, after, free, step, laws, rows.free)
+
+
+@compiled(Number, OPENED, SYSTEM, counted=False)
+def accuracy_of(plant: Opened, system: RowSystem) -> float:
+    """Return the largest accepted distance of a row from its law, see `TOLERANCE`."""
+    fastest = 0.0
+    for i in range(len(system.free)):
+        fastest = max(fastest, abs(system.free[i]))
+    for i in range(len(system.targets)):
+        fastest = max(fastest, system.targets[i])
+    accuracy: float = plant.bounds[ACCURACY] * (1.0 + fastest)
+    return accuracy
+
+
+@compiled(Number, Row, OutRow, counted=False)
+def settles(after: FloatArray, last: FloatArray) -> float:
+    """Return by how much a round has changed v (nv,), zero where it is rounding."""
+    moved, largest = 0.0, 0.0
+    for c in range(len(after)):
+        moved = max(moved, abs(after[c] - last[c]))
+        largest = max(largest, abs(last[c]))
+    return 0.0 if moved <= _COUPLING_TOLERANCE * (1.0 + largest) else moved
+
+
+@compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Number, Number, Row)
+def solve_part(
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    speed: FloatArray,
+    start: FloatArray,
+    step: float,
+    work: float,
+    given: FloatArray,
+) -> Solved:
+    """Return how the rows of a part end, with every row, flank and coupling on its law.
+
+    Args:
+        plant: what moves.
+        rows: of the part.
+        system: of these rows; its laws and free speeds are those of the solution afterwards.
+        speed: v (nv,) before.
+        start: (r,) impulses to start from.
+        step: h [s], zero for an impact.
+        work: share of what `solve_system` may do in an impact.
+        given: (r,) the impulses where they are known already, else empty.
+    """
+    size, n, m = len(start), len(speed), len(plant.gears.rows)
+    room = Solved(np.zeros(size), np.zeros(size), np.empty(n), np.zeros(m), np.zeros(m), 0, 0, 0.0)
+    impulse, after, shifted, used, way = room.impulse, room.after, rows.free.copy(), 0, 0
+    tolerance, laws, last = accuracy_of(plant, system), system.laws.copy(), speed.copy()
+    if len(given):
+        impulse[:] = given
+    elif undecided(plant, laws):
+        way = UNDECIDED
+    coupled, moved, short = len(plant.gears.coupling) > 0, 0.0, 0.0
+    for _ in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
+        if coupled:
+            lag_coupling(plant, rows, system, speed, last, rows.free, step, laws, shifted)
+        if len(given) == 0:
+            more = 0
+            if len(rows.depths):
+                more, way, short = solve_compliant(
+                    plant, rows, system, start, step, tolerance, room
+                )
+            elif step > 0.0:
+                more, way, short = solve_gripped(
+                    plant.gears, rows, system, start, step, tolerance, room
+                )
+            else:
+                more, way = solve_system(system, start, tolerance, work, impulse)
+            used += more
+        velocity_after(system, rows.lower, shifted, impulse, after)
+        if not coupled or way >= UNSOLVED:
+            break
+        moved = settles(after, last)
+        if moved == 0.0:
+            break
+        last[:] = after
+    rows.free[:] = shifted
+    speeds_at(system.delassus, system.free, impulse, room.speed)
+    if way < UNSOLVED and not np.isfinite(np.sum(after)):
+        way = UNSOLVED
+    if moved > 0.0 and way < UNSOLVED:  # the coupling did not settle
+        way, short = PASSIVE, max(short, moved)
+    if way == PASSIVE:
+        short = max(short, distance(system, impulse))
+    return Solved(impulse, room.speed, after, room.end, room.damped, used, way, short)
