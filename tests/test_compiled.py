@@ -220,3 +220,19 @@ def test_a_large_function_is_called_where_it_is_also_from_what_is_kept(run):
     assert run("2.0", "1.0", before=large) == ["4.0", "0"]
     assert run("2.0", "1.0", before=large) == ["4.0", "1"]
     assert run("2.0", "3.0", before=large) == ["8.0", "0"]
+
+
+def test_what_a_function_calls_is_defined_before_it(tmp_path):
+    """Else the machine code that is kept would not tell when that changes."""
+    code = (
+        "from wbc.compiled import Number, compiled\n"
+        "@compiled(Number, Number)\n"
+        "def outer(x):\n"
+        "    return inner(x)\n"
+        "@compiled(Number, Number)\n"
+        "def inner(x):\n"
+        "    return x\n"
+        "outer(1.0)\n"
+    )
+    (tmp_path / "late.py").write_text(code)
+    assert "NameError: outer calls inner" in program(tmp_path, "import late").stderr

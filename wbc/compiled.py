@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from copy import copy
+from dis import get_instructions
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -210,8 +211,7 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         options = {"nopython": True, "error_model": "numpy", "fastmath": {"reassoc", "contract"}}
         super().__init__(function, targetoptions={**options, "_nrt": counted})
         self._declared = signature
-        used = (function.__globals__.get(name) for name in function.__code__.co_names)
-        self.calls: list[MachineCode] = [one for one in used if isinstance(one, MachineCode)]
+        self.calls = _called(function)
         copies = (one.size for one in self.calls if one.copied)
         self.size: int = len(function.__code__.co_code) + sum(copies)
         self.stamp = _stamp(function, (signature, counted))
@@ -240,11 +240,19 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
                 yield one
 
     def make_ready(self) -> None:
-        """Load or compile it, if that was not done yet."""
+        """Load or compile it, if that was not done yet.
+
+        Raises:
+            NameError: it calls a function that is defined after it, of which its stamp tells
+                nothing.
+        """
         if not self._can_compile:
             return
         if not self._kept:
             _warn_of_compiling()
+        late = [one.__name__ for one in _called(self.py_func) if one not in self.calls]
+        if late:
+            raise NameError(f"{self.__name__} calls {', '.join(late)}: define these before it.")
         for called in self._called_by_name():
             called.make_ready()
         try:
@@ -287,6 +295,16 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         if not self.typingctx.resolve_overload(self.py_func, [self._declared], found, {}):
             self._explain_matching_error(*args)
         return self.overloads[self._declared.args].entry_point
+
+
+def _called(function: Callable[..., Any]) -> list[MachineCode]:
+    """Return the compiled functions that a function calls, as far as they are defined."""
+    known = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    found = {name: one for name, one in known.items() if isinstance(one, MachineCode)}
+    if found:  # Attributes have names, too.
+        loads = [one for one in get_instructions(function) if one.opname == "LOAD_GLOBAL"]
+        found = {one.argval: found[one.argval] for one in loads if one.argval in found}
+    return list(found.values())
 
 
 class _Folder(UserWideCacheLocator):  # type: ignore[misc]
