@@ -182,6 +182,21 @@ def rubs_alone(plant: Opened, c: int) -> bool:
     return True
 
 
+@compiled(Nothing, OPENED, Flags, Count, ROWS, counted=False)
+def place_barriers(plant: Opened, closed: BoolArray, row: int, rows: PartRows) -> None:
+    """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
+    first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
+    for i in range(len(closed)):
+        if closed[i]:
+            rows.places[row] = first + i
+            row += 1
+    for c in range(len(rows.which)):
+        rows.frictions[c] = friction_of(plant, rows.which[c])
+        for a in range(d):
+            rows.places[row] = first + len(closed) + d * rows.which[c] + a
+            row += 1
+
+
 @compiled(ROWS, OPENED, Flags, Row, Count)
 def rows_where(plant: Opened, closed: BoolArray, v: FloatArray, rubbing: int) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move at v (nv,).
@@ -218,21 +233,6 @@ def rows_where(plant: Opened, closed: BoolArray, v: FloatArray, rubbing: int) ->
     if not factor_inertia(plant.placed.inertia, rows.lower):
         rows.lower[0, 0] = np.nan
     return rows
-
-
-@compiled(Nothing, OPENED, Flags, Count, ROWS, counted=False)
-def place_barriers(plant: Opened, closed: BoolArray, row: int, rows: PartRows) -> None:
-    """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
-    first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
-    for i in range(len(closed)):
-        if closed[i]:
-            rows.places[row] = first + i
-            row += 1
-    for c in range(len(rows.which)):
-        rows.frictions[c] = friction_of(plant, rows.which[c])
-        for a in range(d):
-            rows.places[row] = first + len(closed) + d * rows.which[c] + a
-            row += 1
 
 
 @compiled(Nothing, OPENED, Number, ROWS, counted=False)
