@@ -143,7 +143,7 @@ def timed(ours, arguments):
 
 def budget(ours):
     """Return the greatest number of iterations that a tick of a controller may report."""
-    return 4 * ours.settings.max_iterations  # the last solver may start just below it, twice
+    return ours.settings.max_iterations + ours.settings.max_rounds  # one each when it is spent
 
 
 def kept(robot, command, most_units):

@@ -262,7 +262,7 @@ class Controller:
             if told:
                 kinematics.update(motion.position, motion.velocity)
                 for stack in self._stacks:
-                    stack.ask(kinematics, given.references)
+                    stack.ask(kinematics)
             else:
                 kinematics.take(motion.position, motion.velocity)
         except ControlError as cause:

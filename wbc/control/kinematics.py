@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import as_strided
 
 from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.tree import (
+    BALANCE,
     CENTER_OF_MASS,
     DISTANCE,
     FRAME,
@@ -28,20 +29,6 @@ from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-
-
-class FixedFrame(NamedTuple):
-    """Where a frame is fixed.
-
-    Attributes:
-        joint: that carries it.
-        offset: its placement there (12,), rotation column by column before the translation.
-        columns: of J that move it.
-    """
-
-    joint: int
-    offset: FloatArray
-    columns: IntArray
 
 
 class Kinematics:
@@ -85,7 +72,6 @@ class Kinematics:
         self.gravity = float(np.linalg.norm(model.gravity.linear))
         self._rest = np.zeros(nv)
         self._frames: dict[str, int] = {}
-        self._fixed: dict[str, FixedFrame] = {}
         self._moved = False
         self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
@@ -163,20 +149,6 @@ class Kinematics:
             number = int(self.model.getFrameId(name))
             self._frames[name] = number
         return number
-
-    def fixed_frame(self, name: str) -> FixedFrame:
-        """Return where a frame is fixed, by name.
-
-        Raises:
-            ControlError: no such frame; the message lists those there are.
-        """
-        found = self._fixed.get(name)
-        if found is None:
-            self.frame_id(name)
-            joint, offset = _fixed_at(self.model, name)
-            columns = self.tree.columns[slice(*self.tree.starts[joint : joint + 2])]
-            found = self._fixed[name] = FixedFrame(joint, frozen(offset), frozen(columns, np.int_))
-        return found
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""
@@ -260,7 +232,8 @@ class RowKind(IntEnum):
     FRAME is the velocity of a frame's origin over its angular one, in world axes. OWN is the
     spatial velocity of a frame in its own axes. CENTER_OF_MASS is the velocity of that, MOMENTUM
     the momentum about it, linear over angular. DISTANCE is the rate of the distance between two
-    frames, one row.
+    frames, one row. BALANCE is the velocity of the centre of mass, steered by what
+    `PointFootBalanceTask` feeds back.
     """
 
     FRAME = FRAME
@@ -268,6 +241,7 @@ class RowKind(IntEnum):
     CENTER_OF_MASS = CENTER_OF_MASS
     MOMENTUM = MOMENTUM
     DISTANCE = DISTANCE
+    BALANCE = BALANCE
 
 
 class StateRows(NamedTuple):
@@ -277,8 +251,9 @@ class StateRows(NamedTuple):
         kind: what they are of.
         frame: name of the frame, "" where they are of the whole robot.
         rows: which of its rows, linear over angular.
-        arm: (3,) [m] world axes, from the point of a rolling ball that touches to its centre.
-        other: name of the frame whose distance is meant.
+        arm: (3,) [m] world axes, from the point of a rolling ball that touches to its centre; of a
+            balance its bandwidth [1/s] in front.
+        other: name of the frame whose distance or pitch is meant.
     """
 
     kind: RowKind

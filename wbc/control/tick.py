@@ -38,7 +38,9 @@ from wbc.control.qp.gear_rows import (
     place_torques,
 )
 from wbc.control.rows.limits import JOINTS, place_joint_bounds
+from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
+    BALANCE,
     DISTANCE,
     MOMENTUM,
     ROWS,
@@ -118,8 +120,9 @@ TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, CLIPPED, DRIVE = range(9
 take, t, N tau_phi, what limits leave of it, and what the drives are told."""
 GEAR_ROWS = 9
 
-TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE = range(4)
-"""How a tick ends: numbers too large, no solution from a guess, a torque limit, or well."""
+TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE, DECIDED = range(5)
+"""How a tick ends: numbers too large, no solution from a guess, a torque limit, or well; or with
+the solution of a more important level, which leaves nothing to decide."""
 
 GUESSES = 3
 """How often directions are turned over before they are searched."""
@@ -127,16 +130,17 @@ SMALL = 1e-6
 """[N m], output torque under which a gear's direction does not matter."""
 
 
-@compiled(Nothing, TASKS.kind, Vector, Vector)
-def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
+@compiled(Nothing, TREE.kind, TASKS.kind, Vector, Vector, Number)
+def want(tree: Any, tasks: Any, position: FloatArray, velocity: FloatArray, mass: float) -> None:
     """Write what all tasks want (k + c,): gains * parts, what is fed back within its limits.
 
     Errors of what follows from the state, and all rates, are written into `parts` first. A momentum
     is a rate itself.
 
     Args:
-        tasks: TASKS.
+        tree, tasks: TREE and TASKS.
         position, velocity: q (nq,) and v (nv,).
+        mass: of the robot [kg].
     """
     rows, parts, gains, targets = tasks.rows, tasks.parts, tasks.gains, tasks.targets
     wanted, pull, chosen, jacobian = tasks.wanted, tasks.pull, tasks.chosen, tasks.rows.jacobian
@@ -153,6 +157,9 @@ def want(tasks: Any, position: FloatArray, velocity: FloatArray) -> None:
         row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
         if plan[e, 0] == DISTANCE:
             parts[0, row] = targets[e, 0] - places[e, 9]
+            continue
+        if plan[e, 0] == BALANCE:
+            parts[0, row] = balancing(tree, rows, e, velocity, mass, targets[e, 0])
             continue
         if plan[e, 0] == MOMENTUM:
             for k in range(width):
@@ -286,7 +293,7 @@ def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
         if efforts > 0:
             place_efforts(program, positive)
         bounds = counts[TORQUE], counts[BOUNDS]
-        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], x)
+        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], True, x)
         if size < 0 or efforts == 0:
             return size
         place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
@@ -321,7 +328,7 @@ def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: Fl
     if told & MOVED == 0:
         move_joints(tree, velocity)
     fill_state_rows(tree, program.tasks.rows, numbers[MASS])
-    want(program.tasks, position, velocity)
+    want(tree, program.tasks, position, velocity, numbers[MASS])
     if told & RESTED == 0:
         rest(tree, program.contacts, velocity, numbers[MASS])
     of_motors = gears[TURNING], gears[SPEED], gears[SIGMA]

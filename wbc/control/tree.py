@@ -57,7 +57,7 @@ the first and the number of its columns of J, mass, middle (lever) and inertia x
 zz of its body, and from starts the columns of J that move it. The rest `move_joints` writes.
 """
 
-FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE = range(5)
+FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = range(6)
 """What rows are of, see `StateRows`."""
 
 NO_DISTANCE = 1e-6
@@ -295,7 +295,7 @@ def place_apart(
 
 
 @compiled(Nothing, TREE.kind, Count, Dense, Count, Count, OutDense, Count)
-def _place_frame(
+def place_frame(
     tree: Any,
     joint: int,
     offsets: FloatArray,
@@ -318,8 +318,8 @@ def _place_frame(
 def _place_distance(tree: Any, rows: Any, e: int) -> None:
     """Write the row of the distance of two frames; its place holds the distance at 9."""
     plan, places, points = rows.plan, rows.places, np.empty((2, 12))
-    _place_frame(tree, plan[e, 1], rows.offsets, e, 0, points, 0)
-    _place_frame(tree, plan[e, 6], rows.offsets, e, 15, points, 1)
+    place_frame(tree, plan[e, 1], rows.offsets, e, 0, points, 0)
+    place_frame(tree, plan[e, 6], rows.offsets, e, 15, points, 1)
     ends, distance = np.empty(9), 0.0
     for a in range(3):
         ends[a], ends[3 + a] = points[0, 9 + a], points[1, 9 + a]
@@ -340,7 +340,7 @@ def _place_whole(tree: Any, rows: Any, e: int, mass: float) -> None:
     """Write rows of the centre of mass, or those of the momentum where `mass` is one."""
     plan, jacobian, momentum = rows.plan, rows.jacobian, tree.momentum
     row, begin, count, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
-    of_mass = plan[e, 0] == CENTER_OF_MASS
+    of_mass = plan[e, 0] != MOMENTUM
     for k in range(count):
         a = begin + k * step
         for j in range(jacobian.shape[1]):
@@ -375,13 +375,13 @@ def fill_state_rows(tree: Any, rows: Any, mass: float) -> None:
             continue
         kind, joint, row = plan[e, 0], plan[e, 1], plan[e, 2]
         begin, count, step = plan[e, 3], plan[e, 4], plan[e, 5]
-        if kind in (CENTER_OF_MASS, MOMENTUM):
-            _place_whole(tree, rows, e, mass if kind == CENTER_OF_MASS else 1.0)
+        if kind in (CENTER_OF_MASS, MOMENTUM, BALANCE):
+            _place_whole(tree, rows, e, 1.0 if kind == MOMENTUM else mass)
             continue
         if kind == DISTANCE:
             _place_distance(tree, rows, e)
             continue
-        _place_frame(tree, joint, offsets, e, 0, places, e)
+        place_frame(tree, joint, offsets, e, 0, places, e)
         px, py, pz = places[e, 9], places[e, 10], places[e, 11]
         ux, uy, uz = offsets[e, 12], offsets[e, 13], offsets[e, 14]
         qx, qy, qz = px - ux, py - uy, pz - uz

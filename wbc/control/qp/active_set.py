@@ -361,9 +361,15 @@ def climb(
     return UNSETTLED
 
 
-@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, OutRow)
+@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, Flag, OutRow)
 def settle(
-    solver: Any, first: int, last: int, bounds: tuple[int, int], tolerance: float, x: FloatArray
+    solver: Any,
+    first: int,
+    last: int,
+    bounds: tuple[int, int],
+    tolerance: float,
+    climbs: bool,
+    x: FloatArray,
 ) -> int:
     """Solve with the bounds taken as binding, and correct these until nothing changes; else climb.
 
@@ -372,6 +378,7 @@ def settle(
         first, last: its rows of G that the program has.
         bounds: from which to which of its bounds the program has.
         tolerance: how far beyond its bound a row may be, and a push below zero.
+        climbs: whether the bounds may be found one by one.
         x: result (n,).
 
     Returns:
@@ -380,7 +387,7 @@ def settle(
     """
     diagonal, pull, inverse, free = solver.diagonal, solver.pull, solver.inverse, solver.free
     (start, stop), freedoms, base, known = bounds, len(x), last - first, 0
-    active = solver.active
+    active, taken = solver.active, solver.taken
     for j in range(len(x)):
         inverse[j] = 1.0 / diagonal[j]
         free[j] = inverse[j] * pull[j]
@@ -406,6 +413,9 @@ def settle(
         if changed > before:  # 6 of 1572 hostile starts settle after that, and 422 do not
             break
         before = changed
+    if not climbs:
+        taken[:] = 0
+        return UNSETTLED
     return climb(solver, first, last, bounds, tolerance, x)
 
 

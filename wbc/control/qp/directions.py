@@ -10,7 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.qp.active_set import CONTRADICTION, place_multipliers, place_pushing, settle
+from wbc.control.qp.active_set import (
+    CONTRADICTION,
+    UNSETTLED,
+    place_multipliers,
+    place_pushing,
+    settle,
+)
 from wbc.control.qp.gear_rows import (
     place_beyond,
     place_directed_rows,
@@ -81,6 +87,7 @@ class ProgramSolver:
     def start_tick(self) -> None:
         """Count anew."""
         self.count, self.iterations, self.spent, self.blocking = 0, 0, 0.0, -1
+        self._climbs = True
 
     def forget(self) -> None:
         """Start the next solve from nothing."""
@@ -101,14 +108,14 @@ class ProgramSolver:
             starts_over: whether the rows that bound the last solution are not worth a try.
             confirms: whether a solver has to agree that bounds contradict.
         """
-        start = perf_counter()
-        self.count += 1
+        start, taken = perf_counter(), self._program.memory.solver.taken
+        self.count, hint = self.count + 1, taken.copy()
         if starts_over:
-            self._program.memory.solver.taken[:] = 0
+            taken[:] = 0
         found = self._guessed(directed) if self._guesses else NOTHING
         sure = found.status is QPStatus.INFEASIBLE and not confirms
         if found.status is not QPStatus.SOLVED and not sure:
-            found = self._asked(directed)
+            found = self._asked(directed, hint)
         self.spent += perf_counter() - start
         return found
 
@@ -126,7 +133,11 @@ class ProgramSolver:
         last = int(counts[COST]) + hard
         bounds = len(solver.lower) if directed else program.plain
         x = np.empty(program.n)
-        size = settle(solver, first, last, (0, bounds), self._tolerance, x)
+        # limits that give way bind by the dozen, and of 92 such programs of Talos none settled; nor
+        # did of 88 that followed one which did not
+        climbs = self._climbs and not solver.give.any()
+        size = settle(solver, first, last, (0, bounds), self._tolerance, climbs, x)
+        self._climbs = self._climbs and (size != UNSETTLED or not climbs)
         if size == CONTRADICTION:
             row = int(solver.active[0])
             self.blocking = row if row < program.plain else row - program.plain
@@ -137,19 +148,18 @@ class ProgramSolver:
         y = program.with_hard_tasks(y)
         return QPSolution(x, y, z, QPStatus.SOLVED, 0)
 
-    def _asked(self, directed: bool) -> QPSolution:
-        """Return what the solvers say, the first one that finds a solution."""
-        dense, found = self._program.blocks(directed=directed).dense(), NOTHING
-        gives = len(dense.g) > self._program.n
-        # ProxQP finds nothing more where limits give way, and what it says of hard programs differs
-        # with where its memory happens to lie
-        for name in self._names[: 1 if gives else None]:
-            found = solve(name, dense, tolerance=self._tolerance, most=self._most)
-            found = found._replace(x=found.x[: self._program.n])
+    def _asked(self, directed: bool, hint: IntArray) -> QPSolution:
+        """Return what the solvers say, the first one that finds a solution; `hint` as `taken`."""
+        blocks, found = self._program.blocks(directed=directed), NOTHING
+        dense, start = blocks.dense(), hint[: len(blocks.lower)] if self._guesses else None
+        for name in self._names:
+            most = max(self._most - self.iterations, 1)
+            found = solve(
+                name, dense, tolerance=self._tolerance, most=most, give=blocks.give, start=start
+            )
             self.iterations += found.iterations
-            # alone ProxQP calls programs infeasible that leave hardly any room, and daqp some whose
-            # limits give way, which always have a solution but for contacts that contradict
-            sure = (name == "daqp" and not gives) or self.blocking >= 0
+            # alone ProxQP calls programs infeasible that leave hardly any room
+            sure = name == "daqp" or self.blocking >= 0
             if found.status is QPStatus.SOLVED or (sure and found.status is QPStatus.INFEASIBLE):
                 break
         if found.status is QPStatus.SOLVED and self._guesses:
@@ -211,7 +221,9 @@ class DirectionSearch:
             slack = REACH * program.memory.numbers[3]
             let_pass(program.memory, program.lock, self._passing, slack, rows.start, rows.stop)
 
-    def solve(self, first: FloatArray, rounds: int, *, quick: bool = False) -> DirectedSolution:
+    def solve(
+        self, first: FloatArray, rounds: int, *, quick: bool = False, branches: bool = True
+    ) -> DirectedSolution:
         """Return the solution with directions that agree with it; call after `lay_out`.
 
         Args:
@@ -219,8 +231,10 @@ class DirectionSearch:
             rounds: how many programs there may be since the solver's `start_tick`.
             quick: whether the first contradiction is an answer: no solver has to confirm it, and
                 no other directions are tried.
+            branches: whether directions are tried beside those that solutions have.
         """
         program, positive, self._rounds = self._program, first > 0.0, rounds
+        usable: tuple[QPSolution, BoolArray] | None = None
         for _ in range(max(min(GUESSES, rounds - self._solver.count), 1)):
             self.direct(positive)
             solution = self._solver.solve(confirms=not quick)
@@ -229,17 +243,41 @@ class DirectionSearch:
                 return self._found(solution, settled=True)
             if not solved:
                 break
+            usable = solution, positive
             turned, contested = self._doubtful(positive, solution)
             if not turned.any():
-                if not contested.size:
+                if not contested.size or not branches:
                     return self._found(solution, settled=True)
                 return self._branch(solution, contested, positive, solution)
             positive = positive ^ turned
         if not program.gears.size or np.array_equal(self._positive, self._negative):
             return self._found(solution, settled=True)
+        if not branches:
+            if usable is not None:
+                solution, positive = usable
+                self.direct(positive)
+            return self._found(solution, settled=False)
         if solved and program.has_efforts and not self._beyond(solution).any():
             return self._found(solution, settled=True)
         return self._branch(None, _NONE, positive, solution)
+
+    def possible(self, first: FloatArray, rounds: int) -> tuple[DirectedSolution, FloatArray]:
+        """Return a solution in whatever directions there is one, and T (m,) that tells them.
+
+        Without a solution of the convex rows of all gears there is none in any directions; its own
+        are tried where it is none yet. Arguments as for `solve`.
+        """
+        self._place_node({})
+        relaxed = self._solver.solve(directed=True, starts_over=True)
+        if relaxed.status is not QPStatus.SOLVED:
+            return self._found(relaxed, settled=True), first
+        beyond, leading = self._beyond(relaxed).any(), self._output.copy()
+        if not beyond:
+            return self._plain(relaxed), leading
+        found = self.solve(leading, rounds, branches=False)
+        if found.solution.status is QPStatus.SOLVED:
+            leading = np.array(self.output_of(found.solution))
+        return found, leading
 
     def _found(self, solution: QPSolution, *, settled: bool) -> DirectedSolution:
         solver, row = self._solver, self._solver.blocking
@@ -338,7 +376,7 @@ class DirectionSearch:
         if incumbent is None:
             self.direct(positive)
             return self._found(unsolved, settled=False)
-        return self._found(self._plain(incumbent), settled=True)
+        return self._plain(incumbent)
 
     def _place_node(self, decided: dict[int, bool]) -> None:
         """Write the rows of a node; `decided` maps a gear to whether T > 0 there."""
@@ -350,7 +388,7 @@ class DirectionSearch:
         self._let_pass(program.torque)
         self._let_pass(slice(program.plain, program.plain + len(program.gears)))
 
-    def _plain(self, solution: QPSolution) -> QPSolution:
+    def _plain(self, solution: QPSolution) -> DirectedSolution:
         """Write the plain program in the directions of a solution; return it with its rows' z.
 
         Of the two rows that a node has per gear, the one in the solution's own direction stays.
@@ -360,7 +398,7 @@ class DirectionSearch:
         positive = self._output > 0.0
         self.direct(positive)
         if len(solution.z) == program.plain:
-            return solution
+            return self._found(solution, settled=True)
         z, own = solution.z[: program.plain].copy(), positive[program.gears]
         z[program.torque] = np.where(own, solution.z[program.plain :], z[program.torque])
-        return solution._replace(z=z)
+        return self._found(solution._replace(z=z), settled=True)

@@ -27,6 +27,7 @@ from wbc.control.rows.schedule import ContactRamp
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import (
     BASED,
+    DECIDED,
     DONE,
     HARD,
     MOVED,
@@ -150,12 +151,17 @@ class Level:
         self._solver.forget()
 
     def step(self, asked: PendingTick, above: SolvedLevel | None) -> SolvedLevel | Refusal:
-        """Return the solution of a tick, or why there is none; `above` is decided already."""
+        """Return the solution of a tick, or why there is none; `above` is decided already.
+
+        It is the solution of the level above where that leaves this one nothing to decide.
+        """
         start, program = perf_counter(), self.program
         block = self._block = np.empty(program.size)
         ended = self._pass(asked, above, block)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
+        if ended == DECIDED and above is not None:
+            return above
         if ended == DONE:
             x, mine = program.at.x, block[program.at.multipliers]
             hard = int(program.memory.counts[HARD])
@@ -182,7 +188,9 @@ class Level:
         ended = evaluate(memory, expected, dt, told | MOVED, block)
         if ended == TOO_LARGE:
             return ended
-        self._hold(above, program.gear_rows(block)[SIGMA])
+        left = self._hold(above, program.gear_rows(block)[SIGMA])
+        if left == 0 and not program.chooses_forces:
+            return DECIDED
         return solve(memory, dt, block) if tries else ended
 
     def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
@@ -192,8 +200,12 @@ class Level:
         first = asked.output if above is None else above.gears[OUTPUT]
         self.program.take_efforts(told[3:], told[0], asked.output, first)
 
-    def _hold(self, above: SolvedLevel, sigma: FloatArray) -> None:
-        """Hold what the level above has decided, with the rows of torque limits that bound it."""
+    def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
+        """Hold what the level above has decided, with the rows of torque limits that bound it.
+
+        Returns:
+            how many freedoms are left.
+        """
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
             start = place_above(tasks, lock.above, start)
@@ -204,7 +216,7 @@ class Level:
             self._search.lay_out(sigma, None)
             self._search.direct(above.gears[OUTPUT] > 0.0)
         reach = REACH * memory.numbers[3]
-        hold(memory, lock, x, limited, program.unlocked, reach)
+        return int(hold(memory, lock, x, limited, program.unlocked, reach))
 
     def _searched(
         self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, start: float
@@ -219,7 +231,7 @@ class Level:
         found, passed = self._search.solve(first, self._rounds, quick=may_give), _NOTHING_PASSED
         verdict = _judged(found, program)
         if may_give and not verdict[0].usable:
-            found, verdict, passed = self._giving_way(first)
+            found, verdict, passed = self._giving_way(found, first)
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
         solution = found.solution
@@ -232,15 +244,26 @@ class Level:
         return SolvedLevel(self, block, solution, found, verdict, exact, elapsed, passed)
 
     def _giving_way(
-        self, first: FloatArray
+        self, refused: DirectedSolution, first: FloatArray
     ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
         """Return a solution that passes limits, or one in its directions that need not.
 
-        Where none is found, they are left out.
+        What motors and ground can do at all is asked first: without a motion that keeps torque
+        limits, cones and contacts there is none that passes anything else. That motion also tells
+        the directions of the gears, and is the answer where none is found at a price.
+
+        Args:
+            refused: what the search came to with all limits.
+            first: T (m,) of its first guess.
         """
         program, search, rounds = self.program, self._search, self._rounds
+        with program.giving_way(dropped=True):
+            possible, leading = search.possible(first, rounds - 2)
+        if possible.solution.status is QPStatus.INFEASIBLE and possible.settled:
+            found = refused if refused.blocking and not possible.blocking else possible
+            return found._replace(rounds=possible.rounds), _judged(possible, program), {}
         with program.giving_way():
-            found = search.solve(first, rounds - 1)
+            found = search.solve(leading, rounds, branches=False)
             verdict = _judged(found, program)
         if verdict[0].usable:
             output = search.output_of(found.solution)
@@ -248,14 +271,13 @@ class Level:
                 kept = search.solve(output, rounds, quick=True)
                 if kept.solution.status is QPStatus.SOLVED:
                     return kept, _judged(kept, program), _NOTHING_PASSED
-        elif self._solver.count < rounds:
+        else:
             with program.giving_way(dropped=True):
-                found = search.solve(first, rounds, quick=True)
-                verdict = _judged(found, program)
-            if verdict[0].usable:
-                verdict = Status.INACCURATE, "Limits of joints and distances left out."
-        if not verdict[0].usable:
-            return found, verdict, _NOTHING_PASSED
+                found, verdict = possible, _judged(possible, program)
+            if not verdict[0].usable:
+                return found, verdict, _NOTHING_PASSED
+            search.direct(leading > 0.0)
+            verdict = Status.INACCURATE, "Limits of joints and distances left out."
         passed, stops = program.passed(found.solution)
         told = _told(passed, stops) if passed else ""
         return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed

@@ -84,10 +84,12 @@ def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
             values[k] -= factor[i, k] * values[i]
 
 
-@compiled(Nothing, Dense, Count, OutDense, Count)
-def remove(kept: FloatArray, count: int, rows: FloatArray, row: int) -> None:
-    """Take the directions of the first `count` orthonormal rows of `kept` out of a row."""
-    n = rows.shape[1]
+@compiled(Nothing, Dense, Count, OutDense, Count, Count)
+def remove(kept: FloatArray, count: int, rows: FloatArray, row: int, n: int) -> None:
+    """Take the directions of the first `count` orthonormal rows of `kept` out of a row.
+
+    Only the first n columns are read; behind them all these rows are zero.
+    """
     for i in range(count):
         along = 0.0
         for j in range(n):
@@ -96,23 +98,24 @@ def remove(kept: FloatArray, count: int, rows: FloatArray, row: int) -> None:
             rows[row, j] -= along * kept[i, j]
 
 
-@compiled(Count, Dense, OutDense, OutDense, Count)
-def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: int) -> int:
+@compiled(Count, Dense, OutDense, OutDense, Count, Count)
+def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: int, n: int) -> int:
     """Extend an orthonormal basis by what further rows add to it.
 
     Gram-Schmidt with the row that has most left next, so that what is dropped is less than 1e-8 of
     a row of length one.
 
     Args:
-        rows: (k, n); their lengths do not matter.
-        left: memory (>= k, n).
-        kept: orthonormal rows (.., n) with room for k more.
+        rows: (k, ..); their lengths do not matter.
+        left: memory (>= k, ..).
+        kept: orthonormal rows (.., ..) with room for k more.
         count: how many there are.
+        n: how many columns the rows have; what stands behind these is neither read nor written.
 
     Returns:
         how many there are now.
     """
-    total, n = rows.shape
+    total = len(rows)
     for i in range(total):
         length = 0.0
         for j in range(n):
@@ -120,7 +123,7 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
         scale = 1.0 / sqrt(length) if length > 0.0 else 0.0
         for j in range(n):
             left[i, j] = scale * rows[i, j]
-        remove(kept, count, left, i)
+        remove(kept, count, left, i, n)
     for done in range(min(total, n - count)):
         best, longest = done, -1.0
         for i in range(done, total):
@@ -136,7 +139,7 @@ def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: in
             left[best, j] = left[done, j]
         length = longest
         if longest < _SHORT:
-            remove(kept, count, kept, count)
+            remove(kept, count, kept, count, n)
             length = 0.0
             for j in range(n):
                 length += kept[count, j] * kept[count, j]

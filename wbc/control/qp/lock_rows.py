@@ -189,8 +189,8 @@ def _find_implied(lock: Any, known: int, count: int, equalities: int) -> int:
     for i in range(size):
         for j in range(n):
             free[i, j] = binding[known + i, j]
-        remove(lock.scaled, equalities, free, i)
-        remove(lock.scaled, equalities, free, i)
+        remove(lock.scaled, equalities, free, i, n)
+        remove(lock.scaled, equalities, free, i, n)
         for k in range(i + 1):
             product = 0.0
             for j in range(n):
@@ -207,34 +207,24 @@ def _find_implied(lock: Any, known: int, count: int, equalities: int) -> int:
     return found
 
 
-@compiled(Count, PROGRAM.kind, LOCK.kind, Count, Row, Count, Number)
-def _extend_by_bounds(
-    program: Any, lock: Any, last: int, x: FloatArray, start: int, reach: float
-) -> int:
-    """Add the bounds that are equalities to `last` rows; return how many there are then."""
-    solver, scales, n = program.solver, lock.scales, len(x)
-    nv = len(program.tasks.diagonal)
-    for j in range(n):
-        weight = program.tasks.diagonal[j] if j < nv else solver.diagonal[j]
-        scales[j] = 1.0 / sqrt(weight + program.numbers[REGULAR])
-    lock.decided[:] = 0
-    count = _gather_binding(program, lock, start, x, reach)
-    if count == 0:
-        return last
+@compiled(Count, PROGRAM.kind, LOCK.kind, Count, Count)
+def _extend_by_bounds(program: Any, lock: Any, last: int, count: int) -> int:
+    """Add those of the `count` bounds that are equalities to `last` rows; return how many then."""
+    scales, n = lock.scales, len(lock.scales)
     for i in range(last):
         for j in range(n):
             lock.free[i, j] = lock.kept[i, j] * scales[j]
-    size = extend_basis(lock.free[:last], lock.left, lock.scaled, 0)
+    size = extend_basis(lock.free[:last], lock.left, lock.scaled, 0, n)
     known, found = 0, -1
     while found != known:
         known = max(found, 0)
         found = _find_implied(lock, known, count, size)
-        size = extend_basis(lock.binding[known:found], lock.left, lock.scaled, size)
+        size = extend_basis(lock.binding[known:found], lock.left, lock.scaled, size, n)
     for i in range(found):
         lock.decided[lock.places[i]] = 1
         for j in range(n):
             lock.free[i, j] = lock.binding[i, j] / scales[j]
-    return extend_basis(lock.free[:found], lock.left, lock.kept, last)
+    return extend_basis(lock.free[:found], lock.left, lock.kept, last, n)
 
 
 @compiled(Nothing, PROGRAM.kind, LOCK.kind, Row, Number, Count, Count)
@@ -259,16 +249,27 @@ def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, s
         solver.lower[i] = low - min(max(low - value, 0.0), room)
 
 
-@compiled(Nothing, PROGRAM.kind, LOCK.kind, Row, Flag, Count, Number)
-def hold(
-    program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, reach: float
-) -> None:
+@compiled(Flag, PROGRAM.kind, LOCK.kind)
+def _forces_balance(program: Any, lock: Any) -> bool:
+    """Whether contact forces meet the balance of the undriven coordinates at every qdd."""
+    jacobian, undriven = program.contacts.rows.jacobian, program.undriven
+    for i in range(len(undriven)):
+        for j in range(len(jacobian)):
+            lock.free[i, j] = jacobian[j, undriven[i]]
+    forces, count = len(jacobian), len(undriven)
+    spanned: int = extend_basis(lock.free[:count], lock.left, lock.kept, 0, forces)
+    return spanned == count
+
+
+@compiled(Count, PROGRAM.kind, LOCK.kind, Row, Flag, Count, Number)
+def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, reach: float) -> int:
     """Write the rows that hold what x (n,) of the level above gives its tasks.
 
     The tasks may ask for more than the robot has freedoms, and the contacts and the balance of the
     undriven coordinates take some of those away. Only what the tasks' rows add to the equalities
     is locked, as orthonormal rows: as many as there are decisions, however they were asked for,
-    and none that could contradict another.
+    and none that could contradict another. Tasks are of qdd alone: a balance that forces meet in
+    any case is none of their business, unless bounds that also limit forces join in.
 
     Where bounds kept the tasks from more, most of these bounds cannot be left either without losing
     something of the tasks (Escande, Mansard & Wieber, 2014): rows that add up to nothing with
@@ -282,21 +283,30 @@ def hold(
         limited: whether torque limits may bind; their rows are then those of x.
         unlocked: how many equalities are the robot's own.
         reach: within which a bound counts as reached, and how far bounds may move.
+
+    Returns:
+        how many freedoms of qdd, or of x, are left.
     """
-    solver, counts = program.solver, program.counts
-    top = counts[COST]
-    first = extend_basis(solver.rows[top : top + unlocked], lock.left, lock.kept, 0)
-    last = extend_basis(lock.above, lock.left, lock.kept, first)
-    if last < len(x):
-        start = 0 if limited else counts[TORQUE]
-        last = _extend_by_bounds(program, lock, last, x, start, reach)
-    else:
-        lock.decided[:] = 0
+    solver, counts, scales = program.solver, program.counts, lock.scales
+    top, nv, n = counts[COST], len(program.tasks.diagonal), len(x)
+    for j in range(n):
+        weight = program.tasks.diagonal[j] if j < nv else solver.diagonal[j]
+        scales[j] = 1.0 / sqrt(weight + program.numbers[REGULAR])
+    reached = _gather_binding(program, lock, 0 if limited else counts[TORQUE], x, reach)
+    own, width = top, n
+    if reached == 0 and _forces_balance(program, lock):
+        own, width = top + len(program.undriven), nv
+    lock.decided[:] = 0
+    first = extend_basis(solver.rows[own : top + unlocked], lock.left, lock.kept, 0, width)
+    last = extend_basis(lock.above, lock.left, lock.kept, first, width)
+    if reached > 0 and last < n:
+        last = _extend_by_bounds(program, lock, last, reached)
     counts[HARD] = unlocked + last - first
     for i in range(first, last):
         row, right = top + unlocked + i - first, 0.0
-        for j in range(len(x)):
-            solver.rows[row, j] = lock.kept[i, j]
-            right += lock.kept[i, j] * x[j]
+        for j in range(n):
+            solver.rows[row, j] = lock.kept[i, j] if j < width else 0.0
+            right += solver.rows[row, j] * x[j]
         solver.right[row], solver.softness[row] = right, 0.0
     let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
+    return width - last

@@ -94,25 +94,18 @@ class BlockProblem(NamedTuple):
     give: FloatArray
 
     def dense(self) -> QPProblem:
-        """Return the same program with its Hessian and gradient written out.
-
-        Behind x (n,) stands, for every bound that gives, by how much it is passed.
-        """
-        k, hard, gives = self.soft, self.hard, np.flatnonzero(self.give)
-        kept = np.setdiff1d(np.arange(k), hard, assume_unique=True)
-        rows, right = self.rows[kept], self.right[kept]
-        weighted = rows / self.softness[kept, None]
-        n, more = len(self.diagonal), len(gives)
-        H, g, C = np.zeros((n + more, n + more)), np.zeros(n + more), self.C
-        H[:n, :n], g[:n] = weighted.T @ rows, -(right @ weighted) - self.pull
-        H.reshape(-1)[:: n + more + 1] += np.concatenate([self.diagonal, 1.0 / self.give[gives]])
-        A = np.vstack([self.rows[k:], self.rows[hard]])
-        b = np.concatenate([self.right[k:], self.right[hard]])
-        if more:
-            A = np.hstack([A, np.zeros((len(b), more))])
-            C = np.hstack([C, np.zeros((len(C), more))])
-            C[gives, n + np.arange(more)] = -1.0
-        return QPProblem(H, g, A, b, C, self.lower, self.upper)
+        """Return the same program with its Hessian and gradient written out, all bounds kept."""
+        k, hard = self.soft, self.hard
+        rows, right, softness = self.rows[:k], self.right[:k], self.softness[:k]
+        A, b = self.rows[k:], self.right[k:]
+        if hard.size:
+            kept = softness > 0.0
+            A, b = np.vstack([A, rows[hard]]), np.concatenate([b, right[hard]])
+            rows, right, softness = rows[kept], right[kept], softness[kept]
+        weighted = rows / softness[:, None]
+        H = weighted.T @ rows
+        H.reshape(-1)[:: len(H) + 1] += self.diagonal
+        return QPProblem(H, -(right @ weighted) - self.pull, A, b, self.C, self.lower, self.upper)
 
     @property
     def hard(self) -> IntArray:

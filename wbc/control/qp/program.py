@@ -297,6 +297,11 @@ class Program:
         """Whether the program bears efforts."""
         return bool(self._efforts)
 
+    @property
+    def chooses_forces(self) -> bool:
+        """Whether it asks something of torques or contact forces that other levels do not ask."""
+        return self.has_efforts or self._forces.tracks
+
     def place_basis(self) -> None:
         """Write rows of contacts that repeat each other as an orthonormal basis B of them.
 
@@ -311,7 +316,7 @@ class Program:
         jacobian, target = self.contacts.memory.rows.jacobian, self.contacts.memory.target
         rows, right = solver.rows[self._basis, : self.nv], solver.right[self._basis]
         softness = solver.softness[self._basis]
-        count = min(extend_basis(jacobian, left, kept, 0), self.contacts.rank)
+        count = min(extend_basis(jacobian, left, kept, 0, self.nv), self.contacts.rank)
         basis = kept[:count]
         rows[:count], rows[count:] = basis, 0.0
         right[:] = 0.0

@@ -4,71 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, sqrt
-from typing import Any, ClassVar, cast, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Nothing,
-    Number,
-    OutDense,
-    Places,
-    Row,
-    Vector,
-    compiled,
-    group,
-)
-from wbc.control.kinematics import FixedFrame, Kinematics, RowKind
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compiled
+from wbc.control.kinematics import Kinematics, RowKind, StateRows
 from wbc.control.qp.linalg import factorise, substitute
-from wbc.control.reference import Reference, Target
-from wbc.control.rows.task import StateTask, number_target, require_frame
-from wbc.control.tree import TREE
+from wbc.control.reference import Target
+from wbc.control.rows.task import Gains, StateTask, number_target, require_frame
+from wbc.control.tree import ROWS, TREE, place_frame
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
-_FIXED = group(FixedFrame, Count, Row, Places)
 
 
-@compiled(types.UniTuple(Number, 3), Dense, Count, Row)
-def placed(joints: FloatArray, joint: int, offset: FloatArray) -> tuple[float, float, float]:
-    """Return the origin [m] of a frame in the world.
-
-    Args:
-        joints: placements (j, 12), rotation column by column before the translation.
-        joint, offset: where the frame is fixed, and how (12,).
-    """
-    x, y, z = offset[9], offset[10], offset[11]
-    return (
-        joints[joint, 9] + joints[joint, 0] * x + joints[joint, 3] * y + joints[joint, 6] * z,
-        joints[joint, 10] + joints[joint, 1] * x + joints[joint, 4] * y + joints[joint, 7] * z,
-        joints[joint, 11] + joints[joint, 2] * x + joints[joint, 5] * y + joints[joint, 8] * z,
-    )
-
-
-@compiled(Number, Dense, Count, Row)
-def pitch_of(joints: FloatArray, joint: int, offset: FloatArray) -> float:
-    """Return the rotation [rad] about +y of a frame; arguments as for `placed`."""
-    x, y, z = offset[6], offset[7], offset[8]
-    return atan2(
-        joints[joint, 0] * x + joints[joint, 3] * y + joints[joint, 6] * z,
-        joints[joint, 2] * x + joints[joint, 5] * y + joints[joint, 8] * z,
-    )
-
-
-@compiled(Nothing, TREE.kind, Places, Places, *[Number] * 3, OutDense)
+@compiled(Nothing, TREE.kind, Count, Count, *[Number] * 3, OutDense)
 def place_rows(
-    tree: Any,
-    foot_moves: IntArray,
-    frame_moves: IntArray,
-    foot_x: float,
-    foot_z: float,
-    mass: float,
-    rows: FloatArray,
+    tree: Any, foot: int, frame: int, foot_x: float, foot_z: float, mass: float, rows: FloatArray
 ) -> None:
     """Write what the feedback reads of each unit of v (6, nv).
 
@@ -77,22 +33,22 @@ def place_rows(
 
     Args:
         tree: a TREE.
-        foot_moves, frame_moves: columns of J that move foot and frame.
+        foot, frame: joints that carry the foot, and the frame whose pitch is kept.
         foot_x, foot_z: where the foot is [m].
         mass: [kg].
         rows: result.
     """
-    jacobian, momentum = tree.jacobian, tree.momentum
+    jacobian, momentum, starts, columns = tree.jacobian, tree.momentum, tree.starts, tree.columns
     for j in range(rows.shape[1]):
         rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
         rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
         rows[_SPIN, j] = momentum[4, j]
-    for i in range(len(foot_moves)):
-        j = foot_moves[i]
+    for place in range(starts[foot], starts[foot + 1]):
+        j = columns[place]
         rows[_FOOT_X, j] = jacobian[0, j] + jacobian[4, j] * foot_z
         rows[_FOOT_Z, j] = jacobian[2, j] - jacobian[4, j] * foot_x
-    for i in range(len(frame_moves)):
-        rows[_PITCH, frame_moves[i]] = jacobian[4, frame_moves[i]]
+    for place in range(starts[frame], starts[frame + 1]):
+        rows[_PITCH, columns[place]] = jacobian[4, columns[place]]
 
 
 @compiled(types.UniTuple(Number, 2), Dense)
@@ -120,16 +76,9 @@ def pitch_rate(rows: FloatArray) -> tuple[float, float]:
     return weights[_COM_X], weights[_SPIN]
 
 
-@compiled(Number, *[_FIXED] * 2, TREE.kind, Vector, *[Number] * 4)
+@compiled(Number, TREE.kind, ROWS.kind, Count, Vector, Number, Number)
 def balancing(
-    contact: tuple[int, FloatArray, IntArray],
-    held: tuple[int, FloatArray, IntArray],
-    tree: Any,
-    velocity: FloatArray,
-    mass: float,
-    gravity: float,
-    bandwidth: float,
-    target: float,
+    tree: Any, entries: Any, e: int, velocity: FloatArray, mass: float, target: float
 ) -> float:
     """Return xdd [m/s^2], the feedback on (x, xd, k, theta) with all poles at -p.
 
@@ -138,31 +87,37 @@ def balancing(
         s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
 
     Args:
-        contact, held: where the foot is fixed, and the frame whose pitch is kept.
         tree: a TREE.
+        entries: ROWS, of which row e names the foot, the frame whose pitch is kept, and p [1/s] in
+            place of an arm, or 0 for that of the pendulum's fall, sqrt(g/z).
+        e: number of the entry.
         velocity: v (nv,).
-        mass, gravity: m [kg] and g [m/s^2].
-        bandwidth: p [1/s], or 0 for that of the pendulum's fall, sqrt(g/z).
+        mass: m [kg].
         target: theta wanted [rad].
     """
-    (foot, foot_offset, foot_moves), (frame, frame_offset, frame_moves) = contact, held
-    nv, joints, com = len(velocity), tree.places, tree.com
-    x, _, z = placed(joints, foot, foot_offset)
-    rows = np.empty((6, nv))
-    place_rows(tree, foot_moves, frame_moves, x, z, mass, rows)
+    foot, frame, com, points = entries.plan[e, 1], entries.plan[e, 6], tree.com, np.empty((2, 12))
+    place_frame(tree, foot, entries.offsets, e, 0, points, 0)
+    place_frame(tree, frame, entries.offsets, e, 15, points, 1)
+    x, z, weight = points[0, 9], points[0, 11], 0.0
+    for a in range(3):
+        weight += tree.gravity[a] ** 2
+    weight = mass * sqrt(weight)
+    rows = np.empty((6, len(velocity)))
+    place_rows(tree, foot, frame, x, z, mass, rows)
     from_speed, from_momentum = pitch_rate(rows)
     place, height = com[0] - x, com[2] - z
     speed, spin = 0.0, 0.0
-    for j in range(nv):
+    for j in range(len(velocity)):
         speed += rows[_COM_X, j] * velocity[j]
         spin += rows[_SPIN, j] * velocity[j]
-    pole = bandwidth if bandwidth > 0.0 else sqrt(gravity / abs(height))
+    bandwidth = entries.offsets[e, 12]
+    pole = bandwidth if bandwidth > 0.0 else sqrt(weight / mass / abs(height))
     square = pole * pole
-    on_pitch = square * square / (from_momentum * mass * gravity)
-    on_spin = 4.0 * square * pole / (mass * gravity)
+    on_pitch = square * square / (from_momentum * weight)
+    on_spin = 4.0 * square * pole / weight
     on_speed = 4.0 * pole + mass * height * on_spin
     on_place = 6.0 * square - (from_speed - from_momentum * mass * height) * on_pitch
-    pitch = target - pitch_of(joints, frame, frame_offset)
+    pitch = target - atan2(points[1, 6], points[1, 8])
     wanted: float = on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin
     return wanted
 
@@ -179,7 +134,7 @@ class PointFootBalanceTask(StateTask):
         dk/dt = m (g x - z xdd),    dtheta/dt = a xd + c k
 
     (a, c from the Jacobians of contact, centre of mass and momentum). The task's one row is xdd;
-    it commands the state feedback that puts the four poles of (x, xd, k, theta) at -bandwidth, so
+    it wants the state feedback that puts the four poles of (x, xd, k, theta) at -bandwidth, so
     that the robot leans and swings like an acrobat instead of fighting for x and pitch at once.
     Height belongs to another task. The value is theta [rad]; a reference gives the pitch to keep.
 
@@ -193,11 +148,17 @@ class PointFootBalanceTask(StateTask):
     contact: str
     frame: str
     bandwidth: float | None = None
-    kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
+    kind: ClassVar[RowKind] = RowKind.BALANCE
 
     def rows(self) -> slice:
         """Return x."""
         return slice(0, 1)
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The row of the centre of mass, and what its feedback reads."""
+        pole = (self.bandwidth or 0.0, 0.0, 0.0)
+        return StateRows(self.kind, self.contact, self.rows(), pole, self.frame)
 
     def check(self, robot: Robot) -> int:
         """Return 1."""
@@ -220,21 +181,10 @@ class PointFootBalanceTask(StateTask):
         """Return the pitch that is missing, (1,) [rad]."""
         return np.array([float(target) - self.value(kinematics)])
 
-    def command(self, kinematics: Kinematics, reference: Reference) -> FloatArray:
-        """Return xdd, (1,) [m/s^2]: state feedback on (x, xd, k, theta)."""
-        wanted = balancing(
-            kinematics.fixed_frame(self.contact),
-            kinematics.fixed_frame(self.frame),
-            kinematics.tree,
-            kinematics.velocity,
-            kinematics.mass,
-            kinematics.gravity,
-            self.bandwidth or 0.0,
-            float(cast(Any, reference.position)),
-        )
-        if reference.acceleration is not None:
-            wanted += float(reference.acceleration[0])
-        return np.array([wanted])
+    def gains(self, gravity: float) -> Gains:
+        """Return one for the feedback, which the tick writes in place of the error."""
+        return Gains(1.0, 0.0, 0.0, 1.0)
 
     def pack(self, target: Target, place: FloatArray) -> None:
-        """Write nothing: the pitch is fed back by `command`."""
+        """Write the pitch in front."""
+        place[0] = target

@@ -125,11 +125,7 @@ class Task(ABC):
         """Return dJ/dt v (k,)."""
 
     def gains(self, gravity: float) -> Gains:
-        """Return what the parts of the wanted acceleration count for, at a gravity [m/s^2].
-
-        A task with a method `command(kinematics, reference)` wants what that returns (k,) instead,
-        and is asked in every tick.
-        """
+        """Return what the parts of the wanted acceleration count for, at a gravity [m/s^2]."""
         return Gains(self.stiffness, -self.velocity_gain, self.velocity_gain, 1.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +18,6 @@ from wbc.errors import ControlError
 from wbc.robot import Robot
 
 _NONE: Mapping[str, float] = {}
-_REST = Reference()
 _FLOAT = np.dtype(np.float64)
 
 
@@ -27,7 +26,6 @@ class _Entry(NamedTuple):
 
     Attributes:
         task, name, size: the task, its name, and how many rows it has.
-        own: whether it commands in its own way.
         asked: whether it says its rows itself in every tick.
         number: place of its target in the table of frames, -1 for a task without.
         place: memory of its target in that table (12,), None where it has none.
@@ -40,7 +38,6 @@ class _Entry(NamedTuple):
     task: Task
     name: str
     size: int
-    own: bool
     asked: bool
     number: int
     place: FloatArray | None
@@ -102,9 +99,9 @@ class TaskStack:
         start = 0
         for task in [*rowed, *selecting]:
             rows = slice(start, start + sizes[task.name])
-            start, own = rows.stop, hasattr(task, "command")
+            start = rows.stop
             limits[rows] = task.acceleration_limit
-            gains = (0.0, 0.0, 0.0, 1.0) if own else task.gains(gravity)
+            gains = task.gains(gravity)
             self._gains[0, rows], self._gains[1, rows] = gains[:2]
             self._gains[2, rows], self._gains[3, rows], self._gains[4, rows] = -1.0, *gains[2:]
             known = task.state_rows if isinstance(task, StateTask) else None
@@ -112,9 +109,7 @@ class TaskStack:
                 table.append(known)
                 firsts.append(rows.start)
             goal = goals[rows.start - total : rows.stop - total] if rows.start >= total else None
-            self._entries.append(
-                self._entry(task, rows, own, known is not None, goal, len(table) - 1)
-            )
+            self._entries.append(self._entry(task, rows, known is not None, goal, len(table) - 1))
         frames = FrameTable(model, table, firsts, self._jacobian, self._drift)
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
@@ -142,7 +137,7 @@ class TaskStack:
         self.weigh(None, None)
 
     def _entry(
-        self, task: Task, rows: slice, own: bool, known: bool, goals: FloatArray | None, number: int
+        self, task: Task, rows: slice, known: bool, goals: FloatArray | None, number: int
     ) -> _Entry:
         """Return a task with views of the memory of its rows."""
         has_rows = rows.start < len(self._jacobian)
@@ -153,7 +148,6 @@ class TaskStack:
             task=task,
             name=task.name,
             size=size,
-            own=own,
             asked=not known and goals is None,
             number=number if known else -1,
             place=self._targets[number] if known else None,
@@ -197,7 +191,7 @@ class TaskStack:
                     entry.drift[:] = 0.0
         self._off = frozenset(entry.name for entry in self._idle)
         self._stale = self._drops = True
-        self._asked = [entry for entry in self._active if entry.asked or entry.own]
+        self._asked = [entry for entry in self._active if entry.asked]
         memory = self.memory
         memory.diagonal[:] = 0.0
         np.add.at(memory.diagonal, memory.chosen, self._weights[len(self._jacobian) :])
@@ -245,7 +239,7 @@ class TaskStack:
             self._stale = bool(self._pending)
         return bool(self._missing or self._asked)
 
-    def ask(self, kinematics: Kinematics, references: Mapping[str, Reference]) -> None:
+    def ask(self, kinematics: Kinematics) -> None:
         """Ask the tasks whose target or rows only they know; call where `take` returns True."""
         for entry in self._missing:
             target = self._held.get(entry.name)
@@ -255,18 +249,10 @@ class TaskStack:
         for entry in self._asked:
             target = self._pending.get(entry.name, self._held.get(entry.name))
             task = entry.task
-            if entry.asked and entry.jacobian is not None and entry.drift is not None:
-                entry.jacobian[:], entry.drift[:] = (
-                    task.jacobian(kinematics),
-                    task.drift(kinematics),
-                )
-            if entry.own:
-                given = references.get(entry.name, _REST)
-                held = Reference(target, given.velocity, given.acceleration)
-                entry.acceleration[:] = cast(Any, task).command(kinematics, held)
-                self._moves = True
-            else:
-                entry.error[:] = task.error(kinematics, target)
+            if entry.jacobian is not None and entry.drift is not None:
+                entry.jacobian[:] = task.jacobian(kinematics)
+                entry.drift[:] = task.drift(kinematics)
+            entry.error[:] = task.error(kinematics, target)
 
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
