@@ -6,6 +6,7 @@ structures before; what the rows that bound the last solution do not solve is le
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,7 @@ from wbc.control.rows.limits import JOINTS, place_joint_bounds
 from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
     BALANCE,
+    CENTER_OF_MASS,
     DISTANCE,
     MOMENTUM,
     ROWS,
@@ -74,8 +76,11 @@ velocity and acceleration; limits of what is fed back, weights and wanted (k + c
 rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
 
-CONTACTS = Structure("Contacts", rows=ROWS.kind, damping=Row, target=OutRow)
-"""The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s]."""
+CONTACTS = Structure("Contacts", rows=ROWS.kind, damping=Row, target=OutRow, corners=Dense)
+"""The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
+
+corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
+"""
 
 PROGRAM = Structure(
     "Program",
@@ -124,21 +129,92 @@ TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE, DECIDED = range(5)
 """How a tick ends: numbers too large, no solution from a guess, a torque limit, or well; or with
 the solution of a more important level, which leaves nothing to decide."""
 
+INSIDE = 0.1
+"""Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
+SWEEPS = 4
+"""How often an acceleration is brought behind all edges: behind one it may be beyond another."""
 GUESSES = 3
 """How often directions are turned over before they are searched."""
 SMALL = 1e-6
 """[N m], output torque under which a gear's direction does not matter."""
 
 
-@compiled(Nothing, TREE.kind, TASKS.kind, Vector, Vector, Number)
-def want(tree: Any, tasks: Any, position: FloatArray, velocity: FloatArray, mass: float) -> None:
+@compiled(Nothing, TREE.kind, CONTACTS.kind, *[Number] * 2, OutRow, Count)
+def keep_over_feet(
+    tree: Any, contacts: Any, vx: float, vy: float, wanted: FloatArray, row: int
+) -> None:
+    """Take from the acceleration wanted of the centre of mass what would carry it off its feet.
+
+    With b = sqrt(g / height), the contacts can bring the centre of mass c to rest as long as its
+    capture point xi = c + c'/b lies in the hull of what they rest on. Behind an edge with the
+    normal n at e, shrunk a little towards the middle of the hull, that stays so with
+
+        n'c'' <= b (b (e - n'xi) - n'c').
+
+    With fewer than three corners a robot balances on a line or a point, and nothing is taken.
+
+    Args:
+        tree, contacts: TREE and CONTACTS.
+        vx, vy: of the centre of mass [m/s].
+        wanted: x and y of its acceleration in `row` and the next; result.
+        row: number of x.
+    """
+    corners, rows, count, com = contacts.corners, contacts.rows, len(contacts.corners), tree.com
+    if count < 3:
+        return
+    points, mx, my, height = np.empty((count, 3)), 0.0, 0.0, com[2]
+    for i in range(count):
+        e = int(corners[i, 0])
+        for a in range(3):
+            points[i, a] = rows.places[e, 9 + a] - rows.offsets[e, 12 + a]
+            for b in range(3):
+                points[i, a] += rows.places[e, 3 * b + a] * corners[i, 1 + b]
+        mx, my = mx + points[i, 0] / count, my + points[i, 1] / count
+        height -= points[i, 2] / count
+    if height <= 0.0:
+        return
+    pole = sqrt(-tree.gravity[2] / height)
+    x, y = com[0] + vx / pole - mx, com[1] + vy / pole - my
+    for _ in range(SWEEPS):
+        kept = True
+        for i in range(count):
+            for j in range(count):
+                nx, ny = points[j, 1] - points[i, 1], points[i, 0] - points[j, 0]
+                size, outside = sqrt(nx * nx + ny * ny), 0.0
+                for k in range(count):
+                    along = nx * (points[k, 0] - points[i, 0]) + ny * (points[k, 1] - points[i, 1])
+                    outside = max(outside, along)
+                if size == 0.0 or outside > 1e-9 * size:
+                    continue
+                nx, ny = nx / size, ny / size
+                edge = nx * (points[i, 0] - mx) + ny * (points[i, 1] - my)
+                most = (1.0 - INSIDE) * edge - nx * x - ny * y
+                most = pole * (pole * most - nx * vx - ny * vy)
+                beyond = nx * wanted[row] + ny * wanted[row + 1] - most
+                if beyond > 0.0:
+                    kept = False
+                    wanted[row] -= beyond * nx
+                    wanted[row + 1] -= beyond * ny
+        if kept:
+            return
+
+
+@compiled(Nothing, TREE.kind, TASKS.kind, CONTACTS.kind, Vector, Vector, Number)
+def want(
+    tree: Any,
+    tasks: Any,
+    contacts: Any,
+    position: FloatArray,
+    velocity: FloatArray,
+    mass: float,
+) -> None:
     """Write what all tasks want (k + c,): gains * parts, what is fed back within its limits.
 
     Errors of what follows from the state, and all rates, are written into `parts` first. A momentum
-    is a rate itself.
+    is a rate itself. A centre of mass that is to rest somewhere stays over the feet on its way.
 
     Args:
-        tree, tasks: TREE and TASKS.
+        tree, tasks, contacts: TREE, TASKS and CONTACTS.
         position, velocity: q (nq,) and v (nv,).
         mass: of the robot [kg].
     """
@@ -179,6 +255,12 @@ def want(tree: Any, tasks: Any, position: FloatArray, velocity: FloatArray, mass
         back += gains[1, i] * parts[1, i] + gains[3, i] * parts[3, i]
         ahead = gains[2, i] * parts[2, i] + gains[4, i] * parts[4, i]
         wanted[i] = min(max(back, -most), most) + ahead
+    for e in range(len(plan)):
+        row, both = plan[e, 2], plan[e, 3] == 0 and plan[e, 4] > 1 and plan[e, 5] == 1
+        if plan[e, 0] == CENTER_OF_MASS and both and rows.used[e] != 0:
+            moves = abs(parts[3, row]) + abs(parts[3, row + 1])
+            if moves + abs(parts[4, row]) + abs(parts[4, row + 1]) == 0.0:
+                keep_over_feet(tree, contacts, parts[1, row], parts[1, row + 1], wanted, row)
     pull[:] = 0.0
     for i in range(len(chosen)):
         pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]
@@ -328,9 +410,9 @@ def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: Fl
     if told & MOVED == 0:
         move_joints(tree, velocity)
     fill_state_rows(tree, program.tasks.rows, numbers[MASS])
-    want(tree, program.tasks, position, velocity, numbers[MASS])
     if told & RESTED == 0:
         rest(tree, program.contacts, velocity, numbers[MASS])
+    want(tree, program.tasks, program.contacts, position, velocity, numbers[MASS])
     of_motors = gears[TURNING], gears[SPEED], gears[SIGMA]
     place_judged(program.gears, expected, velocity, dt, corrected, of_motors)
     place_loads(program.gears, tree, velocity, corrected, of_motors)

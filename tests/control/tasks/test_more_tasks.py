@@ -222,6 +222,34 @@ def test_a_target_a_metre_above_a_quadruped_refuses_no_tick():
     assert state.position[2] > q[2] + 0.05
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0), (0.0, 1.0), (-1.0, 1.0)], ids=str)
+@pytest.mark.parametrize(("name", "trunk"), [("solo12", "base_link"), ("anymal", "base")])
+def test_a_target_a_metre_aside_does_not_drop_a_quadruped(name, trunk, way):
+    """It leans as far as its feet carry it and stays there; before, it fell over them."""
+    robot = load_robot(name)
+    q, data = np.array(robot.poses["standing"]), robot.model.createData()
+    start = np.array(pin.centerOfMass(robot.model, data, q))
+    target = start + np.array([*way, 0.0])
+    tasks = [
+        CenterOfMassTask(weight=100.0),
+        FrameOrientationTask(name="trunk", frame=trunk, weight=10.0),
+        PostureTask.of(robot, weight=0.1, stiffness=50.0),
+    ]
+    feet = [PointContact(name=contact.name) for contact in robot.contacts]
+    controller, plant, usable = Controller(robot, tasks, feet), Plant(robot), Counter()
+    state = plant.state(q, lifted=True)
+    for _ in range(1500):
+        motion = Motion(state.position, state.velocity)
+        command = controller.step(motion, {"center_of_mass": Reference(target)})
+        usable[command.status.usable] += 1
+        state = plant.step(state, command.rotor_torque, 1e-3).state
+    moved = np.array(pin.centerOfMass(robot.model, data, state.position)) - start
+    assert usable == {True: 1500}
+    assert np.abs(state.velocity).max() < 1e-2
+    assert moved[:2] @ way > 0.08 * np.linalg.norm(way)
+    assert moved[2] > -0.1 * start[2]
+
+
 @pytest.mark.parametrize("limit", [2.0, 20.0])
 def test_a_joint_goes_to_its_target_at_its_limit_and_does_not_pass_it(limit):
     """From rest it asks for its limit; then it goes at limit / damping, and comes to rest there."""

@@ -57,18 +57,28 @@ class ContactSet:
         ]
         damping = np.zeros(start)
         self._foreign = [i for i, c in enumerate(self.contacts) if c.state_rows is None]
-        known = [
+        states = [
             (contact.state_rows, rows.start)
             for contact, rows in zip(self.contacts, self.slices, strict=True)
         ]
-        wanted = [(rows, first) for rows, first in known if rows is not None]
+        wanted = [(rows, first) for rows, first in states if rows is not None]
         chosen, firsts = [w[0] for w in wanted], [w[1] for w in wanted]
         table = FrameTable(model, chosen, firsts, np.zeros((start, nv)), np.zeros(start))
-        self.memory: Any = CONTACTS.of(rows=table.rows, damping=damping, target=np.zeros(start))
+        corners = [
+            np.column_stack([np.full(len(own), number), own])
+            for number, own in enumerate(c.corners for c in self.contacts if c.state_rows)
+        ]
+        level = all(len(contact.corners) for contact in self.contacts)
+        self.memory: Any = CONTACTS.of(
+            rows=table.rows,
+            damping=damping,
+            target=np.zeros(start),
+            corners=np.vstack([np.zeros((0, 4)), *corners]) if level else np.zeros((0, 4)),
+        )
         # contacts whose drift is taken back: name, stiffness, rows, number and rows in the table
         self._pulls = [
             (contact.name, contact.contact.stiffness, rows, firsts.index(rows.start), own)
-            for contact, rows, (own, _) in zip(self.contacts, self.slices, known, strict=True)
+            for contact, rows, (own, _) in zip(self.contacts, self.slices, states, strict=True)
             if contact.contact.stiffness > 0.0 and own is not None
         ]
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)

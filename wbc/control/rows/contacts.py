@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import final
 
@@ -15,6 +15,8 @@ from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
 from wbc.robot import Robot
+
+_LEVEL = 0.1  # of the normal, that leans where a point stands on level ground
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -91,6 +93,8 @@ class BoundContact:
         size: how many components that force has: 3 [N] in world axes, 6 [N, N m] in its frame.
         state_rows: its rows where they are those of a frame.
         frames: that it reads and that the robot's model does not have.
+        corners: (c, 3) [m] what it can rest on, in the axes of its frame and from that; none
+            where it does not face up, so that how it carries weight is another question.
     """
 
     contact: Contact
@@ -99,6 +103,7 @@ class BoundContact:
     size: int = 3
     state_rows: StateRows | None = None
     frames: tuple[pin.Frame, ...] = ()
+    corners: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def name(self) -> str:
@@ -220,11 +225,13 @@ class PointContact(Contact):
         x, y, z = (point.radius / np.linalg.norm(up) * up).tolist()
         step = axes[1] - axes[0] if len(axes) > 1 else 1
         rows = slice(axes[0], axes[-1] + 1, step)
+        level = np.linalg.norm(turn[-1][:-1]) < _LEVEL
         return BoundContact(
             contact=self,
             cone=cone,
             axes=frozen(axes, np.int_),
             state_rows=StateRows(RowKind.FRAME, f"contact:{self.name}", rows, (x, y, z)),
+            corners=np.zeros((1 if level else 0, 3)),
         )
 
     def _ground_axes(self, axes: list[int]) -> FloatArray:

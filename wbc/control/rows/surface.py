@@ -94,6 +94,7 @@ class SurfaceContact(Contact):
             axes=frozen(np.arange(6), np.int_),
             size=6,
             state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
+            corners=offsets - middle,
             frames=(pin.Frame(name, parent.parentJoint, number, placement, kind),),
         )
 

@@ -21,6 +21,10 @@ class CenterOfMassTask(AxesTask):
 
     Its acceleration is limited to that of gravity unless told otherwise: the ground only pushes, so
     that nothing falls faster, and with a friction of 0.7 it gives less sideways.
+
+    While it is to rest somewhere (its reference has no velocity and no acceleration) and three or
+    more corners of contacts face up, it goes no farther than they can carry it: a target beside
+    them is one at their edge. Who steps gives a velocity, and goes where it leads.
     """
 
     name: str = "center_of_mass"
