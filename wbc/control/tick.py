@@ -257,7 +257,8 @@ def want(
         wanted[i] = min(max(back, -most), most) + ahead
     for e in range(len(plan)):
         row, both = plan[e, 2], plan[e, 3] == 0 and plan[e, 4] > 1 and plan[e, 5] == 1
-        if plan[e, 0] == CENTER_OF_MASS and both and rows.used[e] != 0:
+        limited = both and rows.used[e] != 0 and tasks.limits[row] < np.inf
+        if plan[e, 0] == CENTER_OF_MASS and limited:
             moves = abs(parts[3, row]) + abs(parts[3, row + 1])
             if moves + abs(parts[4, row]) + abs(parts[4, row + 1]) == 0.0:
                 keep_over_feet(tree, contacts, parts[1, row], parts[1, row + 1], wanted, row)

@@ -184,6 +184,9 @@ class DirectionSearch:
     node keeps the convex rows of all gears and one half-space of the gears decided so far, which
     bounds the cost of all that lies below it. Until there is a first solution it dives, each time
     in the direction that the node's own torque has; then it takes the node of least bound first.
+
+    Attributes:
+        directions: (m,) where T > 0 in the plain program written last.
     """
 
     def __init__(self, program: Program, solver: ProgramSolver) -> None:
@@ -193,6 +196,7 @@ class DirectionSearch:
         self._positive, self._negative = np.empty(m), np.empty(m)
         self._output, self._share = np.empty(m), np.empty(m)
         self._passing: FloatArray | None = None
+        self.directions: BoolArray = np.zeros(m, dtype=np.bool_)
 
     def lay_out(self, sigma: FloatArray, passing: FloatArray | None) -> None:
         """Write what all programs of a tick share.
@@ -209,7 +213,7 @@ class DirectionSearch:
 
     def direct(self, positive: BoolArray) -> None:
         """Write the rows of torque limits and efforts in some directions (m,) of T."""
-        memory = self._program.memory
+        memory, self.directions = self._program.memory, positive
         place_torque_rows(memory.limited, np.where(positive, self._positive, self._negative))
         if self._program.has_efforts:
             place_efforts(memory, positive.astype(np.int_))

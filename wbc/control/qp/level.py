@@ -230,7 +230,8 @@ class Level:
         may_give = above is None and program.may_give
         found, passed = self._search.solve(first, self._rounds, quick=may_give), _NOTHING_PASSED
         verdict = _judged(found, program)
-        if may_give and not verdict[0].usable:
+        # it takes three programs or more
+        if may_give and not verdict[0].usable and self._solver.count + 3 <= self._rounds:
             found, verdict, passed = self._giving_way(found, first)
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
@@ -257,9 +258,11 @@ class Level:
             first: T (m,) of its first guess.
         """
         program, search, rounds = self.program, self._search, self._rounds
+        tried = search.directions
         with program.giving_way(dropped=True):
             possible, leading = search.possible(first, rounds - 2)
         if possible.solution.status is QPStatus.INFEASIBLE and possible.settled:
+            search.direct(tried)
             found = refused if refused.blocking and not possible.blocking else possible
             return found._replace(rounds=possible.rounds), _judged(possible, program), {}
         with program.giving_way():
@@ -267,7 +270,8 @@ class Level:
             verdict = _judged(found, program)
         if verdict[0].usable:
             output = search.output_of(found.solution)
-            if ((output > 0.0) != (first > 0.0)).any():
+            turned = bool(((output > 0.0) != (first > 0.0)).any())
+            if turned and self._solver.count < rounds:
                 kept = search.solve(output, rounds, quick=True)
                 if kept.solution.status is QPStatus.SOLVED:
                     return kept, _judged(kept, program), _NOTHING_PASSED

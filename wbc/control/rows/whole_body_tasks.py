@@ -24,7 +24,8 @@ class CenterOfMassTask(AxesTask):
 
     While it is to rest somewhere (its reference has no velocity and no acceleration) and three or
     more corners of contacts face up, it goes no farther than they can carry it: a target beside
-    them is one at their edge. Who steps gives a velocity, and goes where it leads.
+    them is one at their edge. Who steps gives a velocity, and goes where it leads. Without a limit
+    of acceleration there is none of this kind.
     """
 
     name: str = "center_of_mass"
