@@ -62,7 +62,7 @@ def explained() -> None:
         page.screenshot(path=OUT / "head.png")
         for theme, ending in (("light", ""), ("dark", "_dark")):
             page.evaluate(f"report.setTheme('{theme}')")
-            for name, place in (("residuals", "#panels"), ("staircase", "#stairs")):
+            for name, place in (("residuals", "#panels"), ("staircase", "#staircase")):
                 page.locator(place).screenshot(path=OUT / f"{name}{ending}.png")
     keep(OUT / "head.png", "report")
     for name in ("residuals", "residuals_dark", "staircase", "staircase_dark"):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from wbc.view.palette import DARK, LIGHT, Theme
     from wbc.view.pictures import write_animation, write_picture
     from wbc.view.playback import write_playback
-    from wbc.view.track import Ghost, log_ghost, model_ghost
+    from wbc.view.track import Ghost, model_ghost
 
 __all__ = [
     "DARK",
@@ -24,7 +24,6 @@ __all__ = [
     "GroundSlab",
     "Theme",
     "flat_ground",
-    "log_ghost",
     "model_ghost",
     "profile_ground",
     "write_animation",
@@ -33,7 +32,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "track": ("Ghost", "log_ghost", "model_ghost"),
+    "track": ("Ghost", "model_ghost"),
     "ground": ("GroundSlab", "flat_ground", "profile_ground"),
     "palette": ("DARK", "LIGHT", "Theme"),
     "pictures": ("write_animation", "write_picture"),

@@ -231,8 +231,8 @@ def write_playback(
         log: positions at least; velocities, torques and contact forces are shown if it has them.
             Of set points with accelerations (`wbc experiment`) the torques that the model needs,
             their limits, and the paths of the contact points are shown.
-        ghost: a second, transparent robot beside it (`model_ghost`, `log_ghost`); with its
-            residuals the joints take their colour.
+        ghost: a second, transparent robot beside it (`model_ghost`); the joints take the colour of
+            its residuals.
         ground: what it stands on; level ground under the loaded contacts when left out.
         marks: label -> time [s] to mark on the timeline beside the impacts found.
         title: headline, the robot's name when left out.

@@ -85,15 +85,6 @@ def model_ghost(
     )
 
 
-def log_ghost(robot: Robot, log: Log, label: str) -> Ghost:
-    """Return the motion of another run as a ghost, for example the one with ideal gears.
-
-    Raises:
-        LogError: the log holds no position of the robot.
-    """
-    return Ghost(label, log.time, configuration(robot, log), log.time[:1], {})
-
-
 def _quiet_level(residual: FloatArray) -> FloatArray:
     size = np.abs(residual)
     return np.asarray(np.maximum(np.quantile(size, 0.1, axis=0), 1e-9 + 0.01 * size.max(axis=0)))

@@ -11,7 +11,7 @@ from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
-from wbc.view import log_ghost, model_ghost, write_playback
+from wbc.view import model_ghost
 from wbc.view.residuals import residuals_of
 
 KNEE = 1
@@ -104,12 +104,6 @@ def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     return np.array(data.oMf[robot.model.getFrameId("foot")].translation)
-
-
-def test_another_run_as_ghost_needs_no_model(leg: Robot, squat: Log, tmp_path: object) -> None:
-    ghost = log_ghost(leg, squat, "reference")
-    page = write_playback(f"{tmp_path}/two.html", leg, squat, ghost=ghost)
-    assert "transparent: " in page.read_text(encoding="utf-8")
 
 
 def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
