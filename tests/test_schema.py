@@ -10,8 +10,9 @@ import pytest
 
 from wbc import load_robot, save_robot
 from wbc.cli import main
+from wbc.design.experiment import tied_causes
 from wbc.effects import CoulombFriction
-from wbc.errors import LogError, RobotError
+from wbc.errors import DesignError, LogError, RobotError
 from wbc.files import SCHEMA
 from wbc.measurement import load_log, write_map
 from wbc.samples import sample_paths
@@ -26,6 +27,34 @@ where = "hip"
 value = 0.5
 unit = "N m"
 """
+
+
+# What `wbc diagnose --json` of 0.1 wrote for the sample logs, shortened.
+ANSWER = {
+    "verdict": "named",
+    "effects": [
+        {
+            "effect": "transmission_efficiency",
+            "where": ["knee"],
+            "parameters": {
+                "forward_efficiency": {"value": 0.8, "unit": "1", "low": 0.7998, "high": 0.8007},
+                "backward_efficiency": {"value": 0.75, "unit": "1", "low": 0.749, "high": 0.7509},
+            },
+            "alternatives": [],
+        }
+    ],
+    "ranking": [
+        {
+            "added": [{"effect": "load_friction", "where": "knee"}],
+            "removed": [{"effect": "transmission_efficiency", "where": "knee"}],
+            "standing": "worse",
+            "effects": [
+                {"effect": "load_friction", "where": "knee", "parameters": {"coefficient": 0.219}}
+            ],
+            "covariance": None,
+        }
+    ],
+}
 
 
 def test_a_robot_saved_by_0_1_is_read(tmp_path: Path) -> None:
@@ -64,3 +93,13 @@ def test_a_column_map_holds_its_version_and_an_older_one_has_none(tmp_path: Path
 def test_the_result_for_programs_holds_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "effects", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["schema"] == SCHEMA
+
+
+def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(tmp_path: Path) -> None:
+    robot, path = load_robot("planar_leg_fixed").lossless(), tmp_path / "found.json"
+    path.write_text(json.dumps(ANSWER))
+    causes = tied_causes(path, robot)
+    assert [effect.name for (effect,) in causes] == ["transmission_efficiency", "load_friction"]
+    path.write_text(json.dumps({"schema": 99, **ANSWER}))
+    with pytest.raises(DesignError, match=rf"newer wbc.*write schema = {SCHEMA} to read it"):
+        tied_causes(path, robot)
