@@ -15,10 +15,12 @@ from rich.table import Table
 from sims.legged import Act, CenterOfMass, com_reference, controller, pushed, squat, stand
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
+from wbc.design.trotter import StepUp
 from wbc.robot import Motion
-from wbc.sim import Plant, SensorNoise, Terrain, TorqueLag
+from wbc.sim import Plant, SensorNoise, Stairs, Terrain, TorqueLag
 
 TICK = 1e-3
+LEVEL = StepUp()
 PUSH = {"solo12": np.array([0.0, 8.0, 0.0]), "talos": np.array([0.0, 150.0, 0.0])}
 ERROR, TRAVEL = "centre of mass, rms error [mm]", "torque travel [limits/s]"
 DEPTH = {"solo12": 0.04, "anymal": 0.06, "talos": 0.06}
@@ -132,17 +134,23 @@ def main(
         for engine in engines:
             for act, play in acts.items():
                 for kind, model in (("dissipative", robot), ("conservative", robot.lossless())):
-                    plant = _engine(engine, robot, np.array(pose))
+                    plant = engine_of(engine, robot, np.array(pose))
                     found[name, engine, act, kind] = run(plant, robot, model, play, duration)
     return found
 
 
-def _engine(name: str, robot: Robot, pose: FloatArray) -> Engine:
+def engine_of(name: str, robot: Robot, pose: FloatArray, ground: StepUp = LEVEL) -> Engine:
+    """Return "MuJoCo" or the library's own plant, "wbc.sim", with a robot in a pose."""
     if name == "wbc.sim":
-        return OwnPlant(robot, pose)
+        return OwnPlant(robot, pose, stairs(ground) if ground.height else None)
     from sims.mujoco_plant import MujocoPlant  # MuJoCo is needed only here
 
-    return MujocoPlant(robot, pose)
+    return MujocoPlant(robot, pose, slabs=[(ground.edge, ground.height)] if ground.height else [])
+
+
+def stairs(ground: StepUp) -> Stairs:
+    """Return the ground for the library's plant."""
+    return Stairs(edges=np.array([ground.edge]), heights=np.array([0.0, ground.height]))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc import Robot
 from wbc.arrays import FloatArray
+from wbc.view.channels import gear_powers, tooth_loss
 
 
 class MeshWork(NamedTuple):
@@ -23,17 +24,9 @@ class MeshWork(NamedTuple):
 
 
 def mesh_work(robot: Robot, velocity: FloatArray, torque: FloatArray, tick: float) -> MeshWork:
-    """Return the mean powers of velocities (n, nv) under rotor torques (n, m), a tick [s] apart.
-
-    The mesh torque is what the motor gives beyond its rotor's inertia; the teeth keep
-    t (1 - eta_f) of it where the motor drives and |t| (1/eta_b - 1) where the joint does.
-    """
+    """Return the mean powers of velocities (n, nv) under rotor torques (n, m), a tick [s] apart."""
     gears = robot.transmission
-    speed = velocity[:, robot.actuated]
-    given = gears.gear_ratio * torque
-    mesh = given - gears.reflected_inertia * np.gradient(speed, tick, axis=0)
-    kept = np.where(
-        mesh * speed > 0.0, 1.0 - gears.forward_efficiency, 1.0 / gears.backward_efficiency - 1.0
-    )
-    lost = (np.abs(mesh * speed) * kept).mean(axis=0)
-    return MeshWork(float(np.maximum(given * speed, 0.0).sum(axis=1).mean()), lost)
+    speed = velocity[:, robot.actuated] @ gears.motor_from_joint.T
+    mesh, _ = gear_powers(gears, torque, speed, np.gradient(speed, tick, axis=0))
+    driving = np.maximum(gears.gear_ratio * torque * speed, 0.0).sum(axis=1).mean()
+    return MeshWork(float(driving), tooth_loss(gears, mesh).mean(axis=0))

@@ -16,11 +16,10 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from sims.closed_loop import Engine, OwnPlant
+from sims.closed_loop import Engine, engine_of, stairs
 from sims.mesh_work import mesh_work
 from sims.plots import Panel, sweep_figure, write_figures
 from sims.stepper import Stepper
-from sims.trot import stairs
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
@@ -125,7 +124,8 @@ def main(
             for kind in models:
                 stepper = prepared(robot, kind, scene, steps)
                 push = PUSH if scene == "pushed" else (0.0, 0.0, 0.0)
-                found[name, scene, kind] = walk(_engine(name, robot, stepper), robot, stepper, push)
+                engine = engine_of(name, robot, stepper.pose, stepper.ground)
+                found[name, scene, kind] = walk(engine, robot, stepper, push)
     return found
 
 
@@ -135,17 +135,7 @@ def pushed(
     """Return the figures of steps on the spot with a push (3,) [N], losses known."""
     robot = load_robot("talos")
     stepper = Stepper(robot, np.array(robot.poses["half_sitting"]), steps, 0.0, TICK, adjusts)
-    return walk(_engine(engine, robot, stepper), robot, stepper, push)
-
-
-def _engine(name: str, robot: Robot, stepper: Stepper) -> Engine:
-    ground = stepper.ground
-    if name == "wbc.sim":
-        return OwnPlant(robot, stepper.pose, stairs(ground) if ground.height else None)
-    from sims.mujoco_plant import MujocoPlant  # MuJoCo is needed only here
-
-    slabs = [(ground.edge, ground.height)] if ground.height else []
-    return MujocoPlant(robot, stepper.pose, slabs=slabs)
+    return walk(engine_of(engine, robot, stepper.pose, stepper.ground), robot, stepper, push)
 
 
 def film(path: Path, steps: int = 4) -> Path:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from sims.closed_loop import Engine, OwnPlant
+from sims.closed_loop import Engine, engine_of, stairs
 from sims.imperfect_loop import lossy
 from sims.mesh_work import mesh_work
 from sims.plots import Panel, sweep_figure, write_figures
@@ -25,7 +25,7 @@ from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
 from wbc.design.trotter import StepUp, Trotter
 from wbc.sim import Plant as SimPlant
-from wbc.sim import Simulation, Stairs, simulate
+from wbc.sim import Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")
@@ -119,25 +119,10 @@ def main(
         for scene in scenes:
             for kind in models:
                 trotter = prepared(robot, kind, scene)
-                engine = _engine(name, robot, trotter)
+                engine = engine_of(name, robot, trotter.pose, trotter.ground)
                 record = trot(engine, robot, trotter, scene, duration)
                 found[name, scene, kind] = figures(robot, trotter, record, duration)
     return found
-
-
-def stairs(ground: StepUp) -> Stairs:
-    """Return the ground for the library's plant."""
-    return Stairs(edges=np.array([ground.edge]), heights=np.array([0.0, ground.height]))
-
-
-def _engine(name: str, robot: Robot, trotter: Trotter) -> Engine:
-    ground = trotter.ground
-    if name == "wbc.sim":
-        return OwnPlant(robot, trotter.pose, stairs(ground) if ground.height else None)
-    from sims.mujoco_plant import MujocoPlant  # MuJoCo is needed only here
-
-    slabs = [(ground.edge, ground.height)] if ground.height else []
-    return MujocoPlant(robot, trotter.pose, slabs=slabs)
 
 
 def film(path: Path, duration: float = 3.0) -> Path:
