@@ -5,7 +5,7 @@ from wbc.control.controller import Controller
 from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.explain import explain
 from wbc.control.gears import RestPolicy
-from wbc.control.policies import Damped, Hold, LetDown, RepeatLast, SafetyPolicy, Situation
+from wbc.control.policies import LetDown, SafetyPolicy, Situation
 from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import Reference, State
 from wbc.control.rows.collision import CollisionLimit, Shape
@@ -55,7 +55,6 @@ __all__ = [
     "ContactSchedule",
     "Controller",
     "ControllerSettings",
-    "Damped",
     "DisturbanceObserver",
     "Effort",
     "FrameDistanceTask",
@@ -63,7 +62,6 @@ __all__ = [
     "FramePoseTask",
     "FramePositionTask",
     "GazeTask",
-    "Hold",
     "JointLimit",
     "JouleHeatEffort",
     "LetDown",
@@ -75,7 +73,6 @@ __all__ = [
     "PointFootBalanceTask",
     "PostureTask",
     "Reference",
-    "RepeatLast",
     "RestPolicy",
     "RotorTorqueEffort",
     "RotorTorqueLimit",

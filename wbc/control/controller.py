@@ -277,40 +277,6 @@ class Controller:
             *(self._expected, self._output, told),
         )
 
-    def build(
-        self,
-        state: State,
-        references: Mapping[str, Reference] | None = None,
-        contacts: Mapping[str, float] | None = None,
-        *,
-        weights: Mapping[str, float] | None = None,
-        activation: Mapping[str, float] | None = None,
-        dt: float | None = None,
-    ) -> QPProblem:
-        """Return the program of level 0 that `step` would solve first; nothing is remembered.
-
-        Its torque limits stand in the directions of the last tick. Arguments as for `step`.
-
-        Raises:
-            ControlError: `step` would not solve a program for these arguments.
-        """
-        step = self.settings.time_step if dt is None else dt
-        wanted = _NO_REFERENCES if references is None else references
-        given = TickInputs(state, wanted, contacts, weights, activation, step)
-        motion = self._admitted(given)
-        if not isinstance(motion, Motion):
-            raise ControlError(motion[1])
-        complaint = self._inputs.complaint(given)
-        if complaint is not None:
-            raise ControlError(complaint[1])
-        motion = self._drivetrain.true_motion(motion)
-        (first, *_), ceilings = self._levels.of(contacts, step, keeps=False)
-        asked = self._asked(motion, given, ceilings, first.program.contacts)
-        if not isinstance(asked, PendingTick):
-            raise ControlError(asked[1])
-        first.evaluate(asked)
-        return first.built(self._output)
-
     def _admitted(self, given: TickInputs) -> Motion | Complaint:
         """Return the state that the settings' hook makes of a state, or what is wrong with it."""
         hook, state = self.settings.state_hook, given.state

@@ -30,9 +30,9 @@ class ControllerSettings:
         speed_blend: how the directions of the gears are judged.
         warm_start: whether the constraints that bound the last solution are tried before the
             solver is asked.
-        solver: asked where the controller's own guess fails: "daqp", "proxqp" with daqp behind it,
-            or any backend of qpsolvers.
-        tolerance: absolute tolerance of the native solver on every residual.
+        solver: asked where the controller's own guess fails: "daqp", or "proxqp" with daqp behind
+            it.
+        tolerance: absolute tolerance of the solver on every residual.
         max_iterations: iterations that solvers may take in one tick.
         max_rounds: programs solved at most in one tick while directions are revised.
         acceleration_weight: regularisation of qdd towards zero.

@@ -39,7 +39,7 @@ from wbc.control import (
     SpeedBlend,
     WarmStart,
 )
-from wbc.control.qp.solvers import solve_foreign
+from wbc.control.qp.solvers import solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -159,7 +159,7 @@ def agree(robot, tasks, contacts, limits, states, wish):
             assert solution.primal_residual(problem) < 1e-5 * scale
             assert solution.dual_residual(problem) < 1e-5 * scale
             assert solution.duality_gap(problem) < 1e-4 * scale**2
-        third = solve_foreign("daqp", every[0].problem)
+        third = solve("daqp", every[0].problem, tolerance=1e-9, most=1000)
         np.testing.assert_allclose(third.x, one.solution.x, atol=1e-4 * scale)
     return usable
 

@@ -10,14 +10,11 @@ from wbc.control import (
     CenterOfMassTask,
     Controller,
     ControllerSettings,
-    Damped,
     FramePoseTask,
     FramePositionTask,
-    Hold,
     JointLimit,
     PointContact,
     PostureTask,
-    RepeatLast,
     RotorTorqueLimit,
     SpeedBlend,
     Status,
@@ -43,25 +40,6 @@ def test_speed_that_overflows_the_dynamics():
     with np.errstate(all="ignore"):
         command = leg_controller(LEG).step(Motion(STAND, np.full(5, 1e200)))
     assert safe(command)
-
-
-def test_safety_policies():
-    blend = SpeedBlend()
-    v = np.array([0.0, 0.0, 0.0, 1.0, -2.0])
-    nan = np.full(5, np.nan)
-    last = {}
-    for policy in (RepeatLast(), Damped(gain=4.0), Hold(stiffness=100.0, gain=3.0)):
-        controller = leg_controller(LEG, safety=policy, speed_blend=blend)
-        good = controller.step(Motion(STAND, REST)).rotor_torque
-        moved = STAND.copy()
-        moved[3:] += [0.01, -0.01]
-        bad = controller.step(Motion(moved, v), contacts={"foot": np.nan})
-        last[type(policy)] = 20.0 * (bad.rotor_torque - good), 20.0 * bad.rotor_torque
-        blind = controller.step(Motion(nan, nan))
-        assert np.isfinite(blind.rotor_torque).all()
-    np.testing.assert_allclose(last[RepeatLast][0], 0.0, atol=1e-12)
-    np.testing.assert_allclose(last[Damped][1], [-4.0, 8.0], atol=1e-12)
-    np.testing.assert_allclose(last[Hold][0], [-1.0 - 3.0, 1.0 + 6.0], atol=1e-9)
 
 
 def test_late_tick_keeps_its_command():

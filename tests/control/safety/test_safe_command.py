@@ -9,7 +9,6 @@ import pytest
 from wbc.control import (
     Controller,
     ControllerSettings,
-    Damped,
     LetDown,
     PointContact,
     PostureTask,
@@ -90,11 +89,11 @@ def test_safe_torque_takes_energy_on_every_shipped_robot(name):
 
 
 @pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "planar_leg_strong", "tiago"])
-@pytest.mark.parametrize("policy", [LetDown(ride_through=0), Damped(5.0), Damped(500.0)])
-def test_safe_torque_does_not_hammer(name, policy):
+def test_safe_torque_does_not_hammer(name):
     """No joint's torque jumps by more than its limit from one tick to the next."""
     robot = load_robot(name).lossless()
-    controller, generator = controller_of(robot, policy, feet=False), np.random.default_rng(1)
+    policy, generator = LetDown(ride_through=0), np.random.default_rng(1)
+    controller = controller_of(robot, policy, feet=False)
     q, v = standing(robot), np.zeros(robot.model.nv)
     v[robot.actuated] = 0.3 * generator.normal(size=robot.transmission.size)
     torques = []

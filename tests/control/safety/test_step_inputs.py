@@ -23,7 +23,6 @@ from wbc.control import (
     Task,
 )
 from wbc.effects import load_robot
-from wbc.errors import ControlError
 from wbc.robot import Motion
 
 SOLO = load_robot("solo12")
@@ -235,24 +234,3 @@ def test_buffers_of_the_caller_are_not_kept():
     )
     ours.step(Motion(np.full_like(q, np.nan), v))
     np.testing.assert_allclose(ours.step(None).rotor_torque, ours.step(None).rotor_torque)
-
-
-def test_build_is_the_program_of_the_tick_and_changes_nothing():
-    ideal = SOLO.lossless()  # so that the torque limits stand in one direction
-    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(ideal, weight=0.1)]
-    feet = [PointContact(name=name) for name in FEET]
-    ours, other = Controller(ideal, tasks, feet), Controller(ideal, tasks, feet)
-    generator = np.random.default_rng(0)
-    for _ in range(5):
-        state = Motion(STAND, 0.01 * generator.normal(size=REST.shape))
-        wish = {"center_of_mass": Reference(COM + 0.01 * generator.normal(size=3))}
-        built = ours.build(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
-        ours.build(state, {"center_of_mass": Reference(COM + 1.0)}, {}, dt=0.1)
-        one = ours.step(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
-        two = other.step(state, wish, dict.fromkeys(FEET, np.inf), dt=2e-3)
-        np.testing.assert_array_equal(one.rotor_torque, two.rotor_torque)
-        solved = ours.problem
-        for part in ("H", "g", "A", "b", "C", "lower", "upper"):
-            np.testing.assert_allclose(getattr(built, part), getattr(solved, part), atol=1e-9)
-    with pytest.raises(ControlError, match="map"):
-        ours.build(STATE, None, FEET)

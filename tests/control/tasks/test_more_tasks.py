@@ -151,7 +151,7 @@ def test_a_hard_task_is_kept_whatever_others_weigh(solver, rival):
     wanted = 100.0 * (target - hand.value(kinematics)) - 20.0 * rate
     found = hand.jacobian(kinematics) @ command.acceleration + hand.drift(kinematics)
     np.testing.assert_allclose(found, wanted, atol=1e-5)
-    dense = controller.build(state, {"hand": Reference(target)})
+    dense = controller.problem
     assert np.isfinite(dense.H).all()
     assert len(dense.b) == 6 + 12 + 3
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
 from itertools import combinations
 from time import perf_counter
 from typing import NamedTuple
@@ -298,14 +297,6 @@ class Level:
         self._search.direct(output > 0.0)
         return self.program.blocks().dense().copied()
 
-    def evaluate(self, asked: PendingTick) -> bool:
-        """Write the program of a tick; return whether its numbers are of a size to be solved."""
-        saturated, self._saturated = self._saturated, True
-        self._block = np.empty(self.program.size)
-        ended = self._pass(asked, None, self._block)
-        self._saturated = saturated
-        return ended != TOO_LARGE
-
 
 def _told(passed: Mapping[str, float], stops: str) -> str:
     """Return what a tick says whose limits or tasks of infinite weight could not be kept."""
@@ -388,28 +379,26 @@ class Levels:
                 level.forget()
 
     def of(
-        self, wanted: Mapping[str, float] | None, dt: float, *, keeps: bool = True
+        self, wanted: Mapping[str, float] | None, dt: float
     ) -> tuple[tuple[Level, ...], Mapping[str, float]]:
         """Return the levels for the contacts that may carry force, and their ceilings [N].
 
         Args:
             wanted: ceilings that are asked for; None for all contacts without any.
             dt: time until the next tick [s].
-            keeps: whether the next tick goes on from these.
         """
         if self._settled and wanted == self._wanted:
             return self._last
-        ramp, names = self._ramp if keeps else deepcopy(self._ramp), self._all
+        ramp, names = self._ramp, self._all
         asked = dict.fromkeys(names, np.inf) if wanted is None else wanted
         asked = {name: asked[name] for name in names if asked.get(name, 0.0) > 0.0}
         ceilings: Mapping[str, float] = asked
         if ramp is not None:
             ceilings = ramp.step(asked, dt, at_once=self._fresh)
-        last = self._of(tuple(ceilings)), ceilings
-        if keeps:
-            self._fresh, self._settled = False, ceilings == asked
-            self._wanted, self._last = None if wanted is None else dict(wanted), last
-        return last
+        self._fresh, self._settled = False, ceilings == asked
+        self._wanted = None if wanted is None else dict(wanted)
+        self._last = self._of(tuple(ceilings)), ceilings
+        return self._last
 
     def _of(self, names: tuple[str, ...]) -> tuple[Level, ...]:
         """Return the levels for some contacts, in the order of all."""

@@ -1,4 +1,4 @@
-"""The solvers behind the controller's own guess: ProxQP, DAQP, and whatever qpsolvers knows."""
+"""The solvers behind the controller's own guess: ProxQP and daqp."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from typing import Any
 
 import daqp
 import numpy as np
-import qpsolvers
 from proxsuite import proxqp
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError, unknown_name
 
 _PROXQP = {
@@ -25,7 +24,7 @@ _PROXQP = {
 }
 _EQUALITY = 5
 _DAQP = {1: QPStatus.SOLVED, -1: QPStatus.INFEASIBLE, -4: QPStatus.ITERATION_LIMIT}
-_NATIVE = ("proxqp", "daqp")
+_SOLVERS = ("proxqp", "daqp")
 
 
 class WarmStart(Enum):
@@ -41,9 +40,9 @@ class WarmStart(Enum):
 
 
 def check_solver(name: str) -> None:
-    """Raise ControlError unless `name` is a native solver or an installed backend of qpsolvers."""
-    if name not in _NATIVE and name not in qpsolvers.available_solvers:
-        raise ControlError(unknown_name("QP solver", name, qpsolvers.available_solvers))
+    """Raise ControlError unless `name` is that of a solver."""
+    if name not in _SOLVERS:
+        raise ControlError(unknown_name("QP solver", name, _SOLVERS))
 
 
 def solver_names(name: str) -> tuple[str, ...]:
@@ -67,10 +66,10 @@ def solve(
     """Return the solution of a program whose numbers are finite and bounds ordered.
 
     Args:
-        name: "proxqp" or "daqp" for the native solvers, or any backend of qpsolvers.
+        name: "proxqp" or "daqp".
         problem: the program.
-        tolerance: absolute, on residuals (native solvers).
-        most: iterations, inner and outer ones together (native solvers).
+        tolerance: absolute, on residuals.
+        most: iterations, inner and outer ones together.
         give: softness (n_in,) of the bounds: one that is passed costs (beyond)^2 / 2 softness. Zero
             for one that must be kept; without it all must be.
         start: which bounds (n_in,) may bind, by sign; from nothing without. Only daqp listens.
@@ -80,10 +79,8 @@ def solve(
         problem = _with_passings(problem, give)
     if name == "daqp":
         found = _solve_daqp(problem, tolerance, most, start)
-    elif name == "proxqp":
-        found = _solve_proxqp(problem, tolerance, most)
     else:
-        found = solve_foreign(name, problem)
+        found = _solve_proxqp(problem, tolerance, most)
     return found._replace(x=found.x[:n])
 
 
@@ -143,27 +140,3 @@ def _solve_daqp(
     y, z = np.split(np.asarray(info["lam"]), [len(b)])
     status = _DAQP.get(int(flag), QPStatus.FAILED)
     return QPSolution(np.asarray(x), y, z, status, int(info["iterations"]))
-
-
-def solve_foreign(backend: str, problem: QPProblem) -> QPSolution:
-    """Return the solution by a backend of qpsolvers; one that finds none is INFEASIBLE.
-
-    Two-sided rows become two one-sided ones where both bounds are finite; the multipliers are
-    folded back.
-    """
-    high, low = problem.upper < INFINITE, problem.lower > -INFINITE
-    G = np.concatenate([problem.C[high], -problem.C[low]])
-    h = np.concatenate([problem.upper[high], -problem.lower[low]])
-    quadratic = qpsolvers.Problem(problem.H, problem.g, G, h, problem.A, problem.b)
-    y, z, status = np.zeros(len(problem.b)), np.zeros(len(problem.lower)), QPStatus.INFEASIBLE
-    try:
-        found = qpsolvers.solve_problem(quadratic, solver=backend)
-    except (qpsolvers.SolverError, ValueError):
-        found, status = None, QPStatus.FAILED
-    if found is None or not found.found or found.x is None:
-        return QPSolution(np.full(len(problem.g), np.nan), y, z, status, 0)
-    multipliers = np.zeros(len(h)) if found.z is None else found.z
-    z[high] += multipliers[: int(high.sum())]
-    z[low] -= multipliers[int(high.sum()) :]
-    y = y if found.y is None else np.asarray(found.y)
-    return QPSolution(np.asarray(found.x), y, z, QPStatus.SOLVED, 0)
