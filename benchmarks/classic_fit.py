@@ -2,10 +2,12 @@
 
     python -m benchmarks.classic_fit DATA [--only NAME ...] [--budget SECONDS] [--json FILE]
 
-DATA is the folder with the recorded logs. Both see the same logs, band, weights and folds; what is
+DATA is the folder with the recorded logs. All see the same logs, band, weights and folds; what is
 left is held out: each fold predicted by numbers that were fitted without it. The classic fit is
-`wbc identify`: base parameters, rotor inertias, viscous and Coulomb friction, offsets. Beside each
-ratio stands its standard error: blocks of the logs are drawn with replacement, the same for both.
+`wbc identify`: base parameters, rotor inertias, viscous and Coulomb friction, offsets. The ratio is
+that to the best plain fit at each joint: the robot as given, friction and offset of each joint, the
+classic fit. Its standard error is that of the ratio to the classic fit: blocks of the logs are
+drawn with replacement, the same for both.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from rich.table import Table
 from benchmarks.recorded import run_on_machines
 from wbc.arrays import FloatArray
 from wbc.identification import diagnose
+from wbc.identification.choice.plain_models import FRICTION, at_all_joints
 from wbc.identification.classic import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -46,12 +49,18 @@ def measure(
     start = time.process_time()
     diagnosis = diagnose(robot, logs, budget=budget)
     seconds = time.process_time() - start
-    left = left_by(problem, problem.fit(diagnosis.effects))
+    kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
+    left, friction = (
+        left_by(problem, problem.fit(effects)) if effects else problem.residual[:, kept]
+        for effects in (diagnosis.effects, at_all_joints(problem, FRICTION))
+    )
+    plain = np.minimum(classic.before, rms(friction))
     result = {
         "joints": list(classic.joints),
         "before": classic.before.tolist(),
         "classic": classic.left.tolist(),
-        "diagnosis": np.sqrt(np.mean(left**2, axis=0)).tolist(),
+        "best": np.minimum(classic.left, plain).tolist(),
+        "diagnosis": rms(left).tolist(),
         "ratio_error": ratio_error(left, classic.residual, problem.blocks).tolist(),
         "preparation_seconds": prepared,
         "classic_seconds": classic_seconds,
@@ -64,6 +73,11 @@ def measure(
         ],
     }
     return result, table_of(machine, result)
+
+
+def rms(left: FloatArray) -> FloatArray:
+    """Return (outputs,) the root mean squares of what is left (rows, outputs)."""
+    return np.asarray(np.sqrt(np.mean(left**2, axis=0)))
 
 
 def left_by(problem: EstimationProblem, fit: Fit) -> FloatArray:
@@ -92,11 +106,12 @@ def ratio_error(left: FloatArray, other: FloatArray, blocks: np.ndarray) -> Floa
 
 def table_of(name: str, result: dict[str, Any]) -> Table:
     """Return one machine's table."""
-    table = Table("joint", "before", "classic", "diagnosis", "ratio", box=None, title=name)
-    keys = "joints", "before", "classic", "diagnosis", "ratio_error"
-    for joint, before, classic, found, error in zip(*(result[key] for key in keys), strict=True):
-        numbers = (f"{x:.3g}" for x in (before, classic, found))
-        table.add_row(joint, *numbers, f"{found / classic:.3f} ± {error:.3f}")
+    heads = "joint", "before", "classic", "best plain", "diagnosis", "ratio"
+    table = Table(*heads, box=None, title=name)
+    keys = "joints", "before", "classic", "best", "diagnosis", "ratio_error"
+    for joint, *numbers, error in zip(*(result[key] for key in keys), strict=True):
+        shown = (f"{x:.3g}" for x in numbers)
+        table.add_row(joint, *shown, f"{numbers[-1] / numbers[-2]:.3f} ± {error:.3f}")
     table.caption = (
         f"rms held out [N m]; classic {result['classic_numbers']} numbers, "
         f"{result['classic_seconds']:.1f} CPU s; diagnosis {result['verdict']}, "

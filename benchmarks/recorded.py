@@ -26,7 +26,24 @@ MACHINES = {
     "tiago": "tiago/tiago.parquet",
     "go2": "go2_position_control/go2_air.parquet",
     "xl330_pendulum": "bam_servo/bam.parquet#xl330*",
+    "simple_pendulum": "simple_pendulum/direct_collocation.parquet simple_pendulum/ddp.parquet",
+    "ricmonk": "ricmonk/TVLQR_3xForward.parquet#* ricmonk/TVLQR_6xForward.parquet#*",
 }
+"""Robots of this repository -> their logs."""
+_BENCH = "tmotor_ak80"
+_RUNS = "sysid_1 sysid_2 opposing_2"
+BESIDE = {
+    "tmotor_current": (f"{_BENCH}/robot.toml", f"{_BENCH}/current.toml", _BENCH, _RUNS),
+    "tmotor_position": (
+        f"{_BENCH}/robot.toml",
+        f"{_BENCH}/with_position/columns.toml",
+        f"{_BENCH}/with_position",
+        _RUNS,
+    ),
+    "tmotor_final_8": (f"{_BENCH}/robot.toml", f"{_BENCH}/current.toml", _BENCH, "final_8"),
+    "tmotor_command": (f"{_BENCH}/robot.toml", f"{_BENCH}/command.toml", _BENCH, "sysid_1 sysid_2"),
+}
+"""Machines whose description lies with the logs -> robot, column map, folder and runs."""
 
 
 def run_on_machines(
@@ -42,18 +59,30 @@ def run_on_machines(
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("data", type=Path)
-    parser.add_argument("--only", nargs="+", choices=MACHINES, default=list(MACHINES))
+    parser.add_argument(
+        "--only", nargs="+", choices=[*MACHINES, *BESIDE], default=[*MACHINES, *BESIDE]
+    )
     parser.add_argument("--budget", type=float, default=inf, help="of each diagnosis [s]")
     parser.add_argument("--json", metavar="FILE")
     options = parser.parse_args()
     console = Console()
     results = {}
     for name in options.only:
-        path = options.data / MACHINES[name]
-        if not Path(str(path).partition("#")[0]).exists():
-            console.print(f"{name}: no logs at {path}")
+        robot, columns, files = _given(options.data, name)
+        if missing := [f for f in files if not Path(f.partition("#")[0]).exists()]:
+            console.print(f"{name}: no logs at {missing[0]}")
             continue
-        logs = load_logs([str(path)], ROBOTS / name / "columns.toml")
-        results[name], table = measure(name, load_robot(name).lossless(), logs, options.budget)
+        logs = load_logs(files, columns if columns.exists() else None)
+        results[name], table = measure(name, load_robot(robot).lossless(), logs, options.budget)
         console.print(table)
     finish(console, results, options.json)
+
+
+def _given(data: Path, name: str) -> tuple[str, Path, list[str]]:
+    """Return the robot of a machine, its column map and its logs."""
+    if name in MACHINES:
+        files = [str(data / file) for file in MACHINES[name].split()]
+        return name, ROBOTS / name / "columns.toml", files
+    robot, columns, folder, runs = BESIDE[name]
+    files = [str(data / folder / f"{run}.parquet") for run in runs.split()]
+    return str(data / robot), data / columns, files

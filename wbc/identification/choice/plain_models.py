@@ -52,17 +52,18 @@ def plain_models(
     links = LinkInertias if LinkInertias.places(robot) else LinkInertia
     drawn = [links.at(w, links.null_values(robot, w)) for w in links.places(robot)]
     parts = (
-        _at_all_joints(problem, FRICTION),
-        (*_at_all_joints(problem, (RotorInertia,)), *drawn),
-        _at_all_joints(problem, (TorqueConstant,)),
-        _at_all_joints(problem, (LoadFriction,)),
+        at_all_joints(problem, FRICTION),
+        (*at_all_joints(problem, (RotorInertia,)), *drawn),
+        at_all_joints(problem, (TorqueConstant,)),
+        at_all_joints(problem, (LoadFriction,)),
     )
     allowed = [tuple(e for e in part if isinstance(e, tuple(classes))) for part in parts]
     growing = [sum(allowed[: k + 1], ()) for k in range(len(allowed))]
     return tuple(dict.fromkeys(offer for offer in growing if offer))
 
 
-def _at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> tuple[Effect, ...]:
+def at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> tuple[Effect, ...]:
+    """Return effects that change nothing yet, at every judged joint that moves."""
     robot = problem.robot
     moving = np.setdiff1d(problem.judged_joints, still_joints(problem.records)).tolist()
     return tuple(
