@@ -109,6 +109,9 @@ def test_numbers_are_as_deep_as_they_are_known() -> None:
     # Never so few that the interval becomes a point, or much wider than it is.
     assert with_interval(0.345, 0.3449, 0.3451) == ("0.3450", "0.3449 … 0.3451")
     assert with_interval(30.0, 12.0, 55.0)[0] == "30"
+    # Friction of a recorded arm was printed as 0.1 (0.0 … 0.1).
+    assert with_interval(0.0699, 0.0412, 0.0986) == ("0.070", "0.041 … 0.099")
+    assert with_interval(0.143, 0.118, 0.168) == ("0.14", "0.12 … 0.17")
     # A number that logs do not tell was printed with 110 digits.
     assert with_interval(1.0, -1e110, 1e110) == ("1.000", "−1.000e+110 … 1.000e+110")
     assert plain(np.nan) == "–"

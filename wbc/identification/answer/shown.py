@@ -118,12 +118,13 @@ def with_unit(value: float, unit: str, digits: int = 4) -> str:
 def with_interval(value: float, low: float, high: float) -> tuple[str, str]:
     """Return a value and its interval in steps of at most twice the interval's width.
 
-    Finer where the ends would read the same.
+    Finer where the ends would read the same, and with two digits of the larger end at least.
     """
     width = abs(high - low)
     if not 0.0 < width < _LONG:
         return plain(value, 4), f"{plain(low, 4)} … {plain(high, 4)}"
-    places = max(0, math.ceil(-math.log10(2.0 * width)))
+    two = 1 - math.floor(math.log10(max(abs(low), abs(high))))
+    places = max(0, two, math.ceil(-math.log10(2.0 * width)))
     if f"{low:.{places}f}" == f"{high:.{places}f}":
         places += 1
     if places > 6:
