@@ -22,7 +22,13 @@ from wbc.identification.answer.diagnosis import (
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import Answer, model_to_use
 from wbc.identification.answer.ranking import correlation_of, rank_hypotheses, with_covariances
-from wbc.identification.answer.remainder import Attainable, Remainder, describe, remainders
+from wbc.identification.answer.remainder import (
+    Attainable,
+    Remainder,
+    common_trait,
+    describe,
+    remainders,
+)
 from wbc.identification.answer.shown import series_of
 from wbc.identification.answer.words import joined, only_noise
 from wbc.identification.choice.find_causes import (
@@ -127,6 +133,8 @@ def diagnose(
     left = remainders(problem, fit) if answer.more else ()
     correlation = correlation_of(problem, fit)
     findings = describe_findings(problem, fit, support, alternatives, correlation, classes)
+    doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
+    several = len({name for name, _ in doubtful}) > 1
     known = {c.name: c for c in classes}
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     return Diagnosis(
@@ -152,6 +160,7 @@ def diagnose(
         sources=tuple(log.source for log in logs),
         silent=problem.silent,
         band=problem.records[0].bandwidth.residual,
+        trait=common_trait(problem, fit, doubtful) if several else "",
     )
 
 

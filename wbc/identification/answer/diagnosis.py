@@ -190,6 +190,7 @@ class Diagnosis:
         sources: where the logs came from.
         band: [Hz] that was read of torques; NaN where it is not known.
         silent: joints whose drives report only noise; set aside unless no other drive reports.
+        trait: what several doubtful causes add together, in words; empty without several.
     """
 
     verdict: Verdict
@@ -209,6 +210,7 @@ class Diagnosis:
     sources: tuple[LogSource, ...] = ()
     silent: tuple[str, ...] = ()
     band: float = np.nan
+    trait: str = ""
 
     def effect_rows(self) -> TextTable:
         """Return the effects found; one with a single number takes a single line."""
@@ -373,6 +375,7 @@ class Diagnosis:
             "joints": {o.output: o for o in self.outputs},
             "steps": self.steps,
             "remainder": self.remainder,
+            "trait": self.trait,
             "warnings": self.warnings,
             "ranking": [row.to_json() for row in self.ranking],
             "correlation": {

@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.answer.shown import plain
+from wbc.identification.choice.weighing.hypothesis import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
@@ -268,6 +269,36 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
 def describe(left: Sequence[Remainder]) -> str:
     """Return a sentence per output: how much is left, and on what it depends."""
     return " ".join(one.text for one in left)
+
+
+def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) -> str:
+    """Return how much torque some causes of a fit add together, and on what it depends, in words.
+
+    Several small causes may stand for one that is in no list: what they share tells more of it than
+    each of them does.
+
+    Args:
+        problem: the logs.
+        fit: with these causes and others.
+        causes: names and places of some of them.
+    """
+    without = problem.robot.with_effects(*(e for e in fit.effects if e.key not in causes))
+    records, robot = problem.records, problem.robot
+    parts = [
+        condensed_residual(without, [record]) - condensed_residual(fit.robot, [record])
+        for record in records
+    ]
+    sizes = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
+    floors = sizes / problem.floor.values
+    floors[list(problem.floor.aside)] = 0.0
+    worst = int(np.argmax(floors))
+    name = output_names(robot)[worst]
+    own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
+    clues = [f"{b.variable} ({100.0 * b.share:.0f} %)" for b in own[:_CLUES]]
+    follows = f"follows {', '.join(clues)}" if clues else "follows no single variable"
+    return (
+        f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
+    )
 
 
 def _elsewhere(

@@ -53,10 +53,11 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what a diagnosis says: which causes, how far the error falls, what is doubtful."""
     doubtful = [f for f in diagnosis.findings if f.support.group_probability < EVEN]
-    return " ".join(part for part in (_verdict_sentence(diagnosis), _doubt(doubtful)) if part)
+    doubt = _doubt(doubtful, diagnosis.trait)
+    return " ".join(part for part in (_verdict_sentence(diagnosis), doubt) if part)
 
 
-def _doubt(findings: Sequence[Finding]) -> str:
+def _doubt(findings: Sequence[Finding], trait: str) -> str:
     """Say which causes are in the model for their torque, whatever their name; empty for none."""
     if not findings:
         return ""
@@ -64,9 +65,10 @@ def _doubt(findings: Sequence[Finding]) -> str:
     for finding in findings:
         places[finding.effect.name] += 1
     said = joined([spoken(n) + (f" at {k} places" if k > 1 else "") for n, k in places.items()])
+    together = f" Together they add {trait}: one other cause may do all of it." if trait else ""
     return (
         f"Doubtful: {said}. The model predicts better with this torque, but the name may stand in "
-        "for something else."
+        f"for something else.{together}"
     )
 
 
@@ -95,23 +97,27 @@ def _verdict_sentence(diagnosis: Diagnosis) -> str:
             what = "missing or different" if _replaced(sure) else "missing"
             others = _sum_up([f for f in likely if f not in sure])
             rest = f"Likely, or in place of something else: {others}. " if others else ""
-            return (
-                f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. {rest}More is "
-                "missing that no known effect explains."
+            more = (
+                "More is missing that no known effect explains."
+                if diagnosis.remainder or not others
+                else "One cause that is in no list may stand behind several of these."
             )
+            return f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. {rest}{more}"
         case "unknown":
             noise = only_noise(diagnosis.silent)
             if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
                 return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
-            rest = f"that no known effect explains ({_left(diagnosis)})"
-            used = f"The model found predicts better all the same. {_progress(diagnosis)}."
-            said = (
-                f"Something is missing in the model {rest}.",
-                f"Likely: {found}." if found else "",
-                used if diagnosis.findings else "",
-                f"{noise}." if noise else "",
-            )
-            return " ".join(sentence for sentence in said if sentence)
+            if not diagnosis.findings:
+                said = [f"Something is missing that no known effect explains ({_left(diagnosis)})."]
+            else:
+                said = ["Something is missing in the model, and no cause of it is certain."]
+                said += [f"Likely: {found}."] if found else []
+                said.append(
+                    f"The model found predicts better all the same. {_progress(diagnosis)}."
+                )
+                rest = f"No known effect explains the rest: {_left(diagnosis)}."
+                said += [rest] if diagnosis.remainder else []
+            return " ".join([*said, f"{noise}."] if noise else said)
         case "not_repeatable":
             return (
                 f"Runs that repeat one another disagree{_scatter(diagnosis)}. So nothing can be "
