@@ -44,7 +44,6 @@ from wbc.view.rows import (
     clock_rows,
     formula_rows,
     open_loop_rows,
-    output_rows,
     short_label,
 )
 
@@ -121,7 +120,6 @@ def write_report(
         "comparison": comparison,
         "discovery": discovery,
         "formulas": discovery and formula_rows(discovery),
-        "outputs": output_rows(comparison),
         "left": comparison.error_rows() if diagnosis is None else diagnosis.left_rows(),
         "open_loop": open_loop_rows(simulated) if simulated else None,
         "not_simulated": simulated[-1].reason if simulated else "",

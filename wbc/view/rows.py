@@ -10,7 +10,7 @@ from wbc.identification.answer.shown import plain, told, with_deviation, with_in
 from wbc.tables import TextTable
 
 if TYPE_CHECKING:
-    from wbc.identification import Comparison, Contestant, OpenLoop
+    from wbc.identification import Contestant, OpenLoop
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
     from wbc.identification.servo import Rollouts
@@ -31,15 +31,6 @@ def short_label(label: str) -> str:
     """Return the name of a log without its folders."""
     path, mark, part = label.partition("#")
     return "+".join(Path(file).name for file in path.split("+")) + mark + part
-
-
-def output_rows(comparison: Comparison) -> TextTable:
-    """Return what else a comparison says of the residual of every output."""
-    told = ((o, (o.acceleration, o.correlation_time, o.frequency)) for o in comparison.outputs)
-    return TextTable.of(
-        "output|>acceleration error [rad/s²]|>correlation time [s]|>peak frequency [Hz]",
-        ((o.output, *(plain(x, 2) for x in numbers)) for o, numbers in told),
-    )
 
 
 def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:

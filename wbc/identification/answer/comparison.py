@@ -8,7 +8,6 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
@@ -29,7 +28,7 @@ from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import block_means
 from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import Record, output_names, output_units
+from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
@@ -50,23 +49,15 @@ class OutputError:
         output: joint (torque at the motor output) or undriven coordinate (wrench).
         unit: of `rms`, `floor` and `size`.
         rms: root mean square of the residual.
-        rotor_rms: the same on the rotor [N m]; NaN for an undriven coordinate.
         floor: root mean square that noise alone leaves.
         size: root mean square of the measured torque; NaN for an undriven coordinate.
-        acceleration: rms error of the acceleration predicted from the torque [rad/s^2].
-        correlation_time: time after which the residual's autocorrelation falls below 1/e [s].
-        frequency: where the residual's spectrum peaks [Hz].
     """
 
     output: str
     unit: str
     rms: float
-    rotor_rms: float
     floor: float
     size: float
-    acceleration: float
-    correlation_time: float
-    frequency: float
 
     @property
     def ratio(self) -> float:
@@ -217,9 +208,8 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
     ends = np.cumsum([record.rows for record in records])
     residuals = np.split(problem.residual, ends[:-1])
     whitened = problem.residual @ problem.whitening
-    accelerations = [_acceleration_error(r, e) for r, e in zip(records, residuals, strict=True)]
     series = series_of(problem.robot, records)
-    outputs = _outputs(problem, residuals, accelerations, series)
+    outputs = _outputs(problem, series)
     shown = {output.output for output in outputs}
     return Comparison(
         robot=problem.robot,
@@ -233,84 +223,21 @@ def compare_problem(problem: EstimationProblem, sources: tuple[LogSource, ...] =
     )
 
 
-def _outputs(
-    problem: EstimationProblem,
-    residuals: Sequence[FloatArray],
-    accelerations: Sequence[FloatArray],
-    series: Sequence[Series],
-) -> tuple[OutputError, ...]:
-    gears = problem.robot.transmission
-    record = problem.records[0]
-    step = record.stride / record.rate
-    measured = np.concatenate([s.measured for s in series])
-    units, found = output_units(problem.robot), []
-    unknown = without_links(problem.robot)
-    for column, name in enumerate(output_names(problem.robot)):
-        if column in unknown:
-            continue
-        driven = column < gears.size
-        rms = _rms([r[:, column] for r in residuals])
-        found.append(
-            OutputError(
-                output=name,
-                unit=units[column],
-                rms=rms,
-                rotor_rms=rms / abs(float(gears.gear_ratio[column])) if driven else np.nan,
-                floor=float(problem.floor.values[column]),
-                size=_rms([measured[:, column]]) if driven else np.nan,
-                acceleration=_rms([a[:, column] for a in accelerations]),
-                correlation_time=_correlation_time([r[:, column] for r in residuals], step),
-                frequency=_peak([r[:, column] for r in residuals], step),
-            )
-        )
-    return tuple(found)
+def _outputs(problem: EstimationProblem, series: Sequence[Series]) -> tuple[OutputError, ...]:
+    units, unknown = output_units(problem.robot), without_links(problem.robot)
+    size = problem.robot.transmission.size
+    given = np.full(len(units), np.nan)
+    given[:size] = _rms(np.concatenate([s.measured for s in series]))[:size]
+    left, floor = _rms(problem.residual), problem.floor.values
+    return tuple(
+        OutputError(name, units[k], float(left[k]), float(floor[k]), float(given[k]))
+        for k, name in enumerate(output_names(problem.robot))
+        if k not in unknown
+    )
 
 
-def _rms(parts: Sequence[FloatArray]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-
-
-def _acceleration_error(record: Record, residual: FloatArray) -> FloatArray:
-    """Return (rows, m + b) the acceleration that the unexplained torque would cause.
-
-    One step of forward dynamics is linear in torque: a_model - a = -M^-1 r, with the rotors'
-    inertia behind their gears and the measured contact forces.
-    """
-    robot = record.robot
-    gears = robot.transmission
-    order = np.concatenate([robot.actuated, robot.unactuated])
-    lift = np.linalg.inv(gears.topology)
-    rotors = lift.T @ np.diag(gears.reflected_inertia) @ lift
-    model = record.model_of(robot)
-    data = model.createData()
-    errors = np.empty_like(residual)
-    m = gears.size
-    for row, q in enumerate(record.thinned(record.motion.position)):
-        mass = pin.crba(model, data, q)
-        mass = np.triu(mass) + np.triu(mass, 1).T
-        mass[np.ix_(robot.actuated, robot.actuated)] += rotors
-        force = np.concatenate([lift.T @ residual[row, :m], residual[row, m : order.size]])
-        errors[row, : order.size] = np.linalg.solve(mass[np.ix_(order, order)], force)
-    errors[:, order.size :] = errors[:, robot.sensed]
-    return errors
-
-
-def _correlation_time(parts: Sequence[FloatArray], step: float) -> float:
-    longest = min(len(part) for part in parts) // 2
-    total = np.zeros(longest)
-    for part in parts:
-        power = np.abs(np.fft.rfft(part, 2 * len(part))) ** 2
-        total += np.fft.irfft(power)[:longest]
-    if total[0] <= 0.0:
-        return 0.0
-    below = np.flatnonzero(total / total[0] < np.exp(-1.0))
-    return float(below[0] * step) if below.size else float(longest * step)
-
-
-def _peak(parts: Sequence[FloatArray], step: float) -> float:
-    longest = max(parts, key=len)
-    power = np.abs(np.fft.rfft(longest - longest.mean())) ** 2
-    return float(np.fft.rfftfreq(len(longest), step)[int(np.argmax(power))])
+def _rms(rows: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(rows**2, axis=0)))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.gear.yielding_gear import YieldingGear
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
-from wbc.identification.answer.doubts import absent_ties, disagreements, force_sensor_doubts
+from wbc.identification.answer.doubts import absent_ties, disagreements
 from wbc.identification.answer.ranking import Correlation
 from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.weighing.certainty import Support
@@ -55,7 +55,6 @@ def describe_findings(
     bounds = interval_bounds(fit, problem.blocks, distortion)
     related = _moving_together(fit, correlation)
     stray = disagreements(problem.records, fit)
-    sensors = force_sensor_doubts(problem, fit)
     tied = absent_ties(problem, fit, classes)
     findings = []
     for k, effect in enumerate(fit.effects):
@@ -86,8 +85,7 @@ def describe_findings(
         if about:
             warnings = []  # they are about parameters that nobody checks
         warnings += [*about, *effect.search.remarks(effect, problem.robot)]
-        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k]]
-        warnings += [*stray[k], *sensors[k]]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k], *stray[k]]
         rivals = tuple(Alternative(*key) for key in alternatives[k])
         own = support[effect.key]
         findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
