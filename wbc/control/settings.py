@@ -57,7 +57,7 @@ class ControllerSettings:
     solver: str = "daqp"
     tolerance: float = 1e-7
     max_iterations: int = 1000
-    max_rounds: int = 6
+    max_rounds: int = 9
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     contact_ramp: float = 0.02
