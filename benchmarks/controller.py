@@ -1,6 +1,6 @@
 """Time of one tick of the controller, beside its peers on the same robot, tasks and states.
 
-    python -m benchmarks.controller [rounds] [robot ...] [--peers]
+    python -m benchmarks.controller [rounds] [robot ...] [--peers] [--flight]
 
 Every round runs a motion of 4000 ticks with contact changes; blocks of ticks alternate between all
 contestants, so that a machine whose speed drifts slows all of them alike: only ratios count. Times
@@ -8,6 +8,7 @@ are of one thread. Median and 99th percentile are of processor time; "wall p99" 
 with a clock saw. Of several rounds the least time of each tick counts: other programs that share
 caches and cores stretch processor time as well. A peer that is not there is named as absent.
 `--peers` leaves out all but the dissipative controller and its peers: seconds instead of minutes.
+With `--flight` the robot falls without contacts. "foot up" is the median of the ticks without all.
 
 Every contestant keeps torque limits, and stops and speeds of joints, and knows a Coulomb friction
 of 0.1 N m at every joint; peers, which have none, add it to their torques.
@@ -51,16 +52,21 @@ PEERS = (
 
 
 def main():
-    given = [word for word in sys.argv[1:] if word != "--peers"]
+    given = [word for word in sys.argv[1:] if word not in ("--peers", "--flight")]
     rounds, only_peers = int(given[0]) if given else 1, "--peers" in sys.argv
+    flies = "--flight" in sys.argv
     names = given[1:] or ROBOTS
     console, messages = Console(width=110), set()
     console.print(machine())
-    times = Table("robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio")
+    titles = "robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio", "foot up"
+    times = Table(*titles, "ratio")
     for name in names:
-        robot, states = scene(name, TICKS)
+        robot, states = scene(name, TICKS, flies=flies)
+        feet = max(len(tick.contacts or ()) for tick in states)
+        up = [tick.contacts is not None and len(tick.contacts) < feet for tick in states]
+        up = np.array(up) if any(up) else np.ones(TICKS, dtype=bool)
         found = compare(robot, states, rounds, messages, only_peers)
-        base = np.median(found["dissipative"][:, 0])
+        base, least = (np.median(found["dissipative"][rows, 0]) for rows in (slice(None), up))
         for contestant, taken in found.items():
             middle, high = np.median(taken[:, 0]), np.percentile(taken[:, 0], 99)
             times.add_row(
@@ -71,6 +77,8 @@ def main():
                 f"{high / middle:.1f}",
                 f"{np.percentile(taken[:, 1], 99):.0f}",
                 f"{middle / base:.2f}",
+                f"{np.median(taken[up, 0]):.0f}",
+                f"{np.median(taken[up, 0]) / least:.2f}",
             )
         times.add_section()
     console.print(times)

@@ -126,10 +126,11 @@ def stance(robot, phase):
     return limits
 
 
-def motion(robot, ticks, *, step=1e-3, rate=0.25):
+def motion(robot, ticks, *, step=1e-3, rate=0.25, flies=False):
     """Return the states of a squat while the weight goes round, as the controller itself moves.
 
-    The gears are ideal. On four feet or two, one foot after the other is lifted from its load.
+    The gears are ideal. On four feet or two, one foot after the other is lifted from its load. One
+    that flies falls freely and has no contacts.
     """
     q = standing(robot)
     terms = evaluate(robot, q, np.zeros(robot.model.nv))
@@ -152,8 +153,12 @@ def motion(robot, ticks, *, step=1e-3, rate=0.25):
         size = eased * (reach + np.array([0.0, 0.0, depth]))
         com = turning * size * np.array([[1.0], [turn], [turn**2]])
         com[0] += start
+        if flies:
+            time = tick * step
+            fall = np.array([0.0, 0.0, -9.81])
+            com = np.array([start + 0.5 * time**2 * fall, time * fall, fall])
         references = {"center_of_mass": Reference(com[0, rows], com[1, rows], com[2, rows])}
-        contacts = None if tick < 500 else stance(robot, phase)
+        contacts = {} if flies else None if tick < 500 else stance(robot, phase)
         states.append(Tick(Motion(q.copy(), v.copy()), references, com, contacts))
         command = drive.step(states[-1].motion, references, contacts)
         if not command.status.usable:
@@ -163,10 +168,10 @@ def motion(robot, ticks, *, step=1e-3, rate=0.25):
     return states
 
 
-def scene(name, ticks):
+def scene(name, ticks, *, flies=False):
     """Return a robot by name, with Coulomb friction at every joint, and its motion."""
     robot = load_robot(name)
-    kind, states = EFFECTS["coulomb_friction"], motion(robot.lossless(), ticks)
+    kind, states = EFFECTS["coulomb_friction"], motion(robot.lossless(), ticks, flies=flies)
     value = {kind.parameters[0].name: FRICTION}
     joints = robot.transmission.joints
     return robot.with_effects(*[kind.at(joint, value) for joint in joints]), states

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from math import sqrt
 from typing import Any, ClassVar, NamedTuple
@@ -210,6 +211,7 @@ class AxesTask(StateTask):
         return slice(chosen.start + first, chosen.stop + first, chosen.step)
 
 
+@cache
 def axis_rows(axes: str, task: str) -> slice:
     """Return the rows that the letters of `axes` name, as a slice: views instead of copies.
 

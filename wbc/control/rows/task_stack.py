@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -277,8 +277,8 @@ class TaskStack:
         """Write a target to where the tick reads it."""
         if entry.goals is not None:
             entry.goals[:] = target
-        elif entry.place is not None and isinstance(entry.task, StateTask):
-            entry.task.pack(target, entry.place)
+        elif entry.place is not None:
+            cast(StateTask, entry.task).pack(target, entry.place)
         self._pending[entry.name] = self._packed[entry.name] = target
         self._stale = True
 
