@@ -110,22 +110,12 @@ def test_mistakes_are_named_with_their_place(
         load_robot(path)
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("value = 0.8", "value = 1.3"),
-        ("value = 0.8", "value = 0.0"),
-        ("value = 0.8", "value = -0.5"),
-        ("value = 0.8", "value = nan"),
-        ("backward_efficiency = 0.5", "backward_efficiency = 1.5"),
-        ("gear_ratio = 20\n", "gear_ratio = 0\n"),
-        ("rotor_inertia = 6.67e-5", "rotor_inertia = -6.67e-5"),
-    ],
-)
-def test_numbers_outside_their_range(folder: Path, old: str, new: str) -> None:
-    assert old in LEG
-    with pytest.raises(TransmissionError):
-        load_robot(write(folder, LEG.replace(old, new, 1)))
+def test_numbers_outside_their_range(folder: Path) -> None:
+    """tests/transmission asks every field; here, both forms in which a description writes one."""
+    for old, new in (("value = 0.8", "value = 1.3"), ("inertia = 6.67e-5", "inertia = -6.67e-5")):
+        assert old in LEG
+        with pytest.raises(TransmissionError):
+            load_robot(write(folder, LEG.replace(old, new, 1)))
 
 
 def test_two_contacts_of_one_name(folder: Path) -> None:
