@@ -55,6 +55,7 @@ def test_maps_of_a_parallelogram() -> None:
     [
         ("forward_efficiency", [0.8, 0.0], "forward_efficiency of joint 'knee' is 0"),
         ("forward_efficiency", [1.2, 0.5], "'hip' is 1.2; it must be <= 1"),
+        ("forward_efficiency", [np.nan, 0.5], "finite"),
         ("backward_efficiency", [1.3, 0.5], "would create power"),
         # Less than 1/eta_f, and still more out than in while the joint drives.
         ("backward_efficiency", [1.1, 0.5], "'hip' is 1.1; it must be at most 1"),
