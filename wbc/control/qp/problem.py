@@ -130,12 +130,15 @@ class BlockProblem(NamedTuple):
 
     def cost(self, x: FloatArray) -> float:
         """Return the cost of x (n,); hard rows, and bounds that must be kept, cost nothing."""
-        kept, gives = self.softness[: self.soft] > 0.0, self.give > 0.0
-        misses = (self.rows[: self.soft] @ x - self.right[: self.soft])[kept]
-        passed = self.beyond(x)[gives]
-        cost = (0.5 * self.diagonal * x - self.pull) @ x
-        cost += 0.5 * misses @ (misses / self.softness[: self.soft][kept])
-        return float(cost + 0.5 * passed @ (passed / self.give[gives]))
+        softness = self.softness[: self.soft]
+        misses = self.rows[: self.soft] @ x - self.right[: self.soft]
+        weights = np.divide(1.0, softness, out=np.zeros(self.soft), where=softness > 0.0)
+        cost = (0.5 * self.diagonal * x - self.pull) @ x + 0.5 * misses @ (weights * misses)
+        if self.give.any():
+            gives = self.give > 0.0
+            passed = self.beyond(x)[gives]
+            cost += 0.5 * passed @ (passed / self.give[gives])
+        return float(cost)
 
 
 @compiled(Flag, Vector)

@@ -81,7 +81,7 @@ def solve(
         found = _solve_daqp(problem, tolerance, most, start)
     else:
         found = _solve_proxqp(problem, tolerance, most)
-    return found._replace(x=found.x[:n])
+    return found if len(found.x) == n else found._replace(x=found.x[:n])
 
 
 def _with_passings(problem: QPProblem, give: FloatArray) -> QPProblem:
@@ -137,6 +137,7 @@ def _solve_daqp(
         options["dual_start"] = np.concatenate([np.zeros(len(b)), start])
     limits = {"primal_tol": tolerance, "dual_tol": tolerance}
     x, _, flag, info = daqp.solve(H, g, rows, high, low, sense, **limits, **options)
-    y, z = np.split(np.asarray(info["lam"]), [len(b)])
+    multipliers = np.asarray(info["lam"])
+    y, z = multipliers[: len(b)], multipliers[len(b) :]
     status = _DAQP.get(int(flag), QPStatus.FAILED)
     return QPSolution(np.asarray(x), y, z, status, int(info["iterations"]))
