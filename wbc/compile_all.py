@@ -10,8 +10,8 @@ while the image of a robot's computer is built.
 from __future__ import annotations
 
 import os
-from collections import defaultdict
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def compiled_functions() -> dict[MachineCode, tuple[str, str]]:
 def compile_all(processes: int | None = None) -> int:
     """Compile every function that is not yet kept on disk; return how many there are.
 
-    Those that call no others come first, so that no two processes compile the same one.
+    Each after those that it calls, so that no two processes compile the same one.
 
     Args:
         processes: that work at once; None takes one for each processor.
@@ -46,18 +46,16 @@ def compile_all(processes: int | None = None) -> int:
         Exception: whatever the compiler says of a function.
     """
     functions = compiled_functions()
-    levels: dict[int, list[tuple[str, str]]] = defaultdict(list)
-    for function, place in functions.items():
-        levels[_level(function)].append(place)
+    order = TopologicalSorter({one: set(one.calls) & set(functions) for one in functions})
+    order.prepare()
+    jobs: dict[Future[None], MachineCode] = {}
     with ProcessPoolExecutor(processes or os.cpu_count()) as pool:
-        for level in sorted(levels):
-            list(pool.map(_compile, levels[level]))
+        while order.is_active():
+            jobs |= {pool.submit(_compile, functions[one]): one for one in order.get_ready()}
+            for job in wait(jobs, return_when=FIRST_COMPLETED).done:
+                job.result()
+                order.done(jobs.pop(job))
     return len(functions)
-
-
-def _level(function: MachineCode) -> int:
-    """Return how many compiled functions call each other below this one, at most."""
-    return max((1 + _level(called) for called in function.calls), default=0)
 
 
 def _compile(place: tuple[str, str]) -> None:
