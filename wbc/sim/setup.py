@@ -45,7 +45,8 @@ class Setup:
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
-        waits: whether a part needs Python in its middle, for effects or rotor coupling.
+        waits: whether a part needs Python in its middle: for effects that no table holds, for
+            efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
         yielding: (2 j + c,) barriers that are compliant.
     """
 
@@ -143,6 +144,9 @@ def prepare(
             f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
         )
     barriers, drive = Barriers(robot, terrain, space, tree, hulls), Drivetrain.of(robot)
+    effects, varying = PlantEffects.of(robot), bool(robot.varying_gears.any())
+    waits = bool(effects.hooks) or varying or robot.rotors_turn_with_links
+    laws = None if waits else effects.table
     setup = Setup(
         robot,
         space,
@@ -150,17 +154,17 @@ def prepare(
         barriers,
         restitution,
         return_speed,
-        PlantEffects.of(robot),
+        effects,
         frozen(np.zeros(space.model.nv)),
         frozen(np.zeros(barriers.size), bool),
         -robot.transmission.torque_limit,
         float(np.linalg.norm(space.model.gravity.linear)),
-        Core(robot, terrain, tree, drive, barriers, return_speed, compliance),
+        Core(robot, terrain, tree, drive, barriers, return_speed, compliance, laws),
         yielding=frozen(np.arange(barriers.size) >= barriers.limits, bool) & (compliance[0] > 0.0),
-        varying=bool(robot.varying_gears.any()),
+        varying=varying,
         meshed=any("meshed" in effect.acts_by for effect in robot.effects),
         flies=bool(len(free_bases(robot))),
-        waits=bool(robot.effects) or robot.rotors_turn_with_links,
+        waits=waits,
     )
     _check_rotors(setup)
     return setup

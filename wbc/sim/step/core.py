@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
+from wbc.effects.tables import EffectTable
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import UNSOLVED, WAYS
 from wbc.mechanics.rows import RowSystem
@@ -88,6 +89,7 @@ class Ended:
     position, velocity, motor_speed, impulse, gap = map(_cut, range(5))
     after, mesh_impulse, depth, pushes, deflection = map(_cut, range(5, 10))
     books, work, before, speed = map(_cut, range(10, 14))
+    force = _cut(15)
 
 
 class Struck(NamedTuple):
@@ -137,8 +139,9 @@ class Core:
         barriers: Barriers,
         return_speed: float,
         compliance: tuple[float, float],
+        laws: EffectTable | None,
     ) -> None:
-        """Keep what does not change and make room for the rest."""
+        """Keep what does not change and make room for the rest; loops evaluate `laws`."""
         bases = free_bases(robot)
         nq, nv, m = robot.model.nq, robot.model.nv, drive.size
         points, size, tangents = barriers.points, barriers.size, 1 if barriers.planar else 2
@@ -162,7 +165,7 @@ class Core:
         )
         stored = m + nv + size + tangents * barriers.contacts
         pushes = 3 * (points + len(barriers.pairs))
-        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv)
+        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv)
         ends = np.cumsum(sizes).tolist()
         self._cuts = tuple(map(slice, [0, *ends], ends))
         self._out, self._size = np.zeros(ends[-1]), size
@@ -181,8 +184,10 @@ class Core:
         bounds = return_speed, TOLERANCE, DRIFT, TOUCH, *compliance
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
-        self.plant = opened(tree, bases, obstacles, gears, barriers.bodies, bounds, ending, hit)
-        self._loose, self._drive = drive.any_loose, drive
+        self.plant = opened(
+            tree, bases, obstacles, gears, barriers.bodies, bounds, laws, ending, hit
+        )
+        self._loose, self._drive, self._pushed = drive.any_loose, drive, False
 
     def _ask_ground(self, what: int, time: float, later: float) -> None:
         """Fill gaps and normals, or speeds, of ground that only Python knows."""
@@ -265,11 +270,15 @@ class Core:
         return ended
 
     def _tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
-        """Give the loops what acts, beside what stays."""
+        """Give the loops what acts, beside what stays and what they evaluate."""
         told = self.plant.forces
         told.torque[:] = forces.rotor
-        told.joint[:] = forces.joint if external is None else forces.joint + external
-        told.friction[:] = 0.0 if forces.friction is None else forces.friction
+        if forces.friction is not None:
+            told.friction[:] = forces.friction
+            told.outer[:] = forces.joint if external is None else forces.joint + external
+        elif external is not None or self._pushed:
+            told.outer[:] = 0.0 if external is None else external
+            self._pushed = external is not None
 
     def _in_rows(self, state: SimState, kept: BoolArray, step: float) -> Any:
         """Return what `part_in_rows` does; the loops have been told motion and forces."""

@@ -122,9 +122,10 @@ class Flow:
         """
         setup, state, _, step, external, _, _ = self.given
         books, forces = self.end.books.tolist(), self.forces
-        joint, motor, stores, work, outer = forces.joint, books[MOTOR], EnergyFlow(), 0.0, 0.0
+        motor, stores, work, outer = books[MOTOR], EnergyFlow(), 0.0, 0.0
+        joint = self.end.force if external is None else self.end.force - external
         if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
-            joint = forces.joint - forces.kept_joint
+            joint = joint - forces.kept_joint
             before = setup.drive.motion(state)[1]
             turned = 0.5 * step * setup.drive.ratio * (before + self.end.motor_speed)
             motor -= float(forces.kept_rotor @ turned)
@@ -206,7 +207,7 @@ def _once(given: PartInput) -> Flow:
         setup.tell_losses(position, velocity)
         setup.tell_coupling(position, velocity)
     else:
-        forces = EffectForces(setup.still, None, command, ())
+        forces = EffectForces(setup.still, None, setup.effects.delivered(command), ())
     try:
         found = core.part(state, setup.waits, forces, external, kept, step)
     finally:

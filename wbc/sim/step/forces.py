@@ -108,7 +108,7 @@ class PlantEffects:
         joint, dry = np.empty(len(at[1])), np.empty(len(at[1]))
         fill_joint_torques(self.table.joints, self.table.numbers, at[0], at[1], joint, dry)
         if not self.hooks:
-            return EffectForces(joint, dry, self._delivered(command), ())
+            return EffectForces(joint, dry, self.delivered(command), ())
         motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
         motion = motion.replace(mesh_torque=mesh)
         kept_joint, kept_rotor = np.zeros(len(joint)), np.zeros(len(command))
@@ -133,7 +133,7 @@ class PlantEffects:
             level = effect.joint_friction(self.robot, seen[i])
             if level is not None:
                 dry += level
-        rotor = self._delivered(np.ascontiguousarray(rotor))
+        rotor = self.delivered(np.ascontiguousarray(rotor))
         for effect, view in zip(self.hooks, seen, strict=True):
             added = effect.rotor_torque(self.robot, view)
             if added is not None:
@@ -144,7 +144,7 @@ class PlantEffects:
             joint, dry, rotor, tuple(following), kept_joint, kept_rotor, tuple(stores)
         )
 
-    def _delivered(self, command: FloatArray) -> FloatArray:
+    def delivered(self, command: FloatArray) -> FloatArray:
         """Return what the drives of the table give for a command (m,)."""
         if not self.on_drives:
             return command

@@ -29,6 +29,7 @@ from wbc.compiled import (
     group,
     local,
 )
+from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import bias_at
 from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
@@ -163,7 +164,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
     bias = np.empty(len(free))
     bias_of(plant.tree, plant.flight, plant.placed, speed, bias)
     for i in range(len(free)):
-        free[i] = step * (plant.forces.joint[i] - bias[i])
+        free[i] = step * (plant.end.force[i] - bias[i])
     halfway(rows.lower, free.reshape(-1, 1))
     rest_of_way(rows.lower, free)
     for i in range(len(free)):
@@ -268,6 +269,19 @@ def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
         rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
 
 
+@compiled(Nothing, OPENED, counted=False)
+def act(plant: Opened) -> None:
+    """Write the forces in the middle, and the level of dry friction."""
+    forces, end = plant.forces, plant.end
+    if len(forces.joints):
+        q, v = end.middle, end.speed
+        fill_joint_torques(forces.joints, forces.numbers, q, v, end.force, forces.friction)
+    else:
+        end.force[:] = 0.0
+    for i in range(len(forces.outer)):
+        end.force[i] += forces.outer[i]
+
+
 @compiled(ROWS, OPENED, ACTING)
 def rows_of(plant: Opened, acting: Acting) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
@@ -277,6 +291,7 @@ def rows_of(plant: Opened, acting: Acting) -> PartRows:
         acting: what the part starts from.
     """
     end, rubbing, touches = plant.end, 0, False
+    act(plant)
     for c in range(len(acting.v)):
         rubbing += rubs_alone(plant, c)
     for i in range(len(end.closed)):

@@ -9,6 +9,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
+    Dense,
     Flag,
     OutDense,
     OutFlags,
@@ -17,6 +18,7 @@ from wbc.compiled import (
     Table,
     compiled,
 )
+from wbc.effects.tables import EffectTable
 from wbc.mechanics.tree import Tree
 from wbc.structures import Structure
 
@@ -147,16 +149,20 @@ class Flight(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Memory for what acts over a part beside gravity and the gears' losses.
+    """What acts over a part beside gravity and the gears' losses.
 
     Attributes:
-        torque: (m,) [N m] on the rotors.
-        joint: (nv,) generalised forces of effects and from outside.
-        friction: (nv,) level of dry friction.
+        joints, numbers: effects that loops evaluate in the middle, see `EffectTable`; empty where
+            Python does.
+        torque: (m,) memory: [N m] on the rotors.
+        outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
+        friction: (nv,) memory: level of dry friction.
     """
 
+    joints: IntArray
+    numbers: FloatArray
     torque: FloatArray
-    joint: FloatArray
+    outer: FloatArray
     friction: FloatArray
 
 
@@ -178,6 +184,7 @@ class Ending(NamedTuple):
         work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
         middle, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
+        force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
     """
@@ -197,6 +204,7 @@ class Ending(NamedTuple):
     middle: FloatArray
     speed: FloatArray
     rate: FloatArray
+    force: FloatArray
     moved: FloatArray
     closed: BoolArray
 
@@ -285,7 +293,9 @@ _BODIES = Structure(
     frictions=OutDense,
     slots=OutTable,
 )
-_FORCES = Structure("Forces", **dict.fromkeys(Forces._fields, OutRow))
+_FORCES = Structure(
+    "Forces", joints=Table, numbers=Dense, torque=OutRow, outer=OutRow, friction=OutRow
+)
 _ENDING = Structure("Ending", **dict.fromkeys(Ending._fields[:-1], OutRow), closed=OutFlags)
 _HIT = Structure("Hit", **dict.fromkeys(Hit._fields[:5], OutRow), fresh=OutFlags, closed=OutFlags)
 TREE, OBSTACLES, GEARS = _TREE.kind, _OBSTACLES.kind, _GEARS.kind
@@ -318,12 +328,20 @@ def opened(
     gears: Gears,
     bodies: Bodies,
     bounds: tuple[float, ...],
+    laws: EffectTable | None,
     ending: dict[str, Any],
     hit: dict[str, Any],
 ) -> Opened:
-    """Return a plant's numbers and memory as the structure that compiled loops read and write."""
+    """Return a plant's numbers and memory as the structure that compiled loops read and write.
+
+    The effects of `laws` are evaluated within the loops.
+    """
     n, nv, b, m = len(tree.joints), len(tree.rows), len(bases), len(gears.numbers)
     shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+    forces = {"torque": np.zeros(m), "outer": np.zeros(nv), "friction": np.zeros(nv)}
+    joints, numbers = np.zeros((0, 3), np.int64), np.zeros((0, 3))
+    if laws is not None:
+        joints, numbers = laws.joints, laws.numbers
     placed = dict(zip(PlacedTree._fields, map(np.zeros, shapes), strict=True))
     found: Opened = _OPENED.of(
         tree=_TREE.of(**tree._asdict()),
@@ -332,7 +350,7 @@ def opened(
         gears=_GEARS.of(**gears._asdict()),
         placed=_PLACED.of(**placed),
         bodies=_BODIES.of(**bodies._asdict()),
-        forces=_FORCES.of(torque=np.zeros(m), joint=np.zeros(nv), friction=np.zeros(nv)),
+        forces=_FORCES.of(joints=joints, numbers=numbers, **forces),
         end=_ENDING.of(**ending),
         hit=_HIT.of(**hit),
         bounds=np.array(bounds),
