@@ -21,6 +21,10 @@ from wbc.sim.step.program import StepSolution
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
+_MADE = 5e-5
+"""The same, of energy beyond what the step was given. The steps of 10 ms in which a leg that falls
+and bounces gains 0.06 to 0.65 J have at least 8e-5; what turns freely has its step's own error: at
+1 ms a disc that spins on its edge 3e-5, a double pendulum without losses 3e-7."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +33,13 @@ class StepEvent:
 
     Attributes:
         kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
-            where the step's energy balance gained more than a hundredth of the energy in play,
-            which a shorter step mends; "unsettled", where the budget of work ended before all laws
-            were met: friction is that of the impulses found so far, or flanks of gears or the
-            coupling of rotors are not settled; "overlap", where a barrier
-            was overrun further than the plant's return speed takes back in one step; "sunk", where
-            a joint of a robot with a free base is under the ground, because its link has no contact
-            there.
+            where the step's energy balance gained more than a hundredth of the energy in play, or
+            where more energy is stored at its end than it was given, which a shorter step mends;
+            "unsettled", where the budget of work ended before all laws were met: friction is that
+            of the impulses found so far, or flanks of gears or the coupling of rotors are not
+            settled; "overlap", where a barrier was overrun further than the plant's return speed
+            takes back in one step; "sunk", where a joint of a robot with a free base is under the
+            ground, because its link has no contact there.
         time: [s], at the end of the part it happened in.
         size: [J], depth [m, rad], or speed [m/s, rad/s] by which laws are missed.
         text: the same as a sentence.
@@ -180,17 +184,14 @@ def events_of(
     found += _unsettled([(impact.time, impact.missed) for impact in impacts])
     kinetic = max(float(part.end.books[KINETIC]) for part in parts)
     play = kinetic + abs(balance.flow.work) + balance.flow.lost
-    if -balance.residual > _COARSE * play + 1e-9:
-        gain = -balance.residual
-        found.append(
-            StepEvent(
-                "coarse",
-                parts[-1].state.time,
-                gain,
-                f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from "
-                "nowhere; shorten dt",
-            )
+    gain = -balance.residual
+    made = gain - balance.flow.lost
+    if gain > _COARSE * play + 1e-9 or made > _MADE * play + 1e-9:
+        text = (
+            f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from nowhere; "
+            "shorten dt"
         )
+        found.append(StepEvent("coarse", parts[-1].state.time, gain, text))
     return tuple(found)
 
 
