@@ -1,16 +1,19 @@
 """An independent plant: a two-link arm in closed form with many possible flaws.
 
-It shares no code with the library. Many runs are integrated side by side, one lane each; every
-flaw is an array over lanes that is zero (or one) where the lane does not have it. Dry friction and
-gear losses are solved implicitly at the velocity level, so joints really stick.
+Its physics share no code with the library. Many runs are integrated side by side, one lane each;
+every flaw is an array over lanes that is zero (or one) where the lane does not have it. Dry
+friction and gear losses are solved implicitly at the velocity level, so joints really stick.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
+
+from wbc.measurement import Log
 
 GRAVITY = 9.81
 MASS, LENGTH = 2.0, 0.4
@@ -157,6 +160,22 @@ def simulate(
         q = q + step * v
         theta = np.where(elastic, theta + step * omega, q)
     return [_measure(lane, b, rows, rate) for b, lane in enumerate(lanes)]
+
+
+def as_log(table: Mapping[str, np.ndarray]) -> Log:
+    """Return a table of `simulate` as a log."""
+    return Log(table["time"], {name: column for name, column in table.items() if name != "time"})
+
+
+def recorded(*lanes: Lane) -> list[Log]:
+    """Return logs of 5 s, one per lane."""
+    return [as_log(table) for table in simulate(lanes, duration=5.0, step=5e-4)]
+
+
+@cache
+def dragging_knee() -> Log:
+    """Return a log of a leg whose knee has viscous friction, 0.5 N m s/rad; made once."""
+    return recorded(Lane({"viscous": (0.0, 0.5)}, 3))[0]
 
 
 def _dry(free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray) -> np.ndarray:

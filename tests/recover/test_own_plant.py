@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.recover.plant import Lane, simulate
+from tests.recover.plant import Lane, as_log, simulate
 from wbc.effects import load_robot
 from wbc.identification import Diagnosis, diagnose
 from wbc.measurement import Log
@@ -129,11 +129,7 @@ def diagnosed(name: str) -> Diagnosis:
 
 
 def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
-    logs = []
-    for table in tables:
-        columns = dict(table)
-        logs.append(Log(columns.pop("time"), columns))
-    return logs
+    return [as_log(table) for table in tables]
 
 
 @pytest.mark.parametrize("name", LOSSES)

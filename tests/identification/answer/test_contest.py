@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.recover.plant import Lane, simulate
+from tests.recover.plant import dragging_knee
 from tests.swinging_leg import swing
 from wbc import Robot
 from wbc.effects import (
@@ -25,8 +25,7 @@ TRUE = GIVEN.with_effect(ViscousFriction("knee", 0.5))
 
 @pytest.fixture(scope="module")
 def logs() -> list[Log]:
-    tables = simulate([Lane({"viscous": (0.0, 0.5)}, 3)], duration=5.0, step=5e-4)
-    return [Log(table.pop("time"), table) for table in map(dict, tables)]
+    return [dragging_knee()]
 
 
 def test_the_true_robot_is_best_and_the_others_are_told_from_it(logs: list[Log]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from tests.recover.plant import Lane, simulate
+from tests.recover.plant import Lane, dragging_knee, recorded
 from wbc.effects import load_robot
 from wbc.effects.drive.periodicity import strongest_orders
 from wbc.errors import IdentificationError, LogError
@@ -23,12 +23,7 @@ from wbc.measurement import Log, find_repeats, low_pass
 
 @pytest.fixture(scope="module")
 def logs() -> list[Log]:
-    lanes = [Lane({}, 1, noise=0), Lane({}, 1, noise=1), Lane({}, 2, noise=2)]
-    result = []
-    for table in simulate(lanes, duration=5.0, step=5e-4):
-        columns = dict(table)
-        result.append(Log(columns.pop("time"), columns))
-    return result
+    return recorded(Lane({}, 1, noise=0), Lane({}, 1, noise=1), Lane({}, 2, noise=2))
 
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
@@ -132,9 +127,7 @@ def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Lo
 
 
 def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
-    table = simulate([Lane({"viscous": (0.0, 0.5)}, 3)], duration=5.0, step=5e-4)[0]
-    log = Log(table.pop("time"), table)
-    comparison = compare(ROBOT, [log])
+    comparison = compare(ROBOT, [dragging_knee()])
     ratios = {output.output: output.ratio for output in comparison.outputs}
     assert ratios["knee"] > 10.0 * ratios["hip"]
     assert (comparison.where[0].output, comparison.where[0].variable) == ("knee", "speed")

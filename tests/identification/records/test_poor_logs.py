@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from tests.outside import outside
-from tests.recover.plant import Lane, simulate
+from tests.recover.plant import Lane, recorded
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnose import about_silent
@@ -24,16 +24,16 @@ ROBOT = load_robot("planar_leg_fixed").lossless()
 JOINTS = ("hip", "knee")
 
 
-def _log(flaws: dict[str, tuple[float, float]], excitation: int, noise: int) -> Log:
-    lanes = [Lane(dict(flaws), excitation, noise=noise)]
-    table = dict(simulate(lanes, duration=5.0, step=5e-4)[0])
-    return Log(table.pop("time"), table)
-
-
 @pytest.fixture(scope="module")
-def friction() -> tuple[Log, Log]:
-    flaws = {"coulomb": (0.6, 0.0)}
-    return _log(flaws, 3, 1), _log(flaws, 4, 2)
+def runs() -> list[Log]:
+    """Two runs of a leg whose hip rubs, and one of a leg whose hip rubs more."""
+    rubs, more = {"coulomb": (0.6, 0.0)}, {"coulomb": (0.75, 0.0)}
+    return recorded(Lane(rubs, 3, noise=1), Lane(rubs, 4, noise=2), Lane(more, 4, noise=7))
+
+
+@pytest.fixture
+def friction(runs: list[Log]) -> list[Log]:
+    return runs[:2]
 
 
 def _standing(torque_error: float) -> Log:
@@ -81,7 +81,7 @@ def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
     assert compare(rubbing, [log]).error == pytest.approx(compare(ROBOT, [log]).error, rel=0.02)
 
 
-def test_drives_that_report_only_noise_are_named_first(friction: tuple[Log, Log]) -> None:
+def test_drives_that_report_only_noise_are_named_first(friction: list[Log]) -> None:
     random = np.random.default_rng(5)
     noise = {f"{j}.rotor_torque": 2e-3 * random.standard_normal(len(friction[0])) for j in JOINTS}
     diagnosis = diagnose(ROBOT, [friction[0].with_columns(noise)])
@@ -97,7 +97,7 @@ def test_drives_that_report_only_noise_are_named_first(friction: tuple[Log, Log]
 
 
 def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
-    friction: tuple[Log, Log],
+    friction: list[Log],
 ) -> None:
     random = np.random.default_rng(5)
     deaf = []
@@ -115,12 +115,11 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 
 
-def test_logs_of_two_machines_are_seen_to_disagree(friction: tuple[Log, Log]) -> None:
-    other = _log({"coulomb": (0.75, 0.0)}, 4, 7)
-    diagnosis = diagnose(ROBOT, [friction[0], other], [CoulombFriction])
+def test_logs_of_two_machines_are_seen_to_disagree(runs: list[Log]) -> None:
+    diagnosis = diagnose(ROBOT, [runs[0], runs[2]], [CoulombFriction])
     texts = [text for finding in diagnosis.findings for text in finding.warnings]
     assert any("the logs disagree on level" in text for text in texts)
-    agreeing = diagnose(ROBOT, friction, [CoulombFriction])
+    agreeing = diagnose(ROBOT, runs[:2], [CoulombFriction])
     texts = [text for finding in agreeing.findings for text in finding.warnings]
     assert not any("disagree" in text for text in texts)
 
