@@ -29,7 +29,9 @@ from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
 from wbc.identification.choice.weighing.odds import Odds, odds_of
 from wbc.identification.choice.weighing.trials import Trials
 from wbc.identification.model.distorted import DISTORTED
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.folds import block_means
+from wbc.identification.records.record import output_names
 from wbc.robot import Effect, Parameter
 
 _SEEN = 1e-9  # of the longest column: shorter ones are rounding
@@ -174,11 +176,33 @@ def _in_order(
         yield from (known := [_Prediction.of(trials, h) for h in found])
         last = known[-1].hypothesis
         for own in () if last.swings else plain:
-            more = [effect for effect in own.effects if effect.key not in last.keys]
-            if more and (both := trials.of((*last.effects, *more))) is not None:
+            joined = _joined(trials.problem, last, own)
+            if len(joined) > len(last.effects) and (both := trials.of(joined)) is not None:
                 yield _Prediction.of(trials, _without_idle(trials, both))
 
     return tried(), rivals
+
+
+def _joined(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> tuple[Effect, ...]:
+    """Return the causes of both as a fit of all of them begins.
+
+    At each joint those of the one that leaves less there have their numbers, the rest begins with
+    none: else one torque would be explained twice. On a recorded leg friction and load friction of
+    a calf did that, and the fit of all left 1.3 times what one of the two left alone.
+    """
+    robot, names = problem.robot, output_names(problem.records[0].robot)
+    judged = [name for k, name in enumerate(names) if k not in problem.floor.aside]
+    ahead = dict(zip(judged, one.outputs <= other.outputs, strict=True))
+    mine, theirs = ({effect.key: effect for effect in h.effects} for h in (one, other))
+
+    def begun(effect: Effect) -> Effect:
+        where = effect.where
+        joint = robot.model.names[robot.body_joint(where)] if where in robot.bodies else where
+        best = mine if ahead.get(joint, one.error <= other.error) else theirs
+        null = effect.null_values(robot, where)
+        return best.get(effect.key) or effect.with_values(null)
+
+    return tuple(begun(effect) for effect in {**mine, **theirs}.values())
 
 
 def _without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
