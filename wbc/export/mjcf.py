@@ -7,9 +7,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.parts import LinkEntry, links, number, numbers, points
+from wbc.export.parts import LinkEntry, Lumped, links, number, numbers, points
 from wbc.robot import Robot
 
 _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9  # [kg, kg m^2]; MuJoCo refuses a moving body without
@@ -22,8 +22,8 @@ def mjcf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
     ET.SubElement(root, "compiler", angle="radian")
     ET.SubElement(root, "option", gravity=numbers(robot.model.gravity.linear))
     world = ET.SubElement(root, "worldbody")
-    own = _Shared(robot, found)
-    bodies, unsaid = {"": world}, []
+    serial = _serial(robot)
+    joints, bodies, unsaid = Lumped.of(robot, found, serial), {"": world}, []
     for link in links(robot):
         body = ET.SubElement(
             bodies[link.parent],
@@ -33,42 +33,31 @@ def mjcf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
             quat=numbers(_quaternion(link.placement.rotation)),
         )
         bodies[link.name] = body
-        unsaid += _joint(body, link, found, own)
+        unsaid += _joint(body, link, found, joints)
         unsaid += _inertial(body, link)
-    for point in points(robot):
+    for contact, carrier, place in points(robot):
         ET.SubElement(
-            bodies[point.link],
+            bodies[carrier],
             "geom",
-            name=point.name,
+            name=contact.name,
             type="sphere",
-            size=number(point.radius or _POINT),
-            pos=numbers(point.position),
-            friction=numbers([point.friction, 0.005, 0.0001]),
+            size=number(contact.radius or _POINT),
+            pos=numbers(place),
+            friction=numbers([contact.friction, 0.005, 0.0001]),
             mass="0",
         )
-    _motors(root, robot, found, own)
+    _motors(root, robot, found, serial)
     _poses(root, robot)
     return root, unsaid
 
 
-class _Shared:
-    """Which motors turn one joint alone: their numbers stand at the joint, others at a tendon."""
-
-    def __init__(self, robot: Robot, found: JointNumbers) -> None:
-        gears = robot.transmission
-        self.rows = gears.motor_from_joint  # psi = rows @ q_m
-        alone = np.abs(self.rows) > 0.0
-        self.serial = (alone.sum(axis=0) == 1) & (alone.sum(axis=1) == 1) & np.diag(alone)
-        self.armature, self.damping, self.friction = np.zeros((3, robot.model.nv))
-        scale = np.diag(self.rows)
-        for k in np.flatnonzero(self.serial):
-            row = robot.actuated[k]
-            self.armature[row] = scale[k] ** 2 * found.motor_armature[k]
-            self.damping[row] = scale[k] ** 2 * found.motor_damping[k]
-            self.friction[row] = abs(scale[k]) * found.motor_friction[k]
+def _serial(robot: Robot) -> BoolArray:
+    """Return which motors (m,) turn one joint alone: others have their rotors at a tendon."""
+    alone = robot.transmission.motor_from_joint != 0.0
+    return np.asarray((alone.sum(axis=0) == 1) & (alone.sum(axis=1) == 1) & np.diag(alone))
 
 
-def _joint(body: ET.Element, link: LinkEntry, found: JointNumbers, own: _Shared) -> list[str]:
+def _joint(body: ET.Element, link: LinkEntry, found: JointNumbers, joints: Lumped) -> list[str]:
     if link.kind == "free":
         ET.SubElement(body, "freejoint", name=link.joint)
         return []
@@ -78,9 +67,9 @@ def _joint(body: ET.Element, link: LinkEntry, found: JointNumbers, own: _Shared)
     if np.isfinite(low) and np.isfinite(high) and high - low < 1e6:
         joint.set("range", numbers([low, high]))
     given = {
-        "armature": own.armature[row],
-        "damping": found.damping[row] + own.damping[row],
-        "frictionloss": found.friction[row] + own.friction[row],
+        "armature": joints.armature[row],
+        "damping": joints.damping[row],
+        "frictionloss": joints.friction[row],
         "stiffness": found.stiffness[row],
     }
     for name, value in given.items():
@@ -118,12 +107,12 @@ def _inertial(body: ET.Element, link: LinkEntry) -> list[str]:
     return unsaid
 
 
-def _motors(root: ET.Element, robot: Robot, found: JointNumbers, own: _Shared) -> None:
+def _motors(root: ET.Element, robot: Robot, found: JointNumbers, serial: BoolArray) -> None:
     """Add one actuator per motor; its control is the torque at the motor's output [N m]."""
     gears = robot.transmission
     if not gears.size:
         return
-    tendons = None if own.serial.all() else ET.SubElement(root, "tendon")
+    tendons = None if serial.all() else ET.SubElement(root, "tendon")
     actuators = ET.SubElement(root, "actuator")
     for k, joint in enumerate(gears.joints):
         motor = ET.SubElement(
@@ -136,9 +125,9 @@ def _motors(root: ET.Element, robot: Robot, found: JointNumbers, own: _Shared) -
         )
         if np.isfinite(found.motor_limit[k]):
             motor.set("ctrlrange", numbers([-found.motor_limit[k], found.motor_limit[k]]))
-        if own.serial[k] or tendons is None:
+        if serial[k] or tendons is None:
             motor.set("joint", joint)
-            motor.set("gear", number(float(own.rows[k, k])))
+            motor.set("gear", number(float(gears.motor_from_joint[k, k])))
             continue
         motor.set("tendon", f"{joint}_motor")
         tendon = ET.SubElement(tendons, "fixed", name=f"{joint}_motor")
@@ -149,7 +138,7 @@ def _motors(root: ET.Element, robot: Robot, found: JointNumbers, own: _Shared) -
         ):
             if value > 0.0:
                 tendon.set(name, number(value))
-        for other, coefficient in zip(gears.joints, own.rows[k], strict=True):
+        for other, coefficient in zip(gears.joints, gears.motor_from_joint[k], strict=True):
             if coefficient:
                 ET.SubElement(tendon, "joint", joint=other, coef=number(coefficient))
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.export.joint_numbers import JointNumbers
-from wbc.robot import Robot
+from wbc.robot import ContactPoint, Robot
 
 _FREE = "JointModelFreeFlyer"
 
@@ -41,17 +42,6 @@ class LinkEntry:
     inertia: pin.Inertia
     limits: tuple[float, float]
     row: int
-
-
-@dataclass(frozen=True, eq=False)
-class PointEntry:
-    """A contact point: its name, link ("" for the world), place in the link, friction, radius."""
-
-    name: str
-    link: str
-    position: FloatArray
-    friction: float
-    radius: float
 
 
 def links(robot: Robot) -> list[LinkEntry]:
@@ -84,16 +74,13 @@ def links(robot: Robot) -> list[LinkEntry]:
     return found
 
 
-def points(robot: Robot) -> list[PointEntry]:
-    """Return the contact points in the frames of their links."""
+def points(robot: Robot) -> Iterator[tuple[ContactPoint, str, FloatArray]]:
+    """Yield each contact point with its link ("" for the world) and its place (3,) in it."""
     model, names = robot.model, ["", *robot.bodies]
-    found = []
     for contact in robot.contacts:
         frame = model.frames[model.getFrameId(contact.frame)]
         place = (frame.placement * contact.placement()).translation
-        link = names[frame.parentJoint]
-        found.append(PointEntry(contact.name, link, place, contact.friction, contact.radius))
-    return found
+        yield contact, names[frame.parentJoint], place
 
 
 def _kind(robot: Robot, number: int) -> tuple[str, FloatArray]:
@@ -114,7 +101,7 @@ def _kind(robot: Robot, number: int) -> tuple[str, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class Lumped:
-    """What formats say that have numbers per joint only.
+    """What formats say of joints.
 
     Attributes:
         armature, damping, friction: (nv,), of joint and motor together [kg m^2, N m s/rad, N m].
@@ -131,16 +118,23 @@ class Lumped:
     unsaid: tuple[str, ...]
 
     @classmethod
-    def of(cls, robot: Robot, found: JointNumbers) -> Lumped:
-        """Return a robot's numbers per joint; of coupled gears only what acts on a joint alone."""
+    def of(cls, robot: Robot, found: JointNumbers, motors: ArrayLike = True) -> Lumped:
+        """Return a robot's numbers per joint; of coupled gears only what acts on a joint alone.
+
+        Args:
+            robot: with its gears.
+            found: its numbers.
+            motors: (m,) of whose rotors the numbers stand at the joints; all by default.
+        """
         gears, rows = robot.transmission, robot.actuated
         armature = np.zeros(robot.model.nv)
         damping, friction = np.array(found.damping), np.array(found.friction)
         limit, speed = np.full((2, robot.model.nv), np.inf)
         turned = gears.motor_from_joint
-        armature[rows] = turned.T**2 @ found.motor_armature
-        damping[rows] += turned.T**2 @ found.motor_damping
-        friction[rows] += np.abs(turned.T) @ found.motor_friction
+        share = turned.T * np.asarray(motors)
+        armature[rows] = share**2 @ found.motor_armature
+        damping[rows] += share**2 @ found.motor_damping
+        friction[rows] += np.abs(share) @ found.motor_friction
         limit[rows], speed[rows] = found.motor_limit, found.motor_speed
         unsaid = list(_drives(robot, found))
         if np.any(turned != np.diag(np.diag(turned))):

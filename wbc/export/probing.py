@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.robot import Effect, Motion, Robot
 
 _HELD = 3  # samples whose drives must have one law
+_HELD_FIELDS = ("position", "velocity", "acceleration", "temperature", "supply_voltage")
 _SAMPLES = 64
 _EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear law
 _TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
@@ -90,17 +91,9 @@ def _drive_laws_at(
     gears = robot.transmission
     time = np.linspace(0.0, 10.0, 2001)
 
-    def held(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else np.tile(values[row], (time.size, 1))
-
-    sample = motion.replace(
-        position=held(motion.position),
-        velocity=held(motion.velocity),
-        acceleration=held(motion.acceleration),
-        time=time,
-        temperature=held(motion.temperature),
-        supply_voltage=held(motion.supply_voltage),
-    )
+    given = {name: getattr(motion, name) for name in _HELD_FIELDS}
+    still = {name: np.tile(x[row], (time.size, 1)) for name, x in given.items() if x is not None}
+    sample = motion.replace(time=time, **still)
     torque = np.outer((time - 5.0) / 5.0, _TORQUE / np.abs(gears.gear_ratio))
     delivered = effect.drive(robot, sample, torque)
     inner = slice(200, -200)  # a delay has nothing to show before the first sample

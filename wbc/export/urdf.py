@@ -34,13 +34,13 @@ def urdf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
         if link.kind != "free":
             _joint(root, link, at_joints)
     taken = {link.name for link in entries}
-    for point in points(robot):
-        name = point.name if point.name not in taken else f"{point.name}_contact"
+    for contact, carrier, place in points(robot):
+        name = contact.name if contact.name not in taken else f"{contact.name}_contact"
         ET.SubElement(root, "link", name=name)
         joint = ET.SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
-        ET.SubElement(joint, "parent", link=point.link or _WORLD)
+        ET.SubElement(joint, "parent", link=carrier or _WORLD)
         ET.SubElement(joint, "child", link=name)
-        ET.SubElement(joint, "origin", xyz=numbers(point.position), rpy="0 0 0")
+        ET.SubElement(joint, "origin", xyz=numbers(place), rpy="0 0 0")
     return root, unsaid
 
 
