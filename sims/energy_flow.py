@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import FancyArrow
 
 from sims.leg import LegControl, balanced_pose, squat
 from sims.tables import print_columns
@@ -138,7 +138,8 @@ def _stages(ax: Axes, rows: dict[str, float], theme: Theme) -> None:
                 value, wide, enters = rows[name], scale * abs(rows[name]), rows[name] > 0.0
                 colour = forward if enters else backward if side > 0.0 else heat
                 middle = left + 0.5 * wide
-                _band(ax, (middle, side * _FAR), (middle, 0.0), wide, colour, into=enters)
+                ends = (middle, side * _FAR), (middle, 0.0)
+                _band(ax, *(ends if enters else ends[::-1]), wide, colour)
                 place_of = "center" if len(group) == 1 else "right" if name == group[0] else "left"
                 ax.text(
                     middle, side * (_FAR + 0.04), f"{name}\n{abs(value):.3g} J", ha=place_of,
@@ -149,35 +150,24 @@ def _stages(ax: Axes, rows: dict[str, float], theme: Theme) -> None:
         passed = flow[stage]
         if stage != "ground" and abs(passed) > _SMALL * total:
             colour = forward if passed > 0.0 else backward
-            ends = ((x, 0.0), (x + 1.6, 0.0))
-            start, end = ends if passed > 0.0 else ends[::-1]
-            _band(ax, end, start, scale * abs(passed), colour, into=False)
+            ends = (x, 0.0), (x + 1.6, 0.0)
+            _band(ax, *(ends if passed > 0.0 else ends[::-1]), scale * abs(passed), colour)
             ax.text(x + 0.8, 0.0, f"{abs(passed):.3g} J", ha="center", va="center", fontsize=8)
     ax.set_xlim(-0.6, 1.6 * (len(STAGES) - 1) + 0.6)
     ax.set_ylim(-_FAR - 0.7, _FAR + 0.4)
 
 
 def _band(
-    ax: Axes,
-    far: tuple[float, float],
-    near: tuple[float, float],
-    wide: float,
-    colour: str,
-    into: bool,
+    ax: Axes, start: tuple[float, float], end: tuple[float, float], wide: float, colour: str
 ) -> None:
-    """Draw an arrow as wide as its energy between the bar of a stage and a place off it."""
-    tip, tail = (near, far) if into else (far, near)
-    along = np.subtract(tip, tail) / np.hypot(*np.subtract(tip, tail))
-    across = np.array([-along[1], along[0]])
-    head = min(0.12, 0.6 * wide + 0.04)
-    neck = np.asarray(tip) - head * along
-    corners = [
-        tail + 0.5 * wide * across, neck + 0.5 * wide * across,
-        neck + (0.5 * wide + 0.03) * across, np.asarray(tip),
-        neck - (0.5 * wide + 0.03) * across, neck - 0.5 * wide * across,
-        tail - 0.5 * wide * across,
-    ]  # fmt: skip
-    ax.add_patch(Polygon(corners, facecolor=colour, alpha=0.55, edgecolor="none"))
+    """Draw an arrow as wide as its energy."""
+    way, head = np.subtract(end, start), min(0.12, 0.6 * wide + 0.04)
+    ax.add_patch(
+        FancyArrow(
+            *start, *way, width=wide, head_width=wide + 0.06, head_length=head,
+            length_includes_head=True, color=colour, alpha=0.55, linewidth=0.0,
+        )
+    )  # fmt: skip
 
 
 def report(found: dict[str, dict[str, float]]) -> list[Path]:
