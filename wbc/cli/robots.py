@@ -24,12 +24,6 @@ from wbc.tables import TextTable
 if TYPE_CHECKING:
     from wbc.metrics import Metric
 
-_FILES = {
-    "bash": "_wbc_files",
-    "zsh": "_files",
-    "fish": "(__fish_complete_path (commandline -ct))",
-    "tcsh": "f",
-}
 _ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "fish": "(_wbc_robots)", "tcsh": "f"}
 _EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "fish": "(_wbc_effects)", "tcsh": "f"}
 _FILE_MARKS = ("LOG", "RUN", "FILE", "MAP", "INDEX", "FITTED", "DIR")
@@ -261,14 +255,13 @@ def _describe(parser: argparse.ArgumentParser) -> None:
         elif action.dest == "add":
             action.complete = _EFFECTS  # type: ignore[attr-defined]
         elif str(action.metavar).startswith(_FILE_MARKS):
-            action.complete = _FILES  # type: ignore[attr-defined]
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 def _preamble() -> dict[str, str]:
     """Return the shell functions that complete robots, effects and files."""
     robots, effects = " ".join(robot_names()), " ".join(("auto", *EFFECTS))
     bash = f"""
-_wbc_files() {{ compgen -f -- "$1"; }}
 _wbc_robots() {{ compgen -W "{robots}" -- "$1"; compgen -f -- "$1"; }}
 _wbc_effects() {{ compgen -W "{effects}" -- "$1"; }}
 """
