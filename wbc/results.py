@@ -14,7 +14,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TypeVar
 
@@ -238,21 +238,13 @@ def fill_table(
 
 
 def _parts_of(path: Path, stored: Mapping[str, int]) -> Callable[[str], Any]:
-    """Return a function that reads a part of a file; fastest where asked for in its order."""
+    """Return a function that takes a part out of a file, by its name."""
     if not stored:
         return dict[str, Any]().__getitem__
     _, pq = _pyarrow()
-    file = pq.ParquetFile(path)
-    sizes = [file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)]
-    ends = np.cumsum(sizes)
-    starts = dict(zip(stored, np.cumsum([0, *stored.values()]), strict=False))
-    read = lru_cache(maxsize=1)(file.read_row_group)
-
-    def part(name: str) -> Any:
-        group = int(np.searchsorted(ends, starts[name], side="right"))
-        return read(group).slice(starts[name] - (ends[group] - sizes[group]), stored[name])
-
-    return part
+    table = pq.read_table(path)
+    starts = dict(zip(stored, np.cumsum([0, *stored.values()]).tolist(), strict=False))
+    return lambda name: table.slice(starts[name], stored[name])
 
 
 def _numbered(
