@@ -128,6 +128,29 @@ def test_a_plank_lies_on_a_ball_and_on_the_plane_beside_it() -> None:
     assert away == pytest.approx(radius, abs=1e-6)
 
 
+def test_a_plank_on_a_ball_rocks_as_a_rolling_body_does() -> None:
+    """Nothing in Coulomb's law stops rolling: it neither comes to rest nor gains energy."""
+    radius, half, tilt = 0.1, 0.025, 0.1
+    plank = FreeBody("plank", coal.Box(0.6, 0.4, 2.0 * half), 2.0)
+    plant = Plant(free(plank), Sphere(np.zeros(3), radius))
+    out, along = np.array([[np.sin(tilt), 0, np.cos(tilt)], [np.cos(tilt), 0, -np.sin(tilt)]])
+    place = (radius + half) * out - radius * tilt * along
+    state = plant.state(placed((place.tolist(), [0.0, tilt, 0.0])))
+    energy, tilts = plant.mechanical_energy(state), [tilt]
+    for _ in range(2700):
+        state = plant.step(state, [], _STEP).state
+        after = plant.mechanical_energy(state)
+        assert after < energy + 1e-7 * abs(energy)
+        energy = after
+        tilts.append(2.0 * np.arcsin(state.position[4]))
+    turned = (0.6**2 + 0.05**2) / 12.0 + half**2  # k^2 about the place of contact
+    period = 2.0 * np.pi * np.sqrt(turned / (9.81 * (radius - half)))
+    crossed = np.flatnonzero(np.diff(np.sign(tilts)))
+    assert len(crossed) == 4
+    assert 2.0 * _STEP * np.diff(crossed).mean() == pytest.approx(period, rel=0.01)
+    assert max(tilts[crossed[-2] :]) == pytest.approx(tilt, rel=0.02)
+
+
 def boxes(*places: tuple[list[float], list[float]]) -> tuple[Plant, np.ndarray]:
     """Return two boxes of 0.2 m and 1 kg that touch each other, and where they begin."""
     both = [FreeBody(name, coal.Box(0.2, 0.2, 0.2), 1.0) for name in ("lower", "upper")]
