@@ -26,7 +26,8 @@ MACHINES = {
     "tiago": "tiago/tiago.parquet",
     "go2": "go2_position_control/go2_air.parquet",
     "xl330_pendulum": "bam_servo/bam.parquet#xl330*",
-    "simple_pendulum": "simple_pendulum/direct_collocation.parquet simple_pendulum/ddp.parquet",
+    "simple_pendulum": "simple_pendulum/direct_collocation.parquet simple_pendulum/ddp.parquet "
+    "simple_pendulum/pd_identification.parquet",
     "ricmonk": "ricmonk/TVLQR_3xForward.parquet#* ricmonk/TVLQR_6xForward.parquet#*",
 }
 """Robots of this repository -> their logs."""
