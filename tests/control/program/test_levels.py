@@ -62,7 +62,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     both = Controller(robot, [*upper, lower], feet(robot))
     gave_up = Refusal((Status.FAILED, "the solver gave up."), None, None)
     solve = Level.step
-    second = both._levels.of(None, 1e-3, keeps=False)[0][1]
+    second = both._levels.of(None, 1e-3)[0][1]
     monkeypatch.setattr(Level, "step", lambda s, *a: gave_up if s is second else solve(s, *a))
     state = next(moving_fast(robot, 1))
     one, two = alone.step(state), both.step(state)

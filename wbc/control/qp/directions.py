@@ -108,14 +108,14 @@ class ProgramSolver:
             starts_over: whether the rows that bound the last solution are not worth a try.
             confirms: whether a solver has to agree that bounds contradict.
         """
-        start, taken = perf_counter(), self._program.memory.solver.taken
-        self.count, hint = self.count + 1, taken.copy()
+        start = perf_counter()
+        self.count += 1
         if starts_over:
-            taken[:] = 0
+            self._program.memory.solver.taken[:] = 0
         found = self._guessed(directed) if self._guesses else NOTHING
         sure = found.status is QPStatus.INFEASIBLE and not confirms
         if found.status is not QPStatus.SOLVED and not sure:
-            found = self._asked(directed, hint)
+            found = self._asked(directed)
         self.spent += perf_counter() - start
         return found
 
@@ -148,15 +148,13 @@ class ProgramSolver:
         y = program.with_hard_tasks(y)
         return QPSolution(x, y, z, QPStatus.SOLVED, 0)
 
-    def _asked(self, directed: bool, hint: IntArray) -> QPSolution:
-        """Return what the solvers say, the first one that finds a solution; `hint` as `taken`."""
+    def _asked(self, directed: bool) -> QPSolution:
+        """Return what the solvers say, the first one that finds a solution."""
         blocks, found = self._program.blocks(directed=directed), NOTHING
-        dense, start = blocks.dense(), hint[: len(blocks.lower)] if self._guesses else None
+        dense = blocks.dense()
         for name in self._names:
             most = max(self._most - self.iterations, 1)
-            found = solve(
-                name, dense, tolerance=self._tolerance, most=most, give=blocks.give, start=start
-            )
+            found = solve(name, dense, tolerance=self._tolerance, most=most, give=blocks.give)
             self.iterations += found.iterations
             # alone ProxQP calls programs infeasible that leave hardly any room
             sure = name == "daqp" or self.blocking >= 0
@@ -256,10 +254,11 @@ class DirectionSearch:
             positive = positive ^ turned
         if not program.gears.size or np.array_equal(self._positive, self._negative):
             return self._found(solution, settled=True)
+        # where the budget ends, directions that do not agree are better than nothing
+        if usable is not None and (not branches or self._solver.exhausted):
+            solution, positive = usable
         if not branches:
-            if usable is not None:
-                solution, positive = usable
-                self.direct(positive)
+            self.direct(positive)
             return self._found(solution, settled=False)
         if solved and program.has_efforts and not self._beyond(solution).any():
             return self._found(solution, settled=True)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from enum import Enum
 from math import isqrt
-from typing import Any
 
 import daqp
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError, unknown_name
 
@@ -61,9 +60,11 @@ def solve(
     tolerance: float,
     most: int,
     give: FloatArray | None = None,
-    start: IntArray | None = None,
 ) -> QPSolution:
-    """Return the solution of a program whose numbers are finite and bounds ordered.
+    """Return the solution of a program whose numbers are finite and bounds ordered, from nothing.
+
+    daqp rounds as its memory happens to lie. Started from bounds of another program, it may end
+    with other bounds then, so that ticks would not repeat.
 
     Args:
         name: "proxqp" or "daqp".
@@ -72,13 +73,12 @@ def solve(
         most: iterations, inner and outer ones together.
         give: softness (n_in,) of the bounds: one that is passed costs (beyond)^2 / 2 softness. Zero
             for one that must be kept; without it all must be.
-        start: which bounds (n_in,) may bind, by sign; from nothing without. Only daqp listens.
     """
     n = len(problem.g)
     if give is not None and give.any():
         problem = _with_passings(problem, give)
     if name == "daqp":
-        found = _solve_daqp(problem, tolerance, most, start)
+        found = _solve_daqp(problem, tolerance, most)
     else:
         found = _solve_proxqp(problem, tolerance, most)
     return found if len(found.x) == n else found._replace(x=found.x[:n])
@@ -120,9 +120,7 @@ def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution
     return QPSolution(x, y, z, _PROXQP[info.status], int(info.iter))
 
 
-def _solve_daqp(
-    problem: QPProblem, tolerance: float, most: int, start: IntArray | None
-) -> QPSolution:
+def _solve_daqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
     """Solve with daqp (Arnstrom, Bemporad & Axehill 2022), which needs a positive definite H.
 
     It finishes in a number of steps that grows with the constraints that bind, and says at once
@@ -132,11 +130,8 @@ def _solve_daqp(
     sense = np.zeros(len(b) + len(lower), dtype=np.int32)
     sense[: len(b)] = _EQUALITY
     rows, low, high = np.vstack([A, C]), np.concatenate([b, lower]), np.concatenate([b, upper])
-    options: dict[str, Any] = {"iter_limit": most}
-    if start is not None and start.any():
-        options["dual_start"] = np.concatenate([np.zeros(len(b)), start])
-    limits = {"primal_tol": tolerance, "dual_tol": tolerance}
-    x, _, flag, info = daqp.solve(H, g, rows, high, low, sense, **limits, **options)
+    limits = {"primal_tol": tolerance, "dual_tol": tolerance, "iter_limit": most}
+    x, _, flag, info = daqp.solve(H, g, rows, high, low, sense, **limits)
     multipliers = np.asarray(info["lam"])
     y, z = multipliers[: len(b)], multipliers[len(b) :]
     status = _DAQP.get(int(flag), QPStatus.FAILED)
