@@ -11,15 +11,18 @@ from rich.console import Console
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.measurement import (
+    ColumnMap,
     Log,
     LogFinding,
     load_logs,
     merged,
+    parse_column_map,
     read_table,
     together,
     with_machine,
     write_map,
 )
+from wbc.measurement.column_map import SECTIONS
 from wbc.robot import Robot
 
 Reader = Callable[..., tuple[Log, ...]]
@@ -61,7 +64,8 @@ def read_logs(
     """Return the logs of files, read with the robot's gear ratios.
 
     Args:
-        paths: `LOG`, or `LOG@ROBOT` for logs of a machine with other drives or loads.
+        paths: `LOG`; `LOG@ROBOT` for logs of a machine with other drives or loads; `LOG@MAP.toml`
+            for a log that is read as the column map says and then changed by one of its own.
         columns: column map.
         robot: that the logs are held against.
         read: how files are read.
@@ -70,20 +74,28 @@ def read_logs(
     ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
     logs: list[Log] = []
     for path in paths:
-        file, own = _with_own_robot(path)
+        file, own, patch = _with_own(path)
         if own is not None and robot.source is not None and robot.source.lossless:
             own = own.lossless()
-        found = read([file], columns, gear_ratios=ratios)
+        table: str | ColumnMap | None = columns
+        if patch:
+            table = parse_column_map(merged(read_table(columns), read_table(patch)), patch, ratios)
+        found = read([file], table, gear_ratios=ratios)
         logs += [log if own is None else with_machine(log, robot, own) for log in found]
     return tuple(logs)
 
 
-def _with_own_robot(path: str) -> tuple[str, Robot | None]:
-    """Return (LOG, robot) of `LOG@ROBOT`; a file whose own name holds an @ stays a file."""
+def _with_own(path: str) -> tuple[str, Robot | None, str]:
+    """Return (LOG, robot, map) of `LOG@ROBOT` or `LOG@MAP.toml`, which changes the map of all.
+
+    A file whose own name holds an @ stays a file.
+    """
     file, mark, name = str(path).rpartition("@")
     if not mark or Path(str(path).partition("#")[0]).exists():
-        return str(path), None
-    return file, load_robot(name)
+        return str(path), None, ""
+    if name.endswith(".toml") and Path(name).is_file() and set(read_table(name)) <= set(SECTIONS):
+        return file, None, name
+    return file, load_robot(name), ""
 
 
 def _joints(log: Log) -> frozenset[str]:
@@ -96,6 +108,10 @@ def write_fix(
     """Write the column map that mends what was found, on top of the one in use, if asked to."""
     if getattr(options, "fix", None) is None:
         return
+    alone = [finding for finding in findings if finding.mend and finding.alone]
+    findings = [finding for finding in findings if not finding.alone]
+    if alone:
+        console.print("what only some of the logs have, --fix does not write: see the lines above")
     mend = together(finding.mend for finding in findings if finding.mend)
     if not mend:
         console.print("no column map mends what was found; --fix writes nothing")

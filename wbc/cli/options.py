@@ -45,7 +45,9 @@ def _choice(text: str, *names: str) -> dict[str, Any]:
 
 OPTIONS: dict[str, dict[str, Any]] = {
     # The name of an argument, then a slash and a word where commands mean different things by it.
-    "logs": _option("LOG", f"{_LOG}; LOG@ROBOT if its drives or loads were others", nargs="+"),
+    "logs": _option(
+        "LOG", f"{_LOG}; LOG@ROBOT for other drives or loads, LOG@MAP.toml for a map", nargs="+"
+    ),
     "logs/optional": _option("LOG", f"{_LOG}; LOG@ROBOT for other drives or loads", nargs="*"),
     "logs/plain": _option("LOG", _LOG, nargs="+"),
     "logs/any": _option("LOG", _LOG, nargs="*"),

@@ -46,13 +46,18 @@ def run_check(options: argparse.Namespace, console: Console) -> Outcome:
     logs = read_logs(options.logs, options.columns, robot, read_suspicious)
     qualities = check_logs(logs, robot)
     said = _remarks(qualities)
+    # Of all that the loader notes, only this makes results wrong.
+    impossible = [note for note in (robot.notes if robot else ()) if "that of no body" in note]
+    said += [f"warning: {note} Correct its six numbers." for note in impossible]
     guessed = guessed_numbers(options.robot)
     if guessed:
         said.append(
             f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
             + ", ".join(guessed)
         )
-    told = told_by_rows(robot, logs[:_LOGS]) if robot is not None else {}
+    # Of columns that hold something else, motion and torque tell nothing.
+    usable = robot is not None and all(quality.usable for quality in qualities)
+    told = told_by_rows(robot, logs[:_LOGS]) if usable else {}
     if strange := [joint for joint, (own, _) in told.items() if own < 0.5]:
         said.append(
             f"warning: motion and torque of {', '.join(strange)} fit the columns of other joints "

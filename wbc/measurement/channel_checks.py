@@ -128,6 +128,8 @@ def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
 
 
 def _position_moves(time: FloatArray, position: FloatArray) -> bool:
+    if np.ptp(position) == 0.0:
+        return False  # the deviation from the mean of one value is what rounding makes of it
     spread, steps = float(np.std(position)), float(np.sqrt(np.mean(np.diff(position) ** 2)))
     # The steps from row to row hold all of the noise: what is far above them needs no filter.
     if spread > 2.0 * _MOVES * np.hypot(steps, _rounding(position)):

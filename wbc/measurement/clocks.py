@@ -23,6 +23,9 @@ CUT_FROM = 0.02
 
 _LEAST_ROWS, _LEAST_DURATION = 50, 1.0  # of a piece [s]
 _SHORTEST = 0.5  # [s] of a log
+_TURNS = np.array([2.0 * np.pi, 360.0, *(2.0**bits for bits in range(9, 21))])
+_PERIOD = 0.05  # by which a jump may miss the turn or the range of counts that it is
+_LEAP = 10.0  # times what 99 of 100 steps of a joint are below; a lost sample makes two
 _FAR = 0.1  # [s] between stamps, beyond which nobody can tell where a robot was between them
 
 
@@ -39,7 +42,7 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     out. Logs without gaps are returned as they are.
 
     Raises:
-        LogError: less than half of a log is left in pieces that are long enough.
+        LogError: less than half of the rows of a log are left in pieces that are long enough.
     """
     whole, warnings = [], []
     for log in logs:
@@ -49,13 +52,12 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
             whole.append(log)
             continue
         pieces = _pieces(log, rows)
-        kept = sum(piece.duration for piece in pieces)
+        kept = sum(map(len, pieces))
         where = _described(log, rows)
-        if kept < 0.5 * log.duration:
+        if kept < 0.5 * len(log):
             raise LogError(
-                f"{log.source.label}: {where}, and only {kept:.3g} s of {log.duration:.3g} s are "
-                "left in pieces long enough to be used. Record with the drive's own clock, without "
-                "losses."
+                f"{log.source.label}: {where}, and only {kept} of {len(log)} rows are left in "
+                "pieces long enough to be used. Record with the drive's own clock, without losses."
             )
         whole += pieces
         warnings.append(
@@ -116,6 +118,32 @@ def restarts(time: FloatArray) -> IntArray:
             found.append(row)
             begin = row
     return np.array(found, dtype=np.int_)
+
+
+def leaps(time: FloatArray, positions: Sequence[FloatArray]) -> IntArray:
+    """Return the rows (n,) at which joints are elsewhere at once, though the clock just goes on.
+
+    One joint alone may be reset, and several may wrap; two that leap together and stay there for a
+    run begin another one.
+    """
+    if len(positions) < 2 or time.size < _LEAST_ROWS:
+        return np.zeros(0, dtype=np.int_)
+    steps = np.abs(np.diff(np.stack(list(positions)), axis=1))
+    steps[np.any(np.abs(steps / _TURNS[:, None, None] - 1.0) < _PERIOD, axis=0)] = 0.0
+    usual = np.quantile(steps, 0.99, axis=1, keepdims=True)
+    second = np.sort(steps / np.maximum(usual, 1e-300), axis=0)[-2]
+    rows = np.setdiff1d(np.flatnonzero(second > _LEAP), gaps(time)) + 1
+    runs = np.diff([0, *rows.tolist(), time.size]) >= _LEAST_ROWS
+    return rows[runs[:-1] & runs[1:]].astype(np.int_)
+
+
+def longest_piece(log: Log) -> Log:
+    """Return the longest part of a log in which no samples are missing."""
+    rows = gaps(log.time)
+    rows = rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
+    ends = [0, *(int(row) + 1 for row in rows), len(log)]
+    start, stop = max(pairwise(ends), key=lambda piece: piece[1] - piece[0])
+    return log[start:stop] if rows.size else log
 
 
 def repeated_mend(time: FloatArray, columns: Mapping[str, FloatArray]) -> Mend:

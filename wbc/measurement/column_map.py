@@ -63,7 +63,7 @@ ROW_KEYS = ("split", "where", "between", "topic", "header")
 TIME_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
 _REPEATED = ("error", "first", "spread")
 _MISSING = ("when_needed", "error", "omit", "drop_rows")
-_SECTIONS = ("rows", "time", "columns", "trusted")
+SECTIONS = ("rows", "time", "columns", "trusted")
 _SIDES = ("rotor", "motor", "joint")
 _AFTER = (*ENCODER_UNITS, "goal_position")
 _POWERS = {
@@ -155,7 +155,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     if units is None or parts is None:
         meant = likely_meant(target)
         hint = f" Did you mean '{meant}'?" if meant else ""
-        if target.partition(".")[0] in _SECTIONS:
+        if target.partition(".")[0] in SECTIONS:
             hint = " Lines of other sections stand above the first [heading]."
         raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
     table = _section({"from": entry} if isinstance(entry, str) else entry, RULE_KEYS, place)
@@ -413,8 +413,8 @@ def parse_column_map(
     """Return the map that a parsed TOML table states (see `read_column_map`)."""
     label = path or "column map"
     for key in table:
-        if key not in _SECTIONS:
-            raise LogError(f"{label}: " + unknown_name("section", key, _SECTIONS))
+        if key not in SECTIONS:
+            raise LogError(f"{label}: " + unknown_name("section", key, SECTIONS))
     columns = table.get("columns", {})
     if not isinstance(columns, Mapping):
         raise LogError(

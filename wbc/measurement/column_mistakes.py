@@ -4,6 +4,7 @@ second publisher, torques without a sign, units and signs of position, velocity 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import log, log2, pi
 from typing import Any, NamedTuple
 
@@ -34,7 +35,7 @@ _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
 _FASTEST = 0.99  # of the steps between rows are those of the motion; others may be jumps
 _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is no fold
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
-_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
+_RESET = "no turn and no range of counts; a counter that was reset"
 _NEAR_ZERO = 0.05  # of the range of a torque
 
 
@@ -65,28 +66,9 @@ def wraps(log: Log) -> list[LogFinding]:
             f"{rows.size} jumps of {np.abs(sizes).mean():.6g} ({said}), the first at row "
             f"{int(rows[0]) + 1}."
         )
-        found.append(_column(name, "wrap", text, {name: entry}))
+        one = _column(name, "wrap", text, {name: entry})
+        found.append(one if said != _RESET else replace(one, mend={}))
     return found + (_beside_degrees(log, found) if degrees else [])
-
-
-def counts(log: Log) -> list[LogFinding]:
-    """Return what to do about positions that hold encoder counts: whole numbers, far beyond turns.
-
-    Nothing in a log says how many counts make a turn.
-    """
-    names = [f"{joint}.position" for joint in log.with_quantity("position")]
-    held = [n for n in names if np.ptp(log.column(n)) > _COUNTS]
-    held = [n for n in held if np.array_equal(log.column(n), np.round(log.column(n)))]
-    if not held:
-        return []
-    entry = {"columns": {name: {"scale": float(f"{2.0 * pi / 4096:.10g}")} for name in held}}
-    text = f"{', '.join(held)}: whole numbers over {np.ptp(log.column(held[0])):g}: encoder counts."
-    way = (
-        "Of an encoder of 4096 counts a turn, "
-        + say_so(entry)
-        + "\nOf another, put 2 pi over its counts there."
-    )
-    return [LogFinding("error", "counts", held[0], text, way)]
 
 
 def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
@@ -95,7 +77,8 @@ def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
     names = [f"{joint}.position" for joint in log.with_quantity("position")]
     left = [n for n in names if n not in held and float(np.abs(log.column(n)).max()) > 2.0 * pi]
     text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
-    return [_column(name, "degrees", text, {name: {"unit": "deg"}}) for name in left]
+    entry = {"unit": "deg", "unwrap": 360.0}  # the turn that is nearest to zero, as for the others
+    return [_column(name, "degrees", text, {name: entry}) for name in left]
 
 
 def _column(name: str, kind: str, text: str, columns: Mapping[str, Any]) -> LogFinding:
@@ -129,7 +112,7 @@ def _known_period(size: float) -> tuple[float, str]:
     bits = round(log2(size)) if size > 8.0 else 0
     if bits and abs(size / 2.0**bits - 1.0) < _PERIOD:
         return 2.0**bits, f"2^{bits} encoder counts"
-    return size, "an unsigned encoder, or a counter that was reset"
+    return size, _RESET
 
 
 def stale_rows(log: Log) -> list[LogFinding]:

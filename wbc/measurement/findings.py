@@ -251,6 +251,7 @@ class LogFinding:
         probability: that it is so.
         guess: what a map would say of the likeliest of several causes that the logs cannot tell
             apart. `wbc init` writes it, marked as a guess; nothing else applies it.
+        alone: whether only some of the logs that were given together have it.
     """
 
     severity: str
@@ -261,6 +262,7 @@ class LogFinding:
     mend: Mend = field(default_factory=dict)
     probability: float = 1.0
     guess: Mend = field(default_factory=dict)
+    alone: bool = False
 
     @property
     def likeliest(self) -> Mend:

@@ -20,13 +20,13 @@ from wbc.files import write_text
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.column_mistakes import mirrored
-from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged, say_so
+from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged
 from wbc.measurement.formats import open_table
 from wbc.measurement.log import Log
 from wbc.measurement.mistakes import find_suspicions, single_ratios
-from wbc.measurement.names import NameGuess, guess_name, joints_of
+from wbc.measurement.names import NameGuess, asked, guess_name, joints_of
 from wbc.measurement.read import clock_of, read_logs, split_path
-from wbc.measurement.robot_checks import check_robot, columns_from, match_joints, told_by_rows
+from wbc.measurement.robot_checks import check_robot, told_by_rows
 from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
 from wbc.measurement.tables import Table
 from wbc.measurement.torque import REPORTED
@@ -113,12 +113,13 @@ def guess_names(
     guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in _PLACES)
     # A motor on a test bench is often recorded by its speed alone.
     place = next((q for q in _PLACES if any(g.quantity == q for g in guesses)), "")
-    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity == place))
+    said = {g.quantity for g in guesses} - {TIME, ""} if not place else {place}
+    owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity in said))
     if not place and not given.get("columns"):
         raise LogError(
             f"{path}: no column looks like the position or velocity of a joint. There are: "
-            f"{', '.join(table.names)}. Put the name of one in place of COLUMN, and "
-            + say_so({"columns": {f"{name}.position": {"from": "COLUMN"} for name in joints[:1]}})
+            f"{', '.join(table.names)}. "
+            + asked([g.name for g in guesses if not g.quantity], [f"{j}.position" for j in joints])
         )
     named = joints_of(owners, joints)
     named |= _by_cells(table, owners, joints)
@@ -169,7 +170,6 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         start: from the names.
     """
     table, reasons = dict(start.table), list(start.reasons)
-    unsure = any("by its place" in reason for reason in reasons) and len(start.driven) > 1
     for _ in range(_ROUNDS):
         logs = _read(paths, table, robot)
         doubts = [
@@ -183,14 +183,6 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         ]
         # What contradicts itself within a log comes before what the torques say.
         inner = [f for f in doubts if f.kind in _OF_MOTION]
-        moved: Mend = {}
-        if unsure and not inner:
-            order, sure = match_joints(robot, logs[0], start.driven, start.driven)
-            moved = columns_from(order, logs[0]) if sure else {}
-        if moved.get("columns"):
-            table, unsure = merged(table, moved), False
-            reasons.append("the order of the joints was changed: so the torques follow the motion")
-            continue
         if not doubts:
             break
         said = {repr(f.likeliest): f for f in reversed(inner or doubts)}

@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import LogError
 from wbc.measurement.channel_checks import resting_joints
-from wbc.measurement.clocks import too_short
+from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
 from wbc.measurement.log import Log
 from wbc.measurement.torque import reports_torque, rotor_torques, torque_quantity
@@ -153,7 +153,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     drives that report nothing but noise: then every reading explains next to nothing, and the one
     that needs least torque, such as degrees, would be called the best.
     """
-    robot = robot if log.machine is None else log.machine.of(robot)
+    robot, log = robot if log.machine is None else log.machine.of(robot), longest_piece(log)
     joints = robot.transmission.joints
     if too_short(log) or not joints or not all(reports_torque(log, joint) for joint in joints):
         return None

@@ -13,7 +13,6 @@ from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import find_repeats
 from wbc.measurement.column_mistakes import (
-    counts,
     magnitudes,
     motion_findings,
     stale_rows,
@@ -26,7 +25,6 @@ from wbc.measurement.evidence import (
     evidence,
     foreign,
     ratio_evidence,
-    shared_lags,
 )
 from wbc.measurement.findings import (
     CERTAIN,
@@ -38,10 +36,11 @@ from wbc.measurement.findings import (
     together,
     trusted,
 )
+from wbc.measurement.lags_and_zeros import other_zeros, shared_lags
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import rows_of
 from wbc.measurement.read import mended
-from wbc.measurement.readings import Bench, Reading, as_it_stands, readings
+from wbc.measurement.readings import Bench, Reading, as_it_stands, readings, whole_counts
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
@@ -75,21 +74,36 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
         the column map says that the columns are trusted, and of `warning` where it is likely.
     """
     ratios = single_ratios(robot) if robot is not None else {}
-    found = [[*stale_rows(log), *wraps(log)] for log in logs]
+    stale = [stale_rows(log) for log in logs]
+    clean = [_mended(log, own) for log, own in zip(logs, stale, strict=True)]
+    found = [[*own, *wraps(log)] for own, log in zip(stale, clean, strict=True)]
     clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
     moved = _shared([motion_findings(log, ratios) for log in clean])
-    refused, counted = magnitudes(logs), [counts(log) for log in clean]
-    found = [
-        [*own, *more, *refused, *whole]
-        for own, more, whole in zip(found, moved, counted, strict=True)
-    ]
-    if robot is not None and not refused and not any(counted):
+    refused, counted = magnitudes(logs), [_counts(log) for log in clean]
+    found = [[*own, *more, *refused] for own, more in zip(found, moved, strict=True)]
+    if robot is not None and not refused:
         clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
-        for finding, having in torque_mistakes(robot, clean):
+        told = torque_mistakes(robot, clean)
+        if any(finding.kind == "counts" for finding, _ in told):
+            counted = [[] for _ in logs]  # the torque says how many counts make a turn
+        for finding, having in told if not any(counted) else ():
             for k in having:
                 found[k].append(finding)
+    found = [[*own, *whole] for own, whole in zip(found, counted, strict=True)]
     pairs = zip(logs, found, strict=True)
     return [[trusted(finding, log.source.trusted) for finding in own] for log, own in pairs]
+
+
+def _counts(log: Log) -> list[LogFinding]:
+    """Return what to do about positions that hold encoder counts, of which nothing says more."""
+    held = whole_counts(log)
+    if not held:
+        return []
+    entry = {"columns": {name: {"scale": float(f"{2.0 * np.pi / 4096:.10g}")} for name in held}}
+    text = f"{', '.join(held)}: whole numbers far beyond turns: encoder counts."
+    way = "Of an encoder of 4096 counts a turn, " + say_so(entry)
+    way += "\nOf another, put 2 pi over its counts there."
+    return [LogFinding("error", "counts", held[0], text, way)]
 
 
 def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
@@ -259,10 +273,12 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     left = [[one.left for one in b.reports(as_it_stands(known[k]))] for k, b in benches.items()]
     most = np.max(left, axis=0, initial=0.0) if left else np.zeros(0)
     lost, doubtful = most > least, bool(np.any(most > _DOUBTFUL))
+    zeros = other_zeros(list(known.values())) if doubtful else []
+    offsets = {k: [(i, by) for i, by, of in zeros if n in of] for n, k in enumerate(known)}
     return {
         k: {
             reading.text: _Judged(reading, bench.reports(reading), bench.strays(reading))
-            for reading in readings(known[k], logs[k], lost, doubtful, lags)
+            for reading in readings(known[k], logs[k], lost, doubtful, lags, offsets[k])
         }
         for k, bench in benches.items()
     }
@@ -435,7 +451,7 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
     if len(read) > 1 or doubt < LIKELY:
         way = "\n".join((_MORE, *(f"If you know that {r.text}, {_mend_of(r)}" for r in read)))
     if len(judged) < every:
-        way = "Read these logs with a map of their own. " + way
+        way = "Give each of these logs a map of its own, LOG@MAP.toml. " + way
     scale = _scale(table[texts[0]])
     if scale != 1.0:
         said += f" The reported torque is {scale:.3g} times what the motion needs."
@@ -449,7 +465,7 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
     first, mend = read[0], read[0].mend if len(read) == 1 else {}
     column = first.columns[0] if first.columns else ""
     found = LogFinding(severity(doubt), first.kind, column, said, way, mend, doubt, first.mend)
-    return found, tuple(judged)
+    return replace(found, alone=len(judged) < every), tuple(judged)
 
 
 def _mend_of(reading: Reading) -> str:
@@ -468,11 +484,15 @@ def _scale(judged: _Judged) -> float:
 
 
 def _explained(text: str, judged: _Tables) -> tuple[float, float]:
-    """Return the mean share of power explained before and after, of the joints that change."""
-    pairs = [
-        (table[""].reports[k].left, table[text].reports[k].left)
-        for table in judged.values()
-        for k in _changed(table[""], table[text])
-    ]
-    before, after = np.clip(np.mean(pairs, axis=0), 0.0, 1.0) if pairs else (1.0, 1.0)
-    return float(1.0 - before), float(1.0 - after)
+    """Return the share of power explained before and after, of the joints that change."""
+    shares = []
+    for read in ("", text):
+        each = [
+            table[read].reports[k]
+            for table in judged.values()
+            for k in _changed(table[""], table[text])
+        ]
+        whole = sum(one.size**2 for one in each)
+        left = sum(min(one.left, 1.0) * one.size**2 for one in each)
+        shares.append(1.0 - left / whole if whole > 0.0 else 0.0)
+    return shares[0], shares[1]

@@ -22,9 +22,9 @@ _QUANTITIES = {
     quantity: words.split()
     for quantity, words in {
         "time": "time t stamp timestamp clock zeit zeitstempel",
-        "position": "q pos position theta phi angle ang winkel",
-        "velocity": "v dq qd vel velocity w omega speed qdot geschwindigkeit",
-        "motor_torque": "tau torque trq effort force moment drehmoment",
+        "position": "q qpos pos position th theta phi angle ang winkel",
+        "velocity": "v dq qd qvel vel velocity w om omega speed qdot geschwindigkeit",
+        "motor_torque": "tau torque trq eff effort force moment drehmoment",
         "current": "i cur current amp amps strom",
         "temperature": "temp temperature",
     }.items()
@@ -40,7 +40,19 @@ _OF_KINDS = {
 _VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
 _TARGETS |= {"control", "setpoint"}
-_FILL = {"meas", "measured", "act", "actual", "reported", "joint", "motor", "rotor", "state", "est"}
+_FILL = {
+    "meas",
+    "measured",
+    "act",
+    "actual",
+    "reported",
+    "joint",
+    "j",
+    "motor",
+    "rotor",
+    "state",
+    "est",
+}
 
 
 @dataclass(frozen=True)
@@ -67,42 +79,48 @@ def guess_name(name: str) -> NameGuess:
     native = split_column(name)
     if native is not None:
         return NameGuess(name, native[1], "", native[0])
-    unit, left = _unit(name)
+    said = name.replace("°", "deg")
+    unit, left = _unit(said)
     quantity, rest = _quantity(left)
     if not quantity and unit:
         quantity = _OF_KINDS.get(LOG_UNITS[unit][0], "")
     if unit and not _fits(quantity, unit):
         unit = ""  # a word that only looks like one: the v of hip_v
-        quantity, rest = _quantity(_words(name))
+        quantity, rest = _quantity(_words(said))
     if quantity and _TARGETS & set(rest):
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
-    owner = "_".join(t for t in rest if t not in _FILL | _TARGETS)
+    owner = _owner(rest)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
 
 
 def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return owner -> (joint, why): by name, by number along the chain, or by place in the file.
 
-    Owners that differ in a number alone are a series. It is read by the numbers of the joints where
-    every member meets just one joint so; else it counts along the chain: `q_0` to `q_5` of an arm
-    whose joints are numbered at the wrist alone are its six joints from the base. A series that is
-    shorter than what is left of the chain does not say which joints it means.
+    Owners that differ in a number alone are a series, named as a whole. It is read by the names or
+    numbers of the joints where every member meets just one joint so; else it counts along the
+    chain: `q_0` to `q_5` of an arm whose joints are numbered at the wrist alone are its six joints
+    from the base. A series that is shorter than what is left of the chain does not say which joints
+    it means.
 
     Args:
         owners: in the order of the file.
         joints: of the robot, from the base to the tips.
     """
+    words = {owner: set(owner.lower().split("_")) - {""} for owner in owners}
+    # What all owners are called, such as a topic, tells none from the others.
+    shared = set.intersection(*words.values()) if len(words) > 1 else set()
+    own_words = {owner: own - shared for owner, own in words.items()}
     numbers = {joint: set("_".join(_words(joint)).split("_")) for joint in joints}
     fitting = {
-        owner: [j for j in joints if j == owner or (own and own <= numbers[j])]
-        for owner in owners
-        for own in [set(owner.lower().split("_")) - {""}]
+        owner: [j for j in joints if owner in (j, _owner(_words(j)))]
+        or [j for j in joints if own and own <= numbers[j]]
+        for owner, own in own_words.items()
     }
-    series = _series(owners)
-    met = [tuple(fitting[owner]) for owner in series]
+    counting = series(owners)
+    met = [tuple(fitting[owner]) for owner in counting]
     told = all(len(m) == 1 for m in met) and len(set(met)) == len(met)
-    others = {fitting[o][0] for o in owners if o not in series and len(fitting[o]) == 1}
-    counted = bool(series) and not told and len(series) >= len(joints) - len(others)
+    others = {fitting[o][0] for o in owners if o not in counting and len(fitting[o]) == 1}
+    counted = bool(counting) and not told and len(counting) >= len(joints) - len(others)
     named: dict[str, tuple[str, str]] = {}
 
     def left() -> list[str]:
@@ -110,17 +128,21 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
 
     for owner in owners:
         free = [j for j in fitting[owner] if j in left()]
-        if len(free) == 1 and not (counted and owner in series):
+        if len(free) == 1 and (told or owner not in counting):
             named[owner] = (free[0], "by its name")
     # What is left beside a series that was counted is no joint.
     why = "by its number along the chain" if counted else "by its place in the file"
-    unnamed = [owner for owner in (series if counted else owners) if owner not in named]
+    unnamed = [owner for owner in (counting if counted else owners) if owner not in named]
     named |= {owner: (joint, why) for owner, joint in zip(unnamed, left(), strict=False)}
     return named
 
 
-def _series(owners: Sequence[str]) -> list[str]:
-    """Return the owners that differ in a number alone and count without a hole, in their order."""
+def _owner(words: Sequence[str]) -> str:
+    return "_".join(word for word in words if word not in _FILL | _TARGETS)
+
+
+def series(owners: Sequence[str]) -> list[str]:
+    """Return the names that differ in a number alone and count without a hole, in their order."""
     groups: dict[str, dict[int, str]] = {}
     for owner in owners:
         numbers = re.findall(r"\d+", owner)
@@ -170,11 +192,23 @@ def unread(ignored: Sequence[str], missing: Sequence[str]) -> tuple[str, Mend]:
         return f"{told} not read, and {missed} missing. If they are the same, {say_so(mend)}", mend
     if not ignored or not missing:
         return "", {}
-    blank: Mend = {"columns": {missing[0]: {"from": "COLUMN"}}}
+    first = {joint: f"{joint}.{quantity}" for joint, quantity in reversed(wanted)}
     return (
-        f"{told} not read, for want of a known name. If {missing[0]} is there, put the name of "
-        f"its column in place of COLUMN, and {say_so(blank)}"
-    ), {}
+        f"{told} not read, for want of a known name. {asked(ignored, [first[j] for j in joints])}",
+        {},
+    )
+
+
+def asked(names: Sequence[str], channels: Sequence[str]) -> str:
+    """Return what to say if columns without a known name hold some channels along the chain."""
+    counting = series(names)
+    if len(counting) < len(channels):
+        counting, channels = ["COLUMN"], channels[:1]
+        way = f"If {channels[0]} is there, put the name of its column in place of COLUMN, and "
+    else:
+        way = f"If {counting[0]} to {counting[-1]} are {channels[0]} and so on along the chain, "
+    pairs = zip(channels, counting, strict=False)
+    return way + say_so({"columns": {channel: {"from": name} for channel, name in pairs}})
 
 
 def _fits(quantity: str, unit: str) -> bool:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.clocks import GAP_STEPS, advancing, restarts
+from wbc.measurement.clocks import GAP_STEPS, advancing, leaps, restarts
 from wbc.measurement.column_map import (
     ColumnMap,
     ColumnRule,
@@ -224,8 +224,8 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
     """Return the rows of every log that a file holds and that is wanted, by the log's name.
 
     A log is what a value of the splitting column marks without a break: where the value comes back
-    after a gap of the clock, or the clock starts again, another log begins. Logs whose rows
-    alternate on one clock are no break.
+    after a gap of the clock, the clock starts again, or joints leap, another log begins. Logs whose
+    rows alternate on one clock are no break.
 
     Raises:
         LogError: nothing fits; the message lists the logs that there are.
@@ -235,9 +235,12 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
     rows = np.flatnonzero(choice.keeps(keys, table.rows))
     found: dict[str, IntArray] = {}
     values = keys[choice.split][rows] if choice.split else np.full(rows.size, "")
+    places = [rule for rule in rules.rules if rule.target.endswith(".position")]
+    positions = [rule.value({n: table.numbers(n) for n in rule.sources}) for rule in places]
     for value in dict.fromkeys(values.tolist()):
         own = rows[values == value]
-        pieces = np.split(own, _breaks(own, time[own]))
+        again = leaps(time[own], [column[own] for column in positions])
+        pieces = np.split(own, np.union1d(_breaks(own, time[own]), again))
         for k, piece in enumerate(pieces, start=1):
             name = f"{value}/{k}" if value else f"run{k}"
             found[name if len(pieces) > 1 else value] = piece

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import inf, pi
+from math import degrees, inf, pi
 from math import log as ln
 from typing import Any, TypeAlias
 
@@ -15,6 +15,7 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.measurement.evidence import Report, report
 from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees, listed
+from wbc.measurement.lags_and_zeros import MOVED, ZERO_PRIOR
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import LogRows, Need
 from wbc.measurement.schema import LOG_UNITS
@@ -25,8 +26,10 @@ from wbc.robot.coordinates import slides
 _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
-_TURNS = (90, -90, 180)  # degrees by which people set another zero
+_BITS = range(9, 21)  # of encoders: 512 to a million counts a turn
+_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 Lag: TypeAlias = tuple[Sequence[int], float]
+Zero: TypeAlias = tuple[int, float]
 _PARTS = 3  # of a log, in each of which a correction must bring the reports closer to the need
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
@@ -85,7 +88,12 @@ class Reading:
 
 
 def readings(
-    rows: LogRows, log: Log, lost: BoolArray, doubtful: bool, lags: Sequence[Lag]
+    rows: LogRows,
+    log: Log,
+    lost: BoolArray,
+    doubtful: bool,
+    lags: Sequence[Lag],
+    zeros: Sequence[Zero],
 ) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
@@ -94,9 +102,10 @@ def readings(
         log: names the columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
-        doubtful: whether any report leaves more than physics usually does; only then gravity and
-            zeros are asked about.
+        doubtful: whether any report leaves more than physics usually does; only then gravity
+            is asked about.
         lags: joints, by number, whose torques share a lag [s].
+        zeros: single joints, by number, and what may have to be added to their positions [rad].
     """
     as_is = as_it_stands(rows)
     yield as_is
@@ -105,9 +114,9 @@ def readings(
     yield from _sides(rows, as_is)
     yield from _exchanges(rows, log, lost, as_is)
     yield from _late(rows, as_is, lags)
+    yield from _zeros(rows, log, as_is, zeros)
     if doubtful:
         yield from _left_out(rows, as_is)
-        yield from _zeros(rows, log, as_is)
 
 
 def as_it_stands(rows: LogRows) -> Reading:
@@ -153,6 +162,19 @@ def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
             text, columns = f"{_holds(chosen)} {unit}", {name: {"unit": unit} for name in chosen}
             yield _scaled(as_is, "torque_unit", text, prior, k, LOG_UNITS[unit][1], columns)
     single = rows.robot.single_joints
+    if counted := whole_counts(log):
+        places = [i for i, joint in enumerate(single) if f"{joint}.position" in counted]
+        for bits in _BITS:
+            worth = float(f"{2.0 * pi / 2**bits:.10g}")
+            yield replace(
+                as_is,
+                kind="counts",
+                text=f"{_holds(counted)} counts of an encoder of {2**bits} a turn",
+                prior=_EVERYWHERE - ln(len(_BITS)),
+                factor=_put(as_is.factor, places, worth),
+                **_with({name: {"scale": worth} for name in counted}),
+            )
+        return
     turning = [i for i, joint in enumerate(single) if not slides(rows.robot, joint)]
     for k in _all_or_one(len(turning)) if turning else []:
         places = [turning[i] for i in k]
@@ -166,6 +188,13 @@ def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
             factor=_put(as_is.factor, places, pi / 180.0),
             **_with(in_degrees(log.columns, [single[i] for i in places])["columns"]),
         )
+
+
+def whole_counts(log: Log) -> list[str]:
+    """Return the positions that hold encoder counts: whole numbers, far beyond turns."""
+    names = [f"{joint}.position" for joint in log.with_quantity("position")]
+    far = [name for name in names if np.ptp(log.column(name)) > _COUNTS]
+    return [name for name in far if np.array_equal(log.column(name), np.round(log.column(name)))]
 
 
 def _travels(log: Log, joint: str, factor: float) -> float:
@@ -275,26 +304,24 @@ def _late(rows: LogRows, as_is: Reading, lags: Sequence[Lag]) -> Iterator[Readin
         )
 
 
-def _zeros(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
-    """Yield positions whose zero is another one: off by a quarter or half a turn."""
+def _zeros(rows: LogRows, log: Log, as_is: Reading, zeros: Sequence[Zero]) -> Iterator[Reading]:
+    """Yield positions whose zero is another one."""
     model = rows.robot.model
-    for i, joint in enumerate(rows.robot.single_joints if rows.weighs else ()):
-        if slides(rows.robot, joint):
-            continue
+    for i, turn in zeros:
+        joint = rows.robot.single_joints[i]
         # Behind the last joint of a chain, a link that is turned needs the same torque.
         last = len(model.subtrees[model.getJointId(joint)]) == 1
         names = [n for n in encoder_columns(log, joint) if n.endswith("position")]
-        for degrees in _TURNS:
-            turn = degrees * pi / 180.0
-            yield replace(
-                as_is,
-                kind="position_zero",
-                text=f"the zero of {joint}.position is off by {-degrees} degrees",
-                prior=_RARE,
-                offset=_put(np.zeros_like(as_is.factor), [i], 1.0, turn),
-                rivals=_RARE - ln(len(_TURNS)) if last else -inf,
-                **_with({name: {"offset": turn} for name in names}),
-            )
+        prior = MOVED + float(ZERO_PRIOR[round(degrees(turn)) % 360])
+        yield replace(
+            as_is,
+            kind="position_zero",
+            text=f"the zero of {joint}.position is off by {degrees(-turn):.0f} degrees",
+            prior=prior,
+            offset=_put(np.zeros_like(as_is.factor), [i], 1.0, turn),
+            rivals=prior - ln(3.0) if last else -inf,
+            **_with({name: {"offset": turn} for name in names}),
+        )
 
 
 def _scaled(

@@ -29,7 +29,8 @@ from wbc.extras import needs
 from wbc.measurement.findings import say_so
 from wbc.measurement.schema import is_column, named_unit
 
-_DATES = ("%d.%m.%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%H:%M:%S")
+_DAYS = ("%d.%m.%Y ", "%d/%m/%Y ", "%m/%d/%Y ", "%Y/%m/%d ", "")
+_HOURS = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
 _COPIES = 6  # of a file that reading holds in memory: bytes, text, and the parsed columns
 
 
@@ -124,6 +125,19 @@ def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
             raise LogError(f"'{path}': '{name}' has shape {parts.shape}, expected (rows,).")
         else:
             columns |= {f"{name}_{k}": parts[:, k] for k in range(parts.shape[1])}
+    return _with_stamps(columns)
+
+
+def _with_stamps(columns: dict[str, Any]) -> dict[str, Any]:
+    """Return columns in which the seconds and nanoseconds of a stamp are one column of seconds."""
+    for name in list(columns):
+        whole = re.fullmatch(r"(.*\W|.*_|)(secs?)", name)
+        parts = [f"{whole[1]}nano{whole[2]}", f"{whole[1]}n{whole[2]}"] if whole else []
+        rest = next((part for part in parts if part in columns), "")
+        if whole and rest:
+            seconds, nanos = (np.asarray(columns[n], dtype=np.float64) for n in (name, rest))
+            stamp = {name: seconds + 1e-9 * nanos}
+            columns = {n: stamp.get(n, values) for n, values in columns.items() if n != rest}
     return columns
 
 
@@ -169,7 +183,7 @@ def _numbers_in(cell: Any) -> list[float]:
 def _seconds(cells: Sequence[str | None]) -> FloatArray | None:
     """Return the seconds (N,) since the first of some dates, None if a cell is none."""
     first = next((cell for cell in cells if cell), "")
-    for date in (datetime.fromisoformat, *(_dated(f"{f}{s}") for f in _DATES for s in (".%f", ""))):
+    for date in (datetime.fromisoformat, *(_dated(f"{d}{h}") for d in _DAYS for h in _HOURS)):
         try:
             start = date(first)
             return np.array(
