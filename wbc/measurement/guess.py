@@ -177,6 +177,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
             for own in [*find_suspicions(logs, robot), *(check_robot(log, robot) for log in logs)]
             for finding in own
             if finding.likeliest
+            and not finding.alone
             and finding.kind not in _LACKS
             and finding.probability >= LIKELY
             and not _denied(finding, table)
