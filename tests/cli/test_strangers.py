@@ -319,7 +319,7 @@ def of_a_vendor(folder: Path) -> list[str]:
 
 
 def with_dates(folder: Path) -> list[str]:
-    """Semicolons, decimal commas and ISO dates in a column whose name says nothing."""
+    """A line of a spreadsheet, semicolons, decimal commas; ISO dates in a nameless column."""
     start = np.datetime64("2024-05-03T12:01:02.000000")
     return written(
         folder,
@@ -333,6 +333,7 @@ def with_dates(folder: Path) -> list[str]:
             *(cell.replace(".", ",") for cell in cells(q, tau)),
         ],
         mark=";",
+        above="sep=;\n",
     )
 
 

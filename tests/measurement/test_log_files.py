@@ -88,7 +88,7 @@ GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
         (
             "a.csv",
             b"time,a.current,a.current\n0,1,2\n",
-            ["more than one column called 'a.current'"],
+            ["more than one column called 'a.current'", "rows.header = "],
         ),
         ("a.csv", b"\xff\x00\x01", ["cannot read", "as CSV"]),
         ("a.parquet", b"PAR1 and then nothing", ["cannot read", "Parquet", "damaged"]),

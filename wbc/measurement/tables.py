@@ -268,6 +268,7 @@ def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
             or has rows of other lengths.
     """
     text, notes, every = _text(path)
+    text = re.sub(r"\Asep=.\r?\n", "", text)  # a line that spreadsheets write
     lines = text[: 1 << 20].splitlines()[:_HEAD_LINES]
     first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
     if first == len(lines):
@@ -358,7 +359,9 @@ def _names(
         names = tuple(cell or f"column_{k}" for k, cell in enumerate(cells, 1))
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise LogError(f"'{path}' has more than one column called '{twice[0]}'.")
+            apart = [f"{n}_{k}" if n in twice else n for k, n in enumerate(names, 1)]
+            way = say_so({"rows": {"header": apart}}, "Give each a name of its own")
+            raise LogError(f"'{path}' has more than one column called '{twice[0]}'. {way}")
         return names
     said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
     for mark in (layout.mark, *_MARKS):
