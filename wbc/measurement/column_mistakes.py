@@ -36,6 +36,7 @@ _FASTEST = 0.99  # of the steps between rows are those of the motion; others may
 _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is no fold
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
 _RESET = "no turn and no range of counts; a counter that was reset"
+_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 _NEAR_ZERO = 0.05  # of the range of a torque
 
 
@@ -69,6 +70,13 @@ def wraps(log: Log) -> list[LogFinding]:
         one = _column(name, "wrap", text, {name: entry})
         found.append(one if said != _RESET else replace(one, mend={}))
     return found + (_beside_degrees(log, found) if degrees else [])
+
+
+def whole_counts(log: Log) -> list[str]:
+    """Return the positions that hold encoder counts: whole numbers, far beyond turns."""
+    names = [f"{joint}.position" for joint in log.with_quantity("position")]
+    far = [name for name in names if np.ptp(log.column(name)) > _COUNTS]
+    return [name for name in far if np.array_equal(log.column(name), np.round(log.column(name)))]
 
 
 def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
@@ -230,6 +238,12 @@ class Ratio(NamedTuple):
 
 
 _TURN = 2.0 * pi
+COUNTS_OF_A_TURN = {1 << bits: float(f"{_TURN / (1 << bits):.10g}") for bits in range(9, 21)}
+"""Counts of an encoder in a turn -> what one of them is worth [rad]."""
+_OF_COUNTS = tuple(
+    Ratio(worth, "counts", f"the position counts {turn} a turn", {"position": {"scale": worth}})
+    for turn, worth in COUNTS_OF_A_TURN.items()
+)
 _RATIOS = (
     Ratio(pi / 180.0, "degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
     Ratio(180.0 / pi, "degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
@@ -280,11 +294,13 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         ratios: gear ratio N of joints that one motor drives alone; may be empty.
     """
     shown: dict[str, list[tuple[Ratio, str, float, float]]] = {}
+    counted = whole_counts(log)
     for joint, fit in velocity_fits(log).items():
         scale = fit.scale
         if abs(fit.correlation) <= _CORRELATION:
             continue
         known = with_gear(ratios.get(joint, 1.0))
+        known += _OF_COUNTS if f"{joint}.position" in counted else ()
         odds = np.array([_log_odds(scale, one.factor) for one in known])
         stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
         best = int(np.argmax(odds))

@@ -45,6 +45,7 @@ _OF_MOTION = (
     "velocity_sign",
     "gear_side",
     "degrees",
+    "counts",
 )
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
 _EXPLAINED = 0.99

@@ -17,6 +17,7 @@ from wbc.measurement.column_mistakes import (
     motion_findings,
     stale_rows,
     together_likely,
+    whole_counts,
     wraps,
 )
 from wbc.measurement.evidence import (
@@ -40,7 +41,7 @@ from wbc.measurement.lags_and_zeros import other_zeros, shared_lags
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import rows_of
 from wbc.measurement.read import mended
-from wbc.measurement.readings import Bench, Reading, as_it_stands, readings, whole_counts
+from wbc.measurement.readings import Bench, Reading, as_it_stands, readings
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
@@ -79,10 +80,11 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
     found = [[*own, *wraps(log)] for own, log in zip(stale, clean, strict=True)]
     clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
     moved = _shared([motion_findings(log, ratios) for log in clean])
-    refused, counted = magnitudes(logs), [_counts(log) for log in clean]
+    refused = magnitudes(logs)
     found = [[*own, *more, *refused] for own, more in zip(found, moved, strict=True)]
+    clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
+    counted = [_counts(log) for log in clean]
     if robot is not None and not refused:
-        clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
         told = torque_mistakes(robot, clean)
         if any(finding.kind == "counts" for finding, _ in told):
             counted = [[] for _ in logs]  # the torque says how many counts make a turn

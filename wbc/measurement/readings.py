@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, whole_counts
 from wbc.measurement.evidence import Report, report
 from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees, listed
 from wbc.measurement.lags_and_zeros import MOVED, ZERO_PRIOR
@@ -26,8 +27,6 @@ from wbc.robot.coordinates import slides
 _EVERYWHERE = ln(0.02)
 _SOMEWHERE = ln(0.01)
 _RARE = ln(0.003)
-_BITS = range(9, 21)  # of encoders: 512 to a million counts a turn
-_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 Lag: TypeAlias = tuple[Sequence[int], float]
 Zero: TypeAlias = tuple[int, float]
 _PARTS = 3  # of a log, in each of which a correction must bring the reports closer to the need
@@ -164,13 +163,12 @@ def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
     single = rows.robot.single_joints
     if counted := whole_counts(log):
         places = [i for i, joint in enumerate(single) if f"{joint}.position" in counted]
-        for bits in _BITS:
-            worth = float(f"{2.0 * pi / 2**bits:.10g}")
+        for turn, worth in COUNTS_OF_A_TURN.items():
             yield replace(
                 as_is,
                 kind="counts",
-                text=f"{_holds(counted)} counts of an encoder of {2**bits} a turn",
-                prior=_EVERYWHERE - ln(len(_BITS)),
+                text=f"{_holds(counted)} counts of an encoder of {turn} a turn",
+                prior=_EVERYWHERE - ln(len(COUNTS_OF_A_TURN)),
                 factor=_put(as_is.factor, places, worth),
                 **_with({name: {"scale": worth} for name in counted}),
             )
@@ -188,13 +186,6 @@ def _units(rows: LogRows, log: Log, as_is: Reading) -> Iterator[Reading]:
             factor=_put(as_is.factor, places, pi / 180.0),
             **_with(in_degrees(log.columns, [single[i] for i in places])["columns"]),
         )
-
-
-def whole_counts(log: Log) -> list[str]:
-    """Return the positions that hold encoder counts: whole numbers, far beyond turns."""
-    names = [f"{joint}.position" for joint in log.with_quantity("position")]
-    far = [name for name in names if np.ptp(log.column(name)) > _COUNTS]
-    return [name for name in far if np.array_equal(log.column(name), np.round(log.column(name)))]
 
 
 def _travels(log: Log, joint: str, factor: float) -> float:
