@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from wbc.identification.choice.weighing.odds import TIED
+from wbc.identification.choice.certainty import TIED
 
 Result = dict[str, Any]
 

@@ -59,9 +59,9 @@ from wbc.arrays import FloatArray
 from wbc.design.experiment import Cause, Designed, Rivals
 from wbc.errors import DesignError, WbcError
 from wbc.files import write_text
-from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.odds import TIED
-from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.choice.certainty import TIED
+from wbc.identification.choice.evidence import weigh
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import parameter_covariance
 from wbc.measurement import Log

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from wbc import load_robot
 from wbc.effects import Backlash, JointCompliance
-from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import evaluate
 from wbc.links import DrivenLinks
 from wbc.robot import Effect
 from wbc.sim.excitation import record_with

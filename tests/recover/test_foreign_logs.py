@@ -11,7 +11,7 @@ import pytest
 from tests.outside import outside
 from wbc import load_robot, save_robot
 from wbc.identification import compare, diagnose, rank_robots
-from wbc.identification.choice.weighing.certainty import CERTAIN
+from wbc.identification.choice.certainty import CERTAIN
 from wbc.measurement import Log, load_logs
 
 

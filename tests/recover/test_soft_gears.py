@@ -19,8 +19,8 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification import diagnose
-from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import evaluate
 from wbc.measurement import Log
 from wbc.robot import Effect
 

@@ -14,8 +14,8 @@ from tests.outside import ROOT, outside
 from wbc.cli import main
 from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
 from wbc.identification import diagnose, open_loop
-from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.choice.evidence import weigh
+from wbc.identification.choice.trials import Trials
 from wbc.identification.classic import classic_fit, held_out_residual
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import load_logs

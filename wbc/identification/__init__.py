@@ -21,7 +21,7 @@ from wbc.identification.answer.diagnosis import (
 from wbc.identification.answer.ranking import Ranked
 from wbc.identification.answer.remainder import Breakdown
 from wbc.identification.answer.shown import Series
-from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.certainty import Support
 from wbc.identification.open_loop import OpenLoop, open_loop
 
 __all__ = [

@@ -15,9 +15,9 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.files import as_json
 from wbc.identification.choice.plain_models import JOINTS
-from wbc.identification.model.derivatives import derivatives, evaluate
+from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.inertial_columns import inertial_columns
+from wbc.identification.model.evaluation import evaluate
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.record import output_names
@@ -237,7 +237,7 @@ class _Columns:
         effects = [_small(kind, robot, where) for kind in JOINTS for where in kind.places(robot)]
         slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
         at = evaluate(robot, effects, records, problem.whitening)
-        joint = derivatives(robot, at, slots, records, problem.whitening)
+        joint = derivatives(problem.columns, at, slots, problem.whitening)
         joint = joint / np.array([parameter.scale for _, parameter in slots])
         links = link_names(robot)
         unit = inertial_columns(robot, records, [None] * len(records), np.eye(len(links)))

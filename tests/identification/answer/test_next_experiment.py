@@ -11,7 +11,7 @@ from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset
 from wbc.identification.answer.diagnose import next_experiment
 from wbc.identification.answer.diagnosis import Alternative, Finding, Verdict
 from wbc.identification.answer.remainder import Remainder
-from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.certainty import Support
 from wbc.identification.records.noise import NoiseFloor
 from wbc.robot import Effect
 

@@ -10,10 +10,8 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from wbc.effects import Backlash, CoulombFriction, TorqueOffset
-from wbc.identification.choice.weighing.certainty import Support
-from wbc.identification.choice.weighing.evidence import left_to_gain, log_densities, weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.choice.weighing.odds import odds_of
+from wbc.identification.choice.certainty import Support, odds_of
+from wbc.identification.choice.evidence import Hypothesis, left_to_gain, log_densities, weigh
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 

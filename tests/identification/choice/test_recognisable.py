@@ -5,7 +5,7 @@ import pytest
 
 import wbc
 from wbc.effects import JointSpring, TorqueRipple
-from wbc.identification.choice.weighing.prior import implausible
+from wbc.identification.choice.prior import implausible
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Motion
 from wbc.sim.excitation import record_with

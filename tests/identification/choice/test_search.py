@@ -9,6 +9,7 @@ import pytest
 from wbc.effects import (
     EFFECTS,
     CoulombFriction,
+    JointCompliance,
     LoadFriction,
     PayloadMass,
     SupplySag,
@@ -16,10 +17,10 @@ from wbc.effects import (
     TransmissionEfficiency,
     load_robot,
 )
+from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect
@@ -72,3 +73,14 @@ def test_a_wrong_torque_constant_with_friction_is_no_lossy_gear(
     hidden = [TorqueConstant("knee", constant), CoulombFriction("knee", level)]
     _, end = _climbed(hidden)
     assert set(end.keys) == {effect.key for effect in hidden}
+
+
+def test_exchanges_beside_a_link_that_swings_are_screened_without_a_fit() -> None:
+    hidden = [JointCompliance("knee", 300.0, 0.5), CoulombFriction("hip", 0.5)]
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden[1:], duration=3.0))
+    trials = Trials(problem)
+    h = trials.of(hidden)
+    assert h is not None
+    known = len(trials.known)
+    Proposer(trials, AT_ONCE).instead(h, hidden[1], 3)
+    assert len(trials.known) == known

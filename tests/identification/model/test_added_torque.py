@@ -17,10 +17,10 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification.choice.candidate_columns import evidence, make_regressors
-from wbc.identification.model.added_torque import ADDS, added_torque, condensed
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import evaluate
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.model.sparse_columns import SparseColumns
+from wbc.identification.model.sparse_columns import ADDS, SparseColumns, added_torque, condensed
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Robot
 
@@ -97,7 +97,8 @@ def test_columns_beside_drives_and_a_lossy_gear_are_those_of_the_residual(
     records = problem.records
     robot = problem.robot.with_effects(*_others(problem.robot))
     before = condensed_residual(robot, records)
-    regressors = make_regressors(robot, records, ADDING, evidence(robot, records))
+    at = evaluate(problem.robot, _others(problem.robot), records, problem.whitening)
+    regressors = make_regressors(problem.columns, at, ADDING, [(evidence(robot, records), None)])
     assert {regressor.effect for regressor in regressors} >= {
         EFFECTS["viscous_friction"],
         EFFECTS["presliding"],
@@ -127,6 +128,9 @@ class _Leaking(ActuationDelay):
 def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
-    found = make_regressors(leg, problem.records, [_Leaking], evidence(leg, problem.records))
+    at = evaluate(leg, (), problem.records, problem.whitening)
+    found = make_regressors(
+        problem.columns, at, [_Leaking], [(evidence(leg, problem.records), None)]
+    )
     assert found
     assert all(len(regressor.columns.outputs) == 2 for regressor in found)

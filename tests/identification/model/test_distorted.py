@@ -7,9 +7,9 @@ import pytest
 
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction, load_robot
-from wbc.identification.model.distorted import ALIKE, DISTORTED, alike_shifts
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion
 

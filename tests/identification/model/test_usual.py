@@ -9,7 +9,7 @@ from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.usual import UsualRows
+from wbc.identification.model.information import UsualRows
 from wbc.robot import Parameter
 
 ROWS, FOLDS = 24, np.repeat([0, 1, 2], 8)

@@ -31,15 +31,15 @@ from wbc.identification.answer.remainder import (
 )
 from wbc.identification.answer.shown import series_of
 from wbc.identification.answer.words import joined, only_noise
+from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
+from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.find_causes import (
     INTERRUPTED,
     SearchResult,
     find_causes,
     look_closer,
 )
-from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN, Support
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual

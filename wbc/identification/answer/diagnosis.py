@@ -24,7 +24,7 @@ from wbc.identification.answer.shown import (
     with_interval,
 )
 from wbc.identification.answer.words import MEANINGS, verdict_sentence, what_to_do
-from wbc.identification.choice.weighing.certainty import Support
+from wbc.identification.choice.certainty import Support
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
 from wbc.tables import TextTable

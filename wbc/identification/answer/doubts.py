@@ -9,11 +9,10 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.answer.shown import with_unit
-from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit, change_along
 from wbc.identification.model.intervals import TAIL, WIDER
-from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.noise import synthetic_noise
 from wbc.identification.records.record import Record

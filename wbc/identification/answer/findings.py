@@ -12,13 +12,13 @@ from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.doubts import absent_ties, disagreements
 from wbc.identification.answer.ranking import Correlation
 from wbc.identification.answer.shown import with_unit
-from wbc.identification.choice.weighing.certainty import Support
-from wbc.identification.choice.weighing.hypothesis import Key
+from wbc.identification.choice.certainty import Support
+from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others, scaled
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
-from wbc.identification.model.link_friction import rubbing_effects
+from wbc.identification.model.yielding import rubbing_effects
 from wbc.robot import Effect, Parameter, Quantity
 from wbc.robot.coordinates import unit_at
 

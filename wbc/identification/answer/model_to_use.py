@@ -12,29 +12,27 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.identification.answer.remainder import Attainable, attainable
-from wbc.identification.choice.find_causes import SearchResult
-from wbc.identification.choice.plain_models import plain_models
-from wbc.identification.choice.weighing.certainty import (
+from wbc.identification.choice.certainty import (
     BELIEVED,
     EVEN,
+    Odds,
     Support,
     beliefs,
     least_believed,
+    odds_of,
     support_of,
     unexplained,
 )
-from wbc.identification.choice.weighing.drop_screen import losses
-from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
-from wbc.identification.choice.weighing.odds import Odds, odds_of
-from wbc.identification.choice.weighing.trials import Trials
-from wbc.identification.model.distorted import DISTORTED
+from wbc.identification.choice.drop_screen import losses
+from wbc.identification.choice.evidence import Hypothesis, Key, weigh
+from wbc.identification.choice.find_causes import SearchResult
+from wbc.identification.choice.plain_models import plain_fits, without_idle
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.records.folds import block_means
 from wbc.identification.records.record import output_names
-from wbc.robot import Effect, Parameter
-
-_SEEN = 1e-9  # of the longest column: shorter ones are rounding
+from wbc.robot import Effect
 
 
 @dataclass(frozen=True)
@@ -168,8 +166,7 @@ def _in_order(
     Last come the plain fits beside what was found. Links that swing are simulated: beside them no
     plain fit is tried.
     """
-    starts = plain_models(trials.problem, classes)
-    plain = [_without_idle(trials, h) for h in trials.all_of(starts)]
+    plain = plain_fits(trials, classes)
     rivals = [_Prediction.of(trials, h) for h in (trials.nothing, *plain)]
 
     def tried() -> Iterator[_Prediction]:
@@ -178,7 +175,7 @@ def _in_order(
         for own in () if last.swings else plain:
             joined = _joined(trials.problem, last, own)
             if len(joined) > len(last.effects) and (both := trials.of(joined)) is not None:
-                yield _Prediction.of(trials, _without_idle(trials, both))
+                yield _Prediction.of(trials, without_idle(trials, both))
 
     return tried(), rivals
 
@@ -203,24 +200,6 @@ def _joined(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> t
         return best.get(effect.key) or effect.with_values(null)
 
     return tuple(begun(effect) for effect in {**mine, **theirs}.values())
-
-
-def _without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
-    """Return a hypothesis without the causes that change nothing on these logs."""
-    fit = trials.fit(h)
-    size = np.sqrt(np.einsum("rop,rop->p", fit.jacobian, fit.jacobian))
-    busy = {
-        k
-        for (k, parameter), own in zip(fit.parameters, size, strict=True)
-        if own > _SEEN * size.max() and _at_work(trials, fit.effects[k], parameter)
-    }
-    kept = [effect for k, effect in enumerate(h.effects) if k in busy]
-    return trials.of(kept) or h
-
-
-def _at_work(trials: Trials, effect: Effect, parameter: Parameter) -> bool:
-    given = effect.null_values(trials.problem.robot, effect.where)
-    return effect.values[parameter.name] != given.get(parameter.name, parameter.null)
 
 
 def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:

@@ -13,9 +13,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.files import as_json
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
-from wbc.identification.choice.weighing.odds import TIED, Odds
-from wbc.identification.choice.weighing.trials import Trials
+from wbc.identification.choice.certainty import TIED, Odds
+from wbc.identification.choice.evidence import Hypothesis, Key
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps, parameter_covariance

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.answer.shown import plain
-from wbc.identification.choice.weighing.hypothesis import Key
+from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual

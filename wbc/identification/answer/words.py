@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.shown import plain
-from wbc.identification.choice.weighing.certainty import CERTAIN, EVEN
+from wbc.identification.choice.certainty import CERTAIN, EVEN
 from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:

@@ -10,11 +10,9 @@ import numpy as np
 
 from wbc.effects.gear.joint_compliance import JointCompliance
 from wbc.effects.gear.yielding_gear import Side, YieldingGear
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.model.derivatives import evaluate
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.residual import link_response, rubbing_responses
 from wbc.identification.model.yielding import deflects, loose, plays
 from wbc.identification.records.record import Record
@@ -40,55 +38,55 @@ _NEAR_PLAYS: tuple[_Factors, ...] = (
 )
 _COARSE = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad], where two gears are tried ...
 _COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequencies [Hz]
-_PAIRED = 0.8  # of the squares, that two gears of this grid must leave at most
+_PAIRED = 0.8  # of the squares, that one or two gears of a grid must leave at most ...
+_ALONE = 0.5  # ... and one that stands for known causes
 _HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
 _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
-_ALONE = 0.5  # of those above the noise, for a gear that stands for several known causes
 _SOFTEST = next(p.low for p in JointCompliance.parameters if p.name == "stiffness")
 _COUNT = 2  # gears offered per joint, kind and side of friction
 _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are tried
 
 
 def gears_beside(
-    problem: EstimationProblem,
-    h: Hypothesis,
-    fit: Fit,
-    kinds: Sequence[type[Effect]],
-    *,
-    alone: bool = False,
+    problem: EstimationProblem, fit: Fit, known: Fit, kinds: Sequence[type[Effect]]
 ) -> list[Offer]:
-    """Return the effects of a hypothesis with a gear more, those that leave least first.
+    """Return the effects of a fit with a gear more, those that leave least first.
 
-    They are ranked on the beginning of the log that leaves most, and fitted to all.
+    They are ranked on the beginning of the log that leaves most, and fitted to all. A gear must
+    explain a share of what is left, half of it where other causes do.
 
     Args:
         problem: the logs.
-        h: the hypothesis.
-        fit: of it.
+        fit: of the effects.
+        known: that explains most so far.
         kinds: effects that may be used.
-        alone: whether the gear has to explain most of what is left: only the joint that leaves
-            most is tried.
     """
     offers: list[tuple[float, Offer]] = []
     record, rows = _loudest(problem)
-    taken = {effect.where for effect in h.effects if deflects(effect)}
-    for joint, output in _loudest_joints(problem, h.outputs)[: 1 if alone else _JOINTS]:
+    taken = {effect.where for effect in fit.effects if deflects(effect)}
+    left = np.mean(fit.residual**2, axis=0)
+    for joint, output in _loudest_joints(problem, left)[:_JOINTS]:
         if joint in taken:
             continue
         floor = float(problem.floor.values[output]) ** 2
         for side, whole_logs in _by_side(fit.robot, joint, [record]):
             responses = [response.beginning(_SCREENED) for response in whole_logs]
-            known = fit.residual[rows][: len(responses[0].rows)]
-            before, noise = float(np.sum(known**2)), float(known.size)
+            count = len(responses[0].rows)
+            noise = float(fit.residual[rows][:count].size)
+            before, rival = (
+                max(float(np.sum(one.residual[rows][:count] ** 2)) - noise, 0.0)
+                for one in (fit, known)
+            )
+            most = (_ALONE if rival < _ALONE * before else _PAIRED) * before
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
-                for left, flanks in best_gears(responses, kind.has_play, _COUNT):
-                    gear = kind.having(joint, flanks).with_friction_at(side)
-                    rest = max(before + float(left - whole) / floor, noise)
-                    if not alone or rest - noise <= _ALONE * (before - noise):
-                        offers.append((rest, (*h.effects, gear)))
+                for unexplained, flanks in best_gears(responses, kind.has_play, _COUNT):
+                    rest = max(before + float(unexplained - whole) / floor, 0.0)
+                    if rest <= most:
+                        gear = kind.having(joint, flanks).with_friction_at(side)
+                        offers.append((rest + noise, (*fit.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
     return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
 

@@ -11,20 +11,13 @@ from heapq import heappop, heappush
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.identification.choice.candidate_columns import (
-    Regressor,
-    Shelf,
-    ShelfKey,
-    alone_on,
-    evidence,
-    make_regressors,
-    shelf_key,
-)
+from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
 from wbc.identification.choice.design_matrix import DesignMatrix, fold_sums
-from wbc.identification.choice.weighing.hypothesis import Key
+from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import evaluate
 from wbc.identification.model.fit import Fit
-from wbc.robot import Effect, Robot
+from wbc.robot import Effect, Evidence, Robot
 
 # Rows are five per period of the band: half of them hold all that a screen, which only proposes,
 # needs to know. Scores made with it stand in corpus_results.md (seed 34): as many right as before.
@@ -226,9 +219,6 @@ class LinearScreen:
         return group
 
 
-Nearby = tuple[Robot, Shelf]
-"""A robot close to those whose causes are sought, and the columns made of it so far."""
-
 _WHOLE = "robot"  # where effects sit that have no place
 
 
@@ -236,73 +226,27 @@ def screen(
     problem: EstimationProblem,
     fit: Fit,
     offered: Sequence[type[Effect]],
-    taken: Collection[tuple[str, str]],
-    near: Nearby | None = None,
     failures: Counter[str] | None = None,
-    common: Shelf | None = None,
 ) -> tuple[LinearScreen, list[Regressor]]:
-    """Return the search over single additions, with the present parameters free to move.
+    """Return the search over what could be added to a model or stand in the place of its causes.
 
-    Args:
-        problem: the logs.
-        fit: the model that causes are added to.
-        offered: effect classes.
-        taken: names and places that are not offered.
-        near: whose columns stand for those of effects that act at once.
-        failures: errors inside effects are counted there.
-        common: columns that do not depend on the model; new ones are put there.
-    """
-    known = evidence(fit.robot, problem.records)
-    robot, columns = near or (fit.robot, {})
-    shared = common if alone_on(robot, problem.robot) else None
-    regressors = make_regressors(
-        robot, problem.records, offered, known, columns, failures, common=shared
-    )
-    free = [regressor for regressor in regressors if regressor.key not in taken]
-    return _screen_of(problem, fit, offered, free)
-
-
-def screen_instead(
-    problem: EstimationProblem,
-    fit: Fit,
-    offered: Sequence[type[Effect]],
-    failures: Counter[str] | None = None,
-    common: Shelf | None = None,
-) -> tuple[LinearScreen, list[Regressor]]:
-    """Return the search over what could stand in the place of causes of a model.
-
-    One set of columns serves for all of them: what a small effect adds hardly depends on one cause
-    more or less. Shapes that follow the data are those that show with all causes, and at the place
-    of each cause those that show without it.
+    The present parameters are free to move. One set of columns serves for the place of every cause:
+    what a small effect adds hardly depends on one cause more or less. Shapes that follow the data
+    are those that show with all causes, and at the place of each cause those that show without it.
 
     Args:
         problem: the logs.
         fit: the model.
         offered: effect classes that act at once.
         failures: errors inside effects are counted there.
-        common: columns that do not depend on the model; new ones are put there.
     """
-    columns: Shelf = {}
-    shared = common if alone_on(fit.robot, problem.robot) else None
-    taken = {effect.key for effect in fit.effects}
-    found: dict[ShelfKey, Regressor] = {}
-
-    def make(robot: Robot, places: Sequence[str] | None) -> None:
-        known = evidence(robot, problem.records)
-        regressors = make_regressors(
-            fit.robot, problem.records, offered, known, columns, failures, places, shared
-        )
-        for regressor in regressors:
-            if regressor.key not in taken:
-                found.setdefault(
-                    shelf_key(regressor.effect, regressor.where, regressor.screen), regressor
-                )
-
-    make(fit.robot, None)
-    for gone in fit.effects:
+    at = evaluate(problem.robot, fit.effects, problem.records, problem.whitening)
+    shown: list[tuple[Evidence, list[str] | None]] = [(evidence(fit.robot, problem.records), None)]
+    for gone in () if fit.swings else fit.effects:  # links that swing would be simulated for each
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
-        make(rest, [gone.where])
-    return _screen_of(problem, fit, offered, found.values())
+        shown.append((evidence(rest, problem.records), [gone.where]))
+    regressors = make_regressors(problem.columns, at, offered, shown, failures)
+    return _screen_of(problem, fit, offered, regressors)
 
 
 def screen_in_shares(

@@ -16,9 +16,11 @@ from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
 from wbc.effects.friction.viscous_friction import ViscousFriction
 from wbc.effects.links.link_inertia import LinkInertia
 from wbc.effects.links.link_inertias import LinkInertias
+from wbc.identification.choice.evidence import Hypothesis
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.log_checks import still_joints
-from wbc.robot import Effect
+from wbc.robot import Effect, Parameter
 
 FRICTION: tuple[type[Effect], ...] = (
     ViscousFriction,
@@ -32,17 +34,37 @@ JOINTS: tuple[type[Effect], ...] = (*FRICTION, RotorInertia)
 """What the classic fit has at every joint beside the links."""
 
 
+_OF_JOINTS = 2  # plain fits that change neither links nor drives
+_SEEN = 1e-9  # of the longest column: shorter ones are rounding
+
+
+def plain_fits(
+    trials: Trials, classes: Sequence[type[Effect]], *, links: bool = True
+) -> list[Hypothesis]:
+    """Return the plain fits, each without the causes that say nothing on these logs.
+
+    Args:
+        trials: on the logs.
+        classes: effects that may be used.
+        links: whether those count that change the inertias of links or the drives.
+    """
+    starts = plain_models(trials.problem, classes)
+    fits = trials.all_of(starts if links else starts[:_OF_JOINTS])
+    return [without_idle(trials, h) for h in fits]
+
+
 def plain_models(
     problem: EstimationProblem, classes: Sequence[type[Effect]]
 ) -> tuple[tuple[Effect, ...], ...]:
     """Return the starts of the plain fits, each with more than the one before.
 
-    Friction and offsets; the classic fit; it with a torque constant, and with load friction, at
-    every joint. The classic fit has the inertias of all links. As numbers of a robot they are those
-    of bodies that can exist, and friction takes power. Free base parameters are not bound to that:
-    where torques are wrong by a factor at some joints, they take it up. On a recorded six-axis arm
-    bodies that can exist leave 0.97 to 1.5 times what free base parameters leave held out, 0.94 to
-    1.1 times with torque constants, and 0.84 to 1.02 times with load friction.
+    Friction and offsets; rotor inertias; the classic fit; it with a torque constant, and with load
+    friction, at every joint. The classic fit has the inertias of all links. As numbers of a robot
+    they are those of bodies that can exist, and friction takes power. Free base parameters are not
+    bound to that: where torques are wrong by a factor at some joints, they take it up. On a
+    recorded six-axis arm bodies that can exist leave 0.97 to 1.5 times what free base parameters
+    leave held out, 0.94 to 1.1 times with torque constants, and 0.84 to 1.02 times with load
+    friction.
 
     Args:
         problem: the logs.
@@ -53,7 +75,8 @@ def plain_models(
     drawn = [links.at(w, links.null_values(robot, w)) for w in links.places(robot)]
     parts = (
         at_all_joints(problem, FRICTION),
-        (*at_all_joints(problem, (RotorInertia,)), *drawn),
+        at_all_joints(problem, (RotorInertia,)),
+        tuple(drawn),
         at_all_joints(problem, (TorqueConstant,)),
         at_all_joints(problem, (LoadFriction,)),
     )
@@ -72,3 +95,21 @@ def at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> 
         for where in kind.places(robot)
         if where in moving
     )
+
+
+def without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
+    """Return a hypothesis without the causes that change nothing on these logs."""
+    fit = trials.fit(h)
+    size = np.sqrt(np.einsum("rop,rop->p", fit.jacobian, fit.jacobian))
+    busy = {
+        k
+        for (k, parameter), own in zip(fit.parameters, size, strict=True)
+        if own > _SEEN * size.max() and _at_work(trials, fit.effects[k], parameter)
+    }
+    kept = [effect for k, effect in enumerate(h.effects) if k in busy]
+    return trials.of(kept) or h
+
+
+def _at_work(trials: Trials, effect: Effect, parameter: Parameter) -> bool:
+    given = effect.null_values(trials.problem.robot, effect.where)
+    return effect.values[parameter.name] != given.get(parameter.name, parameter.null)

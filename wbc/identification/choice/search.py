@@ -1,18 +1,28 @@
-"""The search for causes: from one hypothesis to the next while the evidence grows."""
+"""The search for causes: single moves from one hypothesis to the next while the evidence grows."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from wbc.identification.choice import moves
-from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.weighing.certainty import doubted_names
-from wbc.identification.choice.weighing.evidence import left_to_gain, weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, Key
-from wbc.identification.choice.weighing.prior import LEAST_ASKED
+import numpy as np
 
+from wbc.identification.choice.certainty import doubted_names
+from wbc.identification.choice.drop_screen import losses
+from wbc.identification.choice.evidence import Hypothesis, Key, left_to_gain, weigh, without
+from wbc.identification.choice.plain_models import plain_fits
+from wbc.identification.choice.prior import LEAST_ASKED
+from wbc.identification.choice.proposals import MISSED, Proposer
+from wbc.identification.model.yielding import deflects
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Robot
+
+_ADDED = 6  # offers that are fitted for one addition
+_SWAPPED = 5  # ... are looked at in the place of one cause
+_EXCHANGES = 24  # ... and fitted in the place of all
+_PAIRS = 6
+_ROUNDING = 1e-9  # of a torque
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 _MASKS = 2  # times that what explains most and is not believed is put aside
@@ -25,6 +35,139 @@ _MASKS = 2  # times that what explains most and is not believed is put aside
 # removal is no chance: nothing was added that could confirm it.
 _CHANCES = 2
 _MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
+
+
+def _additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -> list[Hypothesis]:
+    """Return hypotheses with a cause more, at one place or in all gears."""
+    trials = proposer.trials
+    longer = trials.all_of(proposer.beside(h, _ADDED, exclude))
+    # Screens see a drive's causes only as the last to act.
+    robot, record = trials.problem.robot, trials.problem.records[0]
+    orders = [offer for one in longer for offer in _reordered(one, record, robot)]
+    first = _placed_first(h, proposer.candidates, record, robot)
+    kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
+    return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
+
+
+def _usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
+    """Return, from the robot as given, what the joints of machines usually have, all at once.
+
+    Found one by one they take a move each, and at every move what is still missing is imitated.
+    """
+    return [] if h.effects else plain_fits(proposer.trials, proposer.candidates, links=False)
+
+
+def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
+    """Yield hypotheses without a cause, a name at all its places, or all that says too little.
+
+    Those alone are fitted of which the derivatives say that they may win, the most likely first.
+    """
+    trials, single = proposer.trials, [(effect,) for effect in h.effects]
+    named = [_named(h, name) for name in _repeated(h)]
+    # How links move behind gears that yield is no linear matter: without such a gear it is fitted.
+    gears = [own for own in (*single, *named) if any(map(deflects, own))]
+    offers = [own for own in (*single, *named) if own not in gears]
+    fit = trials.fit(h)
+    each = dict(zip(offers, losses(trials.problem, fit, h, offers), strict=True))
+    idle = tuple(own[0] for own in single if own in each and each[own][0] < each[own][1])
+    if len(idle) > 1:
+        each[idle] = losses(trials.problem, fit, h, [idle])[0]
+    likely = [own for own, (loss, gain) in each.items() if loss < MISSED * gain]
+    likely.sort(key=lambda own: each[own][0] - each[own][1])
+    for own in (*likely, *gears):
+        yield from trials.all_of([without(h.effects, *own)])
+
+
+def _swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
+    """Yield hypotheses with another cause in the place of one, the most promising first."""
+    trials = proposer.trials
+    offers = [pair for effect in h.effects for pair in proposer.instead(h, effect, _SWAPPED)]
+    offers.sort(key=lambda pair: -pair[0])
+    for _, offer in offers[:_EXCHANGES]:
+        yield from trials.rivals_of(h, [offer])
+
+
+def _pairs(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
+    """Return hypotheses with two causes more that may hide one another."""
+    return [] if h.swings else proposer.trials.all_of(proposer.pairs_beside(h, _PAIRS))
+
+
+def _repeated(h: Hypothesis) -> list[str]:
+    names = [effect.name for effect in h.effects]
+    return [name for name in dict.fromkeys(names) if names.count(name) > 1]
+
+
+def _named(h: Hypothesis, name: str) -> tuple[Effect, ...]:
+    return tuple(effect for effect in h.effects if effect.name == name)
+
+
+Offer = tuple[Effect, ...]
+
+
+def _reordered(h: Hypothesis, record: Record, robot: Robot) -> list[Offer]:
+    """Return the effects with the last drive effect before others that act on the same motor.
+
+    The order in which causes were found is no evidence of the order in which they act. Effects on
+    other joints commute, and so do two of which each multiplies the torque by a number.
+
+    Args:
+        h: the hypothesis.
+        record: one log.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    if not drives or drives[-1] != len(h.effects) - 1:
+        return []
+    *others, last = h.effects
+    places = [k for k in drives[:-1] if _in_order(others[k], last, record, robot)]
+    return [(*others[:k], last, *others[k:]) for k in places]
+
+
+def _placed_first(
+    h: Hypothesis, candidates: Sequence[type[Effect]], record: Record, robot: Robot
+) -> list[Offer]:
+    """Return the effects with one drive effect more that acts before those there are.
+
+    Beside a limit, what weakens a drive before it explains nothing where it acts behind it.
+
+    Args:
+        h: what one more is put to.
+        candidates: effect classes that may be used.
+        record: one log.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    offers = []
+    for kind in candidates if drives else ():
+        for where in kind.places(robot) if "drive" in kind.acts_by else ():
+            if (kind.name, where) in h.keys:
+                continue
+            new = kind.at(where, kind.null_values(robot, where))
+            places = (k for k in drives if _in_order(h.effects[k], new, record, robot))
+            if (k := next(places, None)) is not None:
+                offers.append((*h.effects[:k], new, *h.effects[k:]))
+    return offers
+
+
+def _drives(effect: Effect) -> bool:
+    return "drive" in effect.acts_by
+
+
+def _in_order(one: Effect, other: Effect, record: Record, robot: Robot) -> bool:
+    """Whether it counts which of two drive effects acts first, the second one at whatever numbers.
+
+    What acts on a joint is at its motor, the rest on all.
+    """
+    together = one.where == other.where or "robot" in (one.where, other.where)
+    return together and not _scales(one, record, robot)
+
+
+def _scales(effect: Effect, record: Record, robot: Robot) -> bool:
+    """Whether a drive effect multiplies the reported torque by a number, the same at all times."""
+    power = np.einsum("nk,nk->k", record.torque, record.torque)
+    delivered = effect.drive(robot, record.motion, record.torque)
+    gain = np.einsum("nk,nk->k", record.torque, delivered) / np.maximum(power, 1e-300)
+    return bool(np.allclose(delivered, gain * record.torque, rtol=_ROUNDING))
 
 
 @dataclass(eq=False)
@@ -94,20 +237,22 @@ class Search:
     def _next(self, current: Hypothesis) -> Hypothesis | None:
         proposer = self.proposer
         best = f"best so far {current.error**0.5:.2f} noise floors"
-        if current.effects and (fewer := self.best(moves.drops(proposer, current), current)):
-            return fewer
+        for fewer in _drops(proposer, current) if current.effects else ():
+            if self.best([fewer], current):
+                return fewer
         room = left_to_gain(proposer.trials.problem, current) > LEAST_ASKED
         if room:
             self.report(f"trying one effect more ({best})")
         more = self._addition(current) if room else None
-        if several := self.best(moves.usual(proposer, current), more or current):
+        if several := self.best(_usual(proposer, current), more or current):
             return several
         if more:
             return more
         if current.effects:
             self.report(f"trying others in the place of what was found ({best})")
-            if other := self.best(moves.swaps(proposer, current), current):
-                return other
+            for other in _swaps(proposer, current):
+                if self.best([other], current):
+                    return other
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
 
@@ -117,7 +262,7 @@ class Search:
         Each is weighed alone against the current hypothesis first: one that explains another joint
         must not say how many samples are independent at this one.
         """
-        pairs = moves.pairs(self.proposer, current)
+        pairs = _pairs(self.proposer, current)
         return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
@@ -127,7 +272,7 @@ class Search:
         """
         exclude: list[Key] = []
         for _ in range(_MASKS + 1):
-            longer = moves.additions(self.proposer, current, exclude)
+            longer = _additions(self.proposer, current, exclude)
             if better := self.best(longer, current):
                 return better
             masks = [h for h in longer if h.error < _MASKING * current.error]

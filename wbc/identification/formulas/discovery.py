@@ -11,9 +11,8 @@ from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
 from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.candidate_columns import evidence
-from wbc.identification.choice.weighing.evidence import log_densities
-from wbc.identification.choice.weighing.hypothesis import Hypothesis
-from wbc.identification.choice.weighing.trials import hypothesis_of
+from wbc.identification.choice.evidence import Hypothesis, log_densities
+from wbc.identification.choice.trials import hypothesis_of
 from wbc.identification.formulas.formula import (
     Discovery,
     Formula,

@@ -10,15 +10,15 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
-from wbc.identification.model.derivatives import (
+from wbc.identification.model.columns import Columns, derivatives
+from wbc.identification.model.evaluation import (
+    IMPOSSIBLE,
     Evaluation,
-    derivatives,
+    Slots,
     evaluate,
     with_changes,
 )
-from wbc.identification.model.information import scaled
-from wbc.identification.model.kept_columns import IMPOSSIBLE, KeptColumns, Slots
-from wbc.identification.model.usual import UsualRows
+from wbc.identification.model.information import UsualRows, scaled
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.identification.records.folds import rows_of_folds
 from wbc.identification.records.record import Record
@@ -156,23 +156,19 @@ class Fit:
 
 
 def refine(
-    robot: Robot,
+    columns: Columns,
     effects: Sequence[Effect],
-    records: Sequence[Record],
     whitening: FloatArray,
     iterations: int = ITERATIONS,
-    kept: KeptColumns | None = None,
     samples: FloatArray | None = None,
 ) -> Fit:
-    """Fit all parameters of `effects` added to `robot`.
+    """Fit all parameters of `effects` added to a robot.
 
     Args:
-        robot: the robot that lacks them.
+        columns: of the robot that lacks them, on the logs.
         effects: start values.
-        records: the logs.
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
-        kept: derivatives made before of this robot on these records; new ones are put there.
         samples: (outputs,) independent samples per row, by default one. Where numbers are drawn
             to what is usual, it says how much the logs weigh beside that.
 
@@ -180,6 +176,7 @@ def refine(
         EffectError: the robot has no place for one of the effects.
         TransmissionError: a gear cannot have these numbers.
     """
+    robot, records = columns.robot, columns.records
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
     swings = some_deflect(effects)
 
@@ -192,7 +189,7 @@ def refine(
     except DynamicsError as error:
         return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
     at = again(at)
-    jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
+    jacobian = derivatives(columns, at, slots, whitening)
     least = _CONVERGED_ROUGH if loose(effects) else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
@@ -205,7 +202,7 @@ def refine(
                 ended = True
                 break
             at = again(at)
-            jacobian = derivatives(robot, at, slots, records, whitening, kept=kept)
+            jacobian = derivatives(columns, at, slots, whitening)
             fresh = True
             continue
         moved, length = found
@@ -227,7 +224,7 @@ def refine(
         at = moved
         known = jacobian if trusted else None
         at = at if trusted else again(at)
-        jacobian = derivatives(robot, at, slots, records, whitening, known, kept)
+        jacobian = derivatives(columns, at, slots, whitening, known)
         if settled and (trusted or fresh):
             ended = True
             break

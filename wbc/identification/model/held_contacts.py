@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.identification.model.derivatives import with_changes
+from wbc.identification.model.evaluation import with_changes
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others
 from wbc.identification.records.contacts import settled, stray_noise, strays

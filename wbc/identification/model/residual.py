@@ -9,9 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import motor_torque, output_torque
-from wbc.identification.model.link_friction import LinkSide
-from wbc.identification.model.link_motion import LinkSwing, swing
-from wbc.identification.model.yielding import deflects, some_deflect
+from wbc.identification.model.yielding import LinkSide, LinkSwing, deflects, some_deflect, swing
 from wbc.identification.records.record import Record, output_count
 from wbc.links import Deflections, LinkResponse
 from wbc.robot import Motion, Robot

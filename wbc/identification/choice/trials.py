@@ -10,19 +10,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wbc.errors import IdentificationError
-from wbc.identification.choice.weighing.evidence import weigh
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means
-from wbc.identification.choice.weighing.prior import asked, implausible
+from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
+from wbc.identification.choice.prior import asked, implausible
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.evaluation import IMPOSSIBLE
 from wbc.identification.model.fit import ITERATIONS, Fit
-from wbc.identification.model.kept_columns import IMPOSSIBLE
 from wbc.identification.model.yielding import some_deflect
 from wbc.robot import Effect
 
 # Evidence [nats] that a fit may lack after its first step and still end near its rival. Of 351
 # exchanges on 45 generated logs and three recorded machines 260 lacked more, and ended 7.0 nats or
 # more behind; of those that lacked 10, one ended 1.0 behind.
-_HOPELESS = 20.0
+HOPELESS = 20.0
 _KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
 
 
@@ -130,7 +129,7 @@ class Trials:
             return None
         begun = self._fitted(start, 1)
         own, other = (0.0, 0.0) if begun is None else weigh(self.problem, [h, begun])
-        if begun is None or other < own - _HOPELESS:
+        if begun is None or other < own - HOPELESS:
             self._known[start] = begun
             if begun is not None:
                 self._begun.add(begun.effects)

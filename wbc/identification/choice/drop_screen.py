@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.weighing.evidence import log_densities
-from wbc.identification.choice.weighing.hypothesis import Hypothesis, fold_means, without
-from wbc.identification.choice.weighing.prior import asked
+from wbc.identification.choice.evidence import Hypothesis, fold_means, log_densities, without
+from wbc.identification.choice.prior import asked
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along
 from wbc.identification.model.sparse_columns import SparseColumns
@@ -48,8 +47,8 @@ def exchanged(
     own: Sequence[Effect],
     added: Sequence[SparseColumns],
     effects: Sequence[Effect],
-) -> float:
-    """Return by how much the evidence grows where causes take the place of others [nats].
+) -> tuple[float, float]:
+    """Return what causes in the place of others gain of the log density and of the prior [nats].
 
     To first order, nothing held out, and without what implausible numbers of the new ones cost.
 
@@ -57,7 +56,7 @@ def exchanged(
         problem: the logs.
         fit: of the hypothesis.
         h: the hypothesis.
-        own: its causes that give way.
+        own: its causes that give way; none where others stand beside all.
         added: (rows, outputs, r) what each unit of the new causes takes from the residual.
         effects: what the hypothesis then holds.
     """
@@ -66,7 +65,7 @@ def exchanged(
     columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
     gram, moment = _normal(fit)
     weighted = (columns * weight[:, None]).reshape(-1, columns.shape[2])
-    beside = fit.jacobian[:, felt].reshape(len(weighted), -1).T @ weighted
+    beside = fit.jacobian[:, felt].reshape(len(weighted), moment.size).T @ weighted
     among = columns.reshape(len(weighted), -1).T @ weighted
     along = fit.residual[:, felt].ravel() @ weighted
     normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
@@ -74,9 +73,11 @@ def exchanged(
     residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
     residual[:, felt] += columns @ step[moment.size :]
     stays = _as_left(problem, h, fit.residual)
-    left = replace(_as_left(problem, h, residual), effects=tuple(effects))
+    # What a cause more takes away may be all that was correlated.
+    samples = h.samples if own else problem.white_samples
+    left = replace(_as_left(problem, h, residual), effects=tuple(effects), samples=samples)
     here, there = log_densities(problem, [stays, left]).sum(axis=1)
-    return float(there - here) + _cheaper(h, own, effects)
+    return float(there - here), _cheaper(h, own, effects)
 
 
 def gains(

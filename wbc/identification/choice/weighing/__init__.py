@@ -1,1 +1,0 @@
-"""Hypotheses, their fits, and how probable they are: evidence, prior, odds, certainty."""

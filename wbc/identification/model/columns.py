@@ -1,0 +1,504 @@
+"""What a cause adds to the torque, and how that changes with its numbers: one column for each.
+
+What links need is linear in their inertias, and what only adds torque adds it whatever else the
+robot has: such columns need no second look at the robot. What a gear must give depends on its own
+mesh, rotor and drive, not on those of others: changes at several gears that do not share an output
+are made together, and each output shows its own (Curtis, Powell, Reid, "On the estimation of sparse
+Jacobian matrices", 1974). All others are differences of two residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.dynamics import inertial_parameters
+from wbc.identification.model.evaluation import (
+    IMPOSSIBLE,
+    Evaluation,
+    Slots,
+    swings_of,
+    torques_of,
+    with_changes,
+)
+from wbc.identification.model.residual import by_link_torque, raw_residual
+from wbc.identification.model.sparse_columns import (
+    ADDS,
+    AddedTorque,
+    SparseColumns,
+    added_torque,
+    condensed,
+    outputs_of,
+    own_gear,
+)
+from wbc.identification.model.yielding import deflects, loose, rubbing_at_link, some_deflect
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Parameter, Robot
+
+STEP = 1e-3
+"""Share of a parameter's scale by which it is varied."""
+
+# Share of its value by which a number is varied where links bounce: what they leave is smooth only
+# from afar. A play 10 % too large stays where it is with 0.07 %; with 1 % a play 10 % too small is
+# found to 1.4 %.
+_ROUGH_STEP = 0.01
+_UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
+_SAME = 1e-6  # share of a column by which rounding may change it
+_BATCH = 64  # columns filtered together; more only costs memory
+_KEPT = 4000  # columns of what only adds torque
+# Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
+_STEADY, _DIGITS = 1e-6, 6
+
+
+@dataclass(frozen=True)
+class Change:
+    """One effect more, or in the place of the one with its name and place.
+
+    Attributes:
+        after: the effect.
+        size: by which the change of the residual is divided.
+        parameter: that alone is not as before; empty where the effect is one more.
+    """
+
+    after: Effect
+    size: float
+    parameter: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of one robot on one set of logs.
+
+    Attributes:
+        robot: that lacks the effects.
+        records: the logs.
+    """
+
+    robot: Robot
+    records: tuple[Record, ...]
+    _added: dict[Change, SparseColumns] = field(default_factory=dict)
+    _slopes: dict[tuple[object, ...], tuple[Change, SparseColumns]] = field(default_factory=dict)
+    _straight: set[tuple[object, ...]] = field(default_factory=set)
+
+    def of(
+        self, at: Evaluation, changes: Sequence[Change], *, held: bool
+    ) -> list[SparseColumns | None]:
+        """Return by how much each change moves the residual, over its size.
+
+        Args:
+            at: the robot with effects.
+            changes: to one of them, or one more.
+            held: whether links swing as before, whatever changes.
+
+        Returns:
+            None where the robot cannot be changed so. Not finite where a link flies off.
+        """
+        found = self._inertial(at, changes, held)
+        rest = [k for k in range(len(changes)) if k not in found]
+        apart: dict[int, SparseColumns] = {}
+        if not any(deflects(e) or "true" in e.acts_by for e in at.robot.effects):
+            adding = [k for k in rest if changes[k].after.acts_by <= ADDS]
+            apart = self._beside_perfect(at, {k: changes[k] for k in adding})
+        lossy = np.flatnonzero(lossy_gears(at.robot))
+        for k, column in apart.items():
+            if not np.isin(column.outputs, lossy).any():
+                found[k] = column.over(at.sizes)
+        felt = {k: column.outputs for k, column in apart.items()}
+        others = {k: changes[k] for k in rest if k not in found}
+        found.update(self._by_difference(at, others, felt, held))
+        return [found.get(k) for k in range(len(changes))]
+
+    def _whole(self, at: Evaluation, changes: Iterable[Change]) -> Robot:
+        """Return the robot with its effects and some changes.
+
+        Raises:
+            EffectError, TransmissionError: it cannot have them.
+        """
+        effects = {effect.key: effect for effect in at.effects}
+        effects |= {change.after.key: change.after for change in changes}
+        if any("change" in change.after.acts_by for change in changes):
+            return self.robot.with_effects(*effects.values())
+        # Every number that effects change is as it was.
+        return at.robot.with_acting((*self.robot.effects, *effects.values()))
+
+    def _inertial(
+        self, at: Evaluation, changes: Sequence[Change], held: bool
+    ) -> dict[int, SparseColumns | None]:
+        """Return the columns of changes to the links' inertias, by number."""
+        only: dict[type[Effect], bool] = {}
+        before = inertial_parameters(at.robot)
+        found: dict[int, SparseColumns | None] = {}
+        moved: dict[int, FloatArray] = {}
+        for k, change in enumerate(changes):
+            effect = change.after
+            if "change" not in effect.acts_by:
+                continue
+            if not held and some_deflect(at.effects) and not drawn(effect):
+                continue  # how links swing depends on their inertias
+            try:
+                if type(effect) not in only:
+                    only[type(effect)] = only_inertial(self.robot, effect)
+                if not only[type(effect)]:
+                    continue
+                after = inertial_parameters(self._whole(at, [change]))
+                moved[k] = (after - before) / change.size
+            except IMPOSSIBLE:
+                found[k] = None
+        if not moved:
+            return found
+        rows = np.flatnonzero(np.any(list(moved.values()), axis=0))
+        units = inertial_columns(at.robot, at.records, at.swinging, np.eye(before.size)[:, rows])
+        count, outputs, _ = units.shape
+        along = np.stack([own[rows] for own in moved.values()], axis=-1)
+        whole = (units.reshape(count * outputs, rows.size) @ along).reshape(count, outputs, -1)
+        found.update((k, SparseColumns.of(whole[:, :, [n]])) for n, k in enumerate(moved))
+        return found
+
+    def _beside_perfect(
+        self, at: Evaluation, changes: Mapping[int, Change]
+    ) -> dict[int, SparseColumns]:
+        """Return the columns of what only adds torque, beside perfect gears and drives, by number.
+
+        Such a column depends on its own effect alone. One that is the same at two values of an
+        effect without shapes is the same at all.
+        """
+        found: dict[int, SparseColumns] = {}
+        parts: dict[int, list[AddedTorque]] = {}
+        here: dict[Effect, list[AddedTorque] | None] = {}
+        known = {effect.key: effect for effect in at.effects}
+        for k, change in changes.items():
+            if change in self._added:
+                found[k] = self._added[change]
+                continue
+            kind = (change.parameter, change.size, *_what_it_is(change.after))
+            if change.parameter and kind in self._straight:
+                found[k] = self._slopes[kind][1]
+                continue
+            there = self._adds(change.after)
+            if there is None:
+                continue
+            if change.parameter:
+                own = known[change.after.key]
+                if own not in here:
+                    here[own] = self._adds(own)
+                if (less := here[own]) is None:
+                    continue
+                pairs = zip(there, less, strict=True)
+                parts[k] = [one.less(other, -1.0 / change.size) for one, other in pairs]
+            else:
+                parts[k] = [one.times(-1.0 / change.size) for one in there]
+        for k, column in self._filtered(parts).items():
+            found[k] = column
+            self._keep(changes[k], column)
+        return found
+
+    def _adds(self, effect: Effect) -> list[AddedTorque] | None:
+        """Return what an effect takes away from the residuals, None where it does not only add."""
+        try:
+            parts = [added_torque(self.robot, effect, record) for record in self.records]
+        except IMPOSSIBLE:
+            return None
+        return [part for part in parts if part is not None] if None not in parts else None
+
+    def _filtered(self, parts: Mapping[int, Sequence[AddedTorque]]) -> dict[int, SparseColumns]:
+        found: dict[int, SparseColumns] = {}
+        numbers = list(parts)
+        for first in range(0, len(numbers), _BATCH):
+            batch = numbers[first : first + _BATCH]
+            each = [
+                condensed(record, [parts[k][log] for k in batch])
+                for log, record in enumerate(self.records)
+            ]
+            for k, *columns in zip(batch, *each, strict=True):
+                found[k] = SparseColumns.stacked(columns)
+        return found
+
+    def _keep(self, change: Change, column: SparseColumns) -> None:
+        while len(self._added) >= _KEPT:
+            del self._added[next(iter(self._added))]
+        self._added[change] = column
+        if not change.parameter or any(p.shape for p in change.after.parameters):
+            return
+        kind = (change.parameter, change.size, *_what_it_is(change.after))
+        if kind in self._slopes and _equal(self._slopes[kind][1], column):
+            self._straight.add(kind)
+        self._slopes[kind] = change, column
+
+    def _by_difference(
+        self,
+        at: Evaluation,
+        changes: Mapping[int, Change],
+        felt: Mapping[int, IntArray],
+        held: bool,
+    ) -> dict[int, SparseColumns | None]:
+        """Return the columns of changes as differences of residuals, by number.
+
+        Args:
+            at: the robot with effects.
+            changes: by number.
+            felt: the outputs that feel some of them.
+            held: as of `of`.
+        """
+        found: dict[int, SparseColumns | None] = {}
+        alone: dict[int, IntArray] = {}
+        gears: set[int] = set()
+        rest: list[int] = []
+        judged: dict[type[Effect], bool] = {}
+        bends = not held and some_deflect(at.effects)
+        for k, change in changes.items():
+            effect = change.after
+            try:
+                self._whole(at, [change])
+                gear = None if bends else own_gear(self.robot, effect, at.records)
+            except IMPOSSIBLE:
+                found[k] = None
+                continue
+            if gear is not None and type(effect) not in judged:
+                judged[type(effect)] = self._one_gear_feels(at, change, gear)
+            if gear is not None and judged[type(effect)]:
+                alone[k] = outputs_of(self.robot, gear)
+                gears.add(k)
+            elif k in felt and not bends:
+                alone[k] = felt[k]
+            else:
+                rest.append(k)
+        groups = _disjoint(alone)
+        bent = {k for k in rest if bends and self.swings(at, changes[k].after)}
+        ahead = self._ahead(at) if bent else []
+        for first in range(0, len(groups) + len(rest), _BATCH):
+            several = [*groups, *([k] for k in rest)][first : first + _BATCH]
+            moved = [
+                self._bent(at, changes[group[0]], ahead)
+                if bent.issuperset(group)
+                else self._moved(at, [changes[k] for k in group], gears.issuperset(group))
+                for group in several
+            ]
+            whole = self._condensed(at, moved)
+            for place, group in enumerate(several):
+                for k in group:
+                    outputs = alone.get(k, np.arange(whole.shape[1]))
+                    own = SparseColumns.at(outputs, whole[:, :, [place]])
+                    found[k] = replace(own, values=own.values / changes[k].size)
+        return found
+
+    def _one_gear_feels(self, at: Evaluation, change: Change, gear: int) -> bool:
+        """Whether it is so: people write effects of their own."""
+        moved = np.array(self._moved(at, [change], inside=True)[0])
+        moved[:, outputs_of(self.robot, gear)] = 0.0
+        return not np.any(moved)
+
+    def _moved(
+        self, at: Evaluation, changes: Sequence[Change], inside: bool = False
+    ) -> list[FloatArray]:
+        """Return per record (N, m + b) what changes move, links swinging as before.
+
+        Args:
+            at: the robot with effects.
+            changes: made together.
+            inside: whether all act within gears: what the motion asks of these is known.
+        """
+        whole = self._whole(at, changes)
+        asked = at.asked if inside else [None] * len(at.records)
+        each = zip(at.records, at.raw, at.swinging, asked, strict=True)
+        moved = []
+        for record, before, swinging, known in each:
+            try:
+                moved.append(raw_residual(whole, record, swinging, known) - before)
+            except IMPOSSIBLE:
+                moved.append(np.full_like(before, np.nan))
+        return moved
+
+    def _bent(
+        self, at: Evaluation, change: Change, ahead: Sequence[FloatArray]
+    ) -> list[FloatArray]:
+        """Return per record (N, m + b) what a change moves with how links swing, from `ahead`."""
+        try:
+            after = self._ahead(at, self._whole(at, [change]))
+        except IMPOSSIBLE:
+            after = [np.full_like(one, np.nan) for one in ahead]
+        return [one - other for one, other in zip(after, ahead, strict=True)]
+
+    def _ahead(self, at: Evaluation, robot: Robot | None = None) -> list[FloatArray]:
+        """Return per record (N, m + b) what a robot close to that of `at` leaves, straight on."""
+        robot = robot or at.robot
+        near = torques_of(swings_of(robot, at.records, at, straight=True))
+        pairs = zip(at.records, near, strict=True)
+        return [raw_residual(robot, record, torque) for record, torque in pairs]
+
+    def _condensed(self, at: Evaluation, several: Sequence[Sequence[FloatArray]]) -> FloatArray:
+        """Return the condensed columns (rows, m + b, n) of several changes, filtered together."""
+        parts = [
+            record.condense(np.stack([moved[log] for moved in several], axis=-1))
+            for log, record in enumerate(at.records)
+        ]
+        return np.concatenate(parts)
+
+    def swings(self, at: Evaluation, own: Effect) -> bool:
+        """Whether the parameters of an effect change how links swing behind their gears.
+
+        What is no part of a soft gear nor of a link, nor rubs there, hardly does. The ten numbers
+        of every link of a drawing do together: a fit finds them with the swing as it is, step by
+        step.
+        """
+        if deflects(own):
+            return True
+        if drawn(own):
+            return False
+        behind_gears = [effect.where for effect in at.effects if deflects(effect)]
+        motion = at.records[0].motion
+        if own.where in behind_gears:
+            rubbing = rubbing_at_link(at.robot, own.where, motion)
+            if own.key in {effect.key for effect in rubbing}:
+                return True
+        return bool(behind_gears) and own.change(self.robot).model is not self.robot.model
+
+
+def derivatives(
+    columns: Columns,
+    at: Evaluation,
+    slots: Slots,
+    whitening: FloatArray,
+    known: FloatArray | None = None,
+) -> FloatArray:
+    """Return the change (rows, outputs, p) of the residual per scale of each parameter.
+
+    Args:
+        columns: of the robot that lacks the effects.
+        at: where.
+        slots: the p parameters as (number of effect, parameter).
+        whitening: (outputs, judged outputs) by which residuals are multiplied.
+        known: (rows, outputs, p) derivatives nearby. Those by parameters that change how links
+            swing are taken from it, so that nothing is simulated.
+    """
+    if not slots:
+        return np.zeros((*at.residual.shape, 0))
+    # One column after the other: each is written, and read again, as a whole.
+    result = np.zeros((len(slots), *at.residual.shape))
+    waiting = set(range(len(slots)))
+    if known is not None:
+        taken = {row for row in waiting if columns.swings(at, at.effects[slots[row][0]])}
+        for row in taken:
+            result[row] = known[:, :, row]
+        waiting -= taken
+    for way in (1.0, -1.0):
+        rows = sorted(waiting)
+        steps = {row: _step(at, *slots[row], way) for row in rows}
+        asked = {row: step for row, step in steps.items() if step is not None}
+        found = columns.of(at, list(asked.values()), held=False)
+        for row, column in zip(asked, found, strict=True):
+            if column is not None and column.finite:
+                result[row] = column.whitened(whitening)[:, :, 0]
+                waiting.discard(row)
+    size = np.array([np.linalg.norm(column) for column in result])
+    for row, (k, _) in enumerate(slots):
+        beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
+        if size[row] < _UNFELT * beside:
+            result[row] = 0.0
+    return np.moveaxis(result, 0, -1)
+
+
+def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | None:
+    """Return a small change of a parameter of effect `k`, None where it cannot have it."""
+    own, width = at.effects[k], STEP
+    if loose(at.effects) and deflects(own):
+        width = max(STEP, _ROUGH_STEP * abs(own.values[parameter.name]) / parameter.scale)
+    change = {(k, parameter.name): way * width * parameter.scale}
+    try:
+        return Change(with_changes(at.effects, change)[k], way * width, parameter.name)
+    except IMPOSSIBLE:
+        return None
+
+
+def drawn(effect: Effect) -> bool:
+    """Whether an effect's numbers are drawn to what is usual before the logs speak."""
+    return bool(effect.search.departures(effect).size)
+
+
+def lossy_gears(robot: Robot) -> BoolArray:
+    """Return (m,) which gears lose a share of what they carry."""
+    gears = robot.transmission
+    always = (gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0)
+    return np.asarray(always | robot.varying_gears)
+
+
+def only_inertial(robot: Robot, effect: Effect) -> bool:
+    """Whether an effect changes the inertias of the links and nothing else."""
+    if effect.acts_by != {"change"}:
+        return False
+    changed = effect.change(robot)
+    same_field = np.array_equal(changed.model.gravity.linear, robot.model.gravity.linear)
+    return changed.transmission is robot.transmission and same_field
+
+
+def inertial_columns(
+    robot: Robot,
+    records: Sequence[Record],
+    swinging: Sequence[FloatArray | None],
+    changes: FloatArray,
+) -> FloatArray:
+    """Return (rows, m + b, p) the change of the residual with the links' parameters.
+
+    What the links need is linear in their parameters, Y theta; what a gear that loses a share makes
+    of it is differentiated at every sample.
+
+    Args:
+        robot: with its effects; none of its links swings with these parameters.
+        records: the logs.
+        swinging: torque of `swing_of`, of each record.
+        changes: (10 n_links, p) of the parameters.
+    """
+    parts = []
+    for record, held in zip(records, swinging, strict=True):
+        slope, moved = by_link_torque(robot, record, held)
+        outputs = [_at_output(moved, k, slope[:, k], changes) for k in range(slope.shape[1])]
+        parts.append(np.stack(outputs, axis=1))
+    return np.concatenate(parts)
+
+
+def _at_output(record: Record, output: int, slope: FloatArray, changes: FloatArray) -> FloatArray:
+    """Return the columns (rows, p) at one output, of which `slope` (N, nv) is the derivative.
+
+    Where nothing loses a share of the load the slope is the same at every sample. Then the columns
+    are sums of those of the links' parameters, which are kept whatever else the robot has.
+    """
+    mean = slope.mean(axis=0)
+    size = float(np.max(np.abs(mean), initial=0.0))
+    if size > 0.0 and np.max(np.abs(slope - mean)) < _STEADY * size:
+        direction = np.round(mean / size, _DIGITS) + 0.0
+        return np.asarray(record.condensed_regressor(output, direction) @ (size * changes))
+    if not np.any(slope):
+        return np.zeros((record.rows, changes.shape[1]))
+    felt = np.einsum("ni,nip->np", slope, record.regressor)
+    return record.condensed_at(felt, output) @ changes
+
+
+def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:
+    """Return groups of columns of which no two are felt by one output."""
+    groups: list[tuple[set[int], list[int]]] = []
+    for row, outputs in felt.items():
+        own = set(outputs.tolist())
+        for taken, rows in groups:
+            if not own & taken:
+                taken |= own
+                rows.append(row)
+                break
+        else:
+            groups.append((own, [row]))
+    return [rows for _, rows in groups]
+
+
+def _what_it_is(effect: Effect) -> tuple[object, ...]:
+    """Return all of an effect but its parameters: its place, and what a user's class adds."""
+    numbers = {parameter.name for parameter in effect.parameters}
+    own = (getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
+    return (type(effect), *own)
+
+
+def _equal(one: SparseColumns, other: SparseColumns) -> bool:
+    if not np.array_equal(one.outputs, other.outputs):
+        return False
+    size = float(np.sum(one.values**2))
+    return size > 0.0 and float(np.sum((one.values - other.values) ** 2)) < _SAME**2 * size
