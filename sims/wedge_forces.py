@@ -138,13 +138,13 @@ def main() -> dict[str, dict[str, float]]:
     return {way.name.lower(): forces(way) for way in (Direction.FORWARD, Direction.BACKWARD)}
 
 
-def report(found: dict[str, dict[str, float]]) -> list[Path]:
+def report(found: dict[str, dict[str, float]], frames: int = 24) -> list[Path]:
     """Print the forces; return the picture and the film."""
     for way, rows in found.items():
         print(way, ", ".join(f"{name} {value:.3f}" for name, value in rows.items()))
     return [
         write_figure(OUT / "wedge_forces.png", forces_figure()),
-        film(OUT / "wedge_forces.gif"),
+        film(OUT / "wedge_forces.gif", frames),
     ]
 
 

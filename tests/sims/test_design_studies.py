@@ -96,6 +96,6 @@ def test_wedge_forces() -> None:
     power = {way: rows["f_u"] / np.cos(wedge_forces.ALPHA) for way, rows in found.items()}
     assert forward["f_x"] / power["forward"] == pytest.approx(forward["efficiency"])
     assert power["backward"] / backward["f_x"] == pytest.approx(backward["efficiency"])
-    picture, film = wedge_forces.report(found)
+    picture, film = wedge_forces.report(found, frames=3)
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert film.read_bytes()[:4] == b"GIF8"
