@@ -1,12 +1,15 @@
 """Boxes on a ramp, on each other and on an edge: this library, MuJoCo and Drake side by side.
 
-    python -m benchmarks.bodies [--steps 3000]
+    python -m benchmarks.bodies [--steps 3000] [--quadruped]
 
 The same boxes with the same friction, steps of 1 ms, each simulator with its own contact at its
 defaults (MuJoCo with elliptic cones). Creep is how far the first box moves in the last second;
 depth how far corners lie inside the ground or the other box in that second, at most; made is the
 most that the energy rises in a step, as a share of the start's; fastest is the highest speed at the
 end. Drake is no dependency of this project: `pip install drake` adds its rows.
+
+`--quadruped` times Solo12 instead: on four feet, on twenty points, with all its links, and lying on
+a plane and on height fields.
 """
 
 from __future__ import annotations
@@ -17,10 +20,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import pairwise, product
-from time import process_time
+from time import perf_counter, process_time
 
 import coal
 import mujoco
@@ -29,8 +32,9 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
+from wbc import Robot, load_robot
 from wbc.robot import FreeBody, bare_robot
-from wbc.sim import Box, Plane, Plant, Together
+from wbc.sim import Box, HeightField, Plane, Plant, Together
 
 STEP, FRICTION, GRAVITY = 1e-3, 0.7, 9.81
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
@@ -212,18 +216,79 @@ def energies(solids: tuple[Solid, ...], frames: Frames) -> np.ndarray:
     return total
 
 
+def bumps(spacing: float) -> HeightField:
+    """Return bumps of 4 cm in all directions, 0.3 to 0.6 m long, on a grid of a spacing [m]."""
+    axis, random = np.arange(-1.0, 1.0 + 0.5 * spacing, spacing), np.random.default_rng(7)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    ways = random.uniform(10.0, 20.0, 8), *random.uniform(0.0, 2.0 * np.pi, (2, 8))
+    heights = [
+        np.sin(k * (np.cos(a) * x + np.sin(a) * y) + b) for k, a, b in zip(*ways, strict=True)
+    ]
+    return HeightField(axis, axis, 0.015 * np.sum(heights, axis=0))
+
+
+def on_soles(robot: Robot) -> Robot:
+    """Return a robot on five points of each foot, 2 cm apart and level in its standing pose."""
+    data, soles = robot.model.createData(), []
+    pin.framesForwardKinematics(robot.model, data, robot.poses["standing"])
+    for foot in robot.contacts:
+        turn = data.oMf[robot.model.getFrameId(foot.frame)].rotation
+        for i, (x, y) in enumerate([(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)]):
+            place = foot.offset + turn.T @ [0.02 * x, 0.02 * y, 0.0]
+            soles.append(replace(foot, name=f"{foot.name}_{i}", offset=place))
+    return replace(robot, contacts=tuple(soles))
+
+
+def quadruped() -> Table:
+    """Return how long a step of Solo12 takes, the least of sixty rounds, switched off."""
+    robot = load_robot("solo12")
+    standing = np.array(robot.poses["standing"])
+    plants = {
+        "four feet": Plant(robot, bodies="feet"),
+        "twenty points": Plant(on_soles(robot), bodies="feet"),
+        "all links": Plant(robot),
+        "lying": Plant(robot),
+        "lying, grid of 5 cm": Plant(robot, bumps(0.05)),
+        "lying, grid of 2 cm": Plant(robot, bumps(0.02)),
+    }
+    starts, best = {}, dict.fromkeys(plants, np.inf)
+    for name, plant in plants.items():
+        q = standing.copy()
+        for _ in range(20):
+            q[2] -= plant.gaps(plant.state(q)).min()
+        starts[name] = plant.state(q)
+        if "lying" in name:
+            starts[name] = plant.run(starts[name], np.zeros(12), 1.5, 1500).state
+    for name in [name for _ in range(60) for name in plants]:
+        state, began = starts[name], perf_counter()
+        for _ in range(10):
+            state = plants[name].step(state, np.zeros(12), STEP).state
+        best[name] = min(best[name], (perf_counter() - began) / 10)
+    table = Table("Solo12", "points", "touching", "us per step", "of four feet")
+    for name, plant in plants.items():
+        state = starts[name]
+        near = np.concatenate((plant.gaps(state), plant.pair_gaps(state))) < 1e-6
+        cost = f"{1e6 * best[name]:.0f}", f"{best[name] / best['four feet']:.2f}"
+        table.add_row(name, str(len(plant.contacts)), str(int(near.sum())), *cost)
+    return table
+
+
 def main() -> None:
     """Run all scenes in all simulators that are here, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--steps", type=int, default=3000)
-    steps = parser.parse_args().steps
+    parser.add_argument("--quadruped", action="store_true", help="time Solo12 instead")
+    given = parser.parse_args()
+    if given.quadruped:
+        Console(width=110).print(quadruped())
+        return
     engines: dict[str, Run] = {"wbc": wbc, "MuJoCo": mujoco_run}
     if find_spec("pydrake") is not None:
         engines["Drake"] = drake_run
     table = Table("scene", "", "creep [m]", "depth [m]", "made", "fastest", "us per step")
     for scene, solids in SCENES.items():
         for name, run in engines.items():
-            frames, cost = run(solids, steps)
+            frames, cost = run(solids, given.steps)
             last = frames[-1000:]
             depth = max(inside(solids, frame) for frame in last[::50])
             energy = energies(solids, frames)
