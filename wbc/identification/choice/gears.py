@@ -39,7 +39,8 @@ _NEAR_PLAYS: tuple[_Factors, ...] = (
 _COARSE = (0.004, 0.006, 0.009, 0.014, 0.02, 0.03, 0.045)  # [rad], where two gears are tried ...
 _COARSE_FLANK, _COARSE_SWINGS = 25.0, (3.5, 7.0, 14.0)  # ... and their frequencies [Hz]
 _PAIRED = 0.8  # of the squares, that one or two gears of a grid must leave at most ...
-_ALONE = 0.5  # ... and one that stands for known causes
+_ALONE = 0.5  # ... and one that stands for known causes, which leave ...
+_KNOWN = 0.05  # ... this share at most
 _HOPELESS = 0.9  # share of what is unexplained that the best of a grid leaves
 _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
@@ -55,7 +56,7 @@ def gears_beside(
     """Return the effects of a fit with a gear more, those that leave least first.
 
     They are ranked on the beginning of the log that leaves most, and fitted to all. A gear must
-    explain a share of what is left, half of it where other causes do.
+    explain a share of what is left beside all that is known, half of it where that is nearly all.
 
     Args:
         problem: the logs.
@@ -79,7 +80,9 @@ def gears_beside(
                 max(float(np.sum(one.residual[rows][:count] ** 2)) - noise, 0.0)
                 for one in (fit, known)
             )
-            most = (_ALONE if rival < _ALONE * before else _PAIRED) * before
+            # Where little is known, the best of a coarse grid of plays may still leave much.
+            most = np.inf if fit is not known else _PAIRED * before
+            most = _ALONE * before if rival < _KNOWN * before else most
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
                 for unexplained, flanks in best_gears(responses, kind.has_play, _COUNT):
