@@ -81,7 +81,8 @@ def gears_beside(
                 for one in (fit, known)
             )
             # Where little is known, the best of a coarse grid of plays may still leave much.
-            most = np.inf if fit is not known else _PAIRED * before
+            sought = fit is not known or not known.effects
+            most = np.inf if sought else _PAIRED * before
             most = _ALONE * before if rival < _KNOWN * before else most
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
