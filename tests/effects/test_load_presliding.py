@@ -129,7 +129,8 @@ def test_bristles_have_lines_of_their_own_in_the_books(leg: Robot, effect: Presl
             result = plant.step(state, push((i + 0.5) * h), h)
             state, flow = result.state, flow + result.energy
             least = min(least, *result.energy.losses.values())
-            assert not result.events
+            # A step's own error, which shrinks with h below, may be named.
+            assert all(event.kind == "coarse" for event in result.events)
         audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
         assert least >= -1e-12
         assert flow.bristles > 0.0

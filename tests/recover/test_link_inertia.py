@@ -121,7 +121,7 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
     warnings = diagnosis.findings[0].warnings
     assert any("these logs tell" in warning for warning in warnings)
     # The first link turns about one axis: a list of all its numbers was a screen long.
-    silent = next(warning for warning in warnings if "do not tell" in warning)
+    silent = next(warning for warning in warnings if "not shown by" in warning)
     assert "all of l1," in silent
     assert "l1.mass" not in silent
 

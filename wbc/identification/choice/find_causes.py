@@ -80,6 +80,7 @@ def find_causes(
         if gears := tuple(kind for kind in classes if deflects(kind)):
             ends += _with_yielding_gears(direct, gears, best_of(direct, ends))
         final = best_of(direct, ends)
+        _fit_nearest_rivals(direct.proposer, final)
     except OutOfTime:
         stopped = _OVER
     except KeyboardInterrupt:
@@ -88,6 +89,13 @@ def find_causes(
         trials.until = inf  # what the answer still needs is fitted while there is time
         final = best_of(direct, direct.path)
     return SearchResult(trials, tuple(direct.path), final, stopped)
+
+
+def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
+    """Fit what comes nearest in the place of each cause: an answer says by how much it is worse."""
+    for own in () if final.swings else final.effects:
+        for _, offer in proposer.instead(final, own, 1, hopeless=True):
+            proposer.trials.rivals_of(final, [offer])
 
 
 def _with_yielding_gears(

@@ -81,7 +81,9 @@ class Proposer:
         search = whole.instead_of((), np.zeros(0), whole.robot, {*h.keys, *exclude})
         return self._chosen(h, search, regressors, count, enough)
 
-    def instead(self, h: Hypothesis, own: Effect, count: int) -> list[tuple[float, Offer]]:
+    def instead(
+        self, h: Hypothesis, own: Effect, count: int, *, hopeless: bool = False
+    ) -> list[tuple[float, Offer]]:
         """Return the most promising causes in the place of one of a hypothesis.
 
         With each offer by how much derivatives say that it raises the evidence [nats]. All places
@@ -94,6 +96,7 @@ class Proposer:
             h: the hypothesis.
             own: its cause that gives way.
             count: how many offers at most.
+            hopeless: whether those count that cannot win by derivatives.
         """
         if drawn(own) or deflects(own):
             return self._beside_rest(h, own, count)
@@ -113,7 +116,7 @@ class Proposer:
             gain = self._gain(h, (own,), offer, added)
             shaped = any(p.shape for regressor in added for p in regressor.effect.parameters)
             least = -HOPELESS if linear and not shaped else -_BEYOND_FITS
-            if gain > least - _REPLACED * max(lost, 0.0):
+            if hopeless or gain > least - _REPLACED * max(lost, 0.0):
                 likely.append((gain, offer))
         if linear or h.swings or not likely:
             return likely
