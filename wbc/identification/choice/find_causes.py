@@ -126,7 +126,7 @@ def _with_yielding_gears(
         swung = _swung(direct, gears, origin, rough, best)
         if swung is not origin:
             ends.append(direct.climb(swung))
-    shaken = known.error > _SHAKEN * first.error
+    shaken = not weak and known.error > _SHAKEN * first.error
     if shaken and min(h.error for h in (known, *ends)) > rough:
         # A loose gear found alone holds in its numbers what another one does.
         two = direct.best(trials.all_of(two_gears(trials.problem, gears)), first)
