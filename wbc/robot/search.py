@@ -136,8 +136,6 @@ class SearchOffer:
     Attributes:
         expected: log prior odds [nats], beside other effects, that a real machine has it where its
             model has not: robots come with models without friction, and friction is in all.
-        one_fit: whether a search tries it, where it is expected, at all joints in one fit with all
-            else that is; not what scales with all that a gear carries.
         claims: how many things it says of a machine at once; each costs as much as a name of its
             own before the logs speak, so that an effect that says less is named where it suffices.
         near_rest: whether the effect is gone where the joint moves at its usual speed.
@@ -163,7 +161,6 @@ class SearchOffer:
     """
 
     expected: float = 0.0
-    one_fit: bool = True
     claims: int = 1
     near_rest: bool = False
     inseparable: Mapping[str, str] = field(default_factory=dict)

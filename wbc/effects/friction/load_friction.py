@@ -38,7 +38,6 @@ class LoadFriction(JointEffect):
     )
     search = SearchOffer(
         expected=TransmissionEfficiency.search.expected,
-        one_fit=False,
         inseparable={
             "transmission_efficiency": (
                 "Load friction c predicts the same as the efficiencies 1 - c (forward) and "

@@ -80,7 +80,6 @@ class TransmissionEfficiency(JointEffect):
         # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under
         # load that were stated are true, at a mean probability of 0.99 with nothing expected.
         expected=1.0,
-        one_fit=False,
         screens=_screens,
         freedom=_freedom,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from scipy.signal import welch
@@ -169,35 +168,6 @@ def low_passed(values: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]
         flat = (k for k in range(2, falls.size) if falls[k] < _FLAT * np.median(falls[:k][-6:]))
         first = 2 + next(flat, falls.size - 1)
         last[column], density[column] = edges[start + first], np.exp(level[first])
-    return last, density
-    power = _spectrum(values, rate, max(_SEGMENT, int(_LONG * rate)), steep=True)
-    half, upper = (power.between(low * rate, high * rate) for low, high in (_HALF, _UPPER))
-    # A digital low-pass is steeper than its order near half the rate.
-    edges = (
-        _HALF[0] * rate / _STEP ** np.arange(2.0 * np.log2(_HALF[0] * rate / power.frequency[1]))
-    )
-    levels = np.array([power.between(low, high) for high, low in pairwise(edges)])
-    rounded = 2.0 * (_ROUNDING * np.ptp(values, axis=0)) ** 2 / rate
-    for column in np.flatnonzero((half > _FILTERED * upper) | (upper < rounded)):
-        start = int(np.argmax(levels[:, column] > rounded[column]))
-        level = levels[start:, column]
-        falls = np.diff(np.log(np.maximum(level, 1e-300)))
-        flat = (k for k in range(1, falls.size) if falls[k] < _FLAT * np.median(falls[:k][-3:]))
-        first = 1 + next(flat, falls.size - 1)
-        last[column], density[column] = edges[start + first], level[first]
-    return last, density
-    power = _spectrum(values, rate, max(_SEGMENT, int(_LONG * rate)), steep=True)
-    half, upper = (power.between(low * rate, high * rate) for low, high in (_HALF, _UPPER))
-    most = power.frequency[-1]
-    edges = most / _STEP ** np.arange(2.0 * np.log2(most / power.frequency[1]))
-    levels = np.array([power.between(low, high) for high, low in pairwise(edges)])
-    falls = np.diff(np.log(np.maximum(levels, 1e-300)), axis=0)
-    nothing = 2.0 * (_ROUNDING * np.ptp(values, axis=0)) ** 2 / rate
-    for column in np.flatnonzero((half > _FILTERED * upper) | (upper < nothing)):
-        own = falls[:, column]
-        flat = (k for k in range(1, own.size) if own[k] < _FLAT * np.median(own[max(k - 3, 0) : k]))
-        first = 1 + next(flat, own.size - 1)
-        last[column], density[column] = edges[first], levels[first, column]
     return last, density
 
 
