@@ -21,9 +21,12 @@ GAP_STEPS = 5.0
 CUT_FROM = 0.02
 """Logs are cut at gaps longer than this [s]: a straight line bridges shorter ones well enough."""
 
+ENCODER_BITS = range(9, 21)
+"""Of encoders: a turn has two to the power of one of these counts."""
+
 _LEAST_ROWS, _LEAST_DURATION = 50, 1.0  # of a piece [s]
 _SHORTEST = 0.5  # [s] of a log
-_TURNS = np.array([2.0 * np.pi, 360.0, *(2.0**bits for bits in range(9, 21))])
+_TURNS = np.array([2.0 * np.pi, 360.0, *(2.0**bits for bits in ENCODER_BITS)])
 _PERIOD = 0.05  # by which a jump may miss the turn or the range of counts that it is
 _LEAP = 10.0  # times what 99 of 100 steps of a joint are below; a lost sample makes two
 _FAR = 0.1  # [s] between stamps, beyond which nobody can tell where a robot was between them
@@ -46,8 +49,7 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """
     whole, warnings = [], []
     for log in logs:
-        rows = gaps(log.time)
-        rows = rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
+        rows = _cuts(log)
         if not rows.size:
             whole.append(log)
             continue
@@ -68,10 +70,27 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     return whole, warnings
 
 
+def longest_piece(log: Log) -> Log:
+    """Return the longest part of a log in which no samples are missing."""
+    rows = _cuts(log)
+    start, stop = max(_between(log, rows), key=lambda piece: piece[1] - piece[0])
+    return log[start:stop] if rows.size else log
+
+
+def _cuts(log: Log) -> IntArray:
+    """Return the rows (n,) after which a log is cut."""
+    rows = gaps(log.time)
+    return rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
+
+
+def _between(log: Log, rows: IntArray) -> list[tuple[int, int]]:
+    """Return the first row of every piece, and the one after its last."""
+    return list(pairwise([0, *(int(row) + 1 for row in rows), len(log)]))
+
+
 def _pieces(log: Log, rows: IntArray) -> list[Log]:
-    ends = [0, *(int(row) + 1 for row in rows), len(log)]
     pieces = []
-    for start, stop in pairwise(ends):
+    for start, stop in _between(log, rows):
         long = stop - start >= _LEAST_ROWS
         if long and log.time[stop - 1] - log.time[start] >= _LEAST_DURATION:
             piece = log[start:stop]
@@ -135,15 +154,6 @@ def leaps(time: FloatArray, positions: Sequence[FloatArray]) -> IntArray:
     rows = np.setdiff1d(np.flatnonzero(second > _LEAP), gaps(time)) + 1
     runs = np.diff([0, *rows.tolist(), time.size]) >= _LEAST_ROWS
     return rows[runs[:-1] & runs[1:]].astype(np.int_)
-
-
-def longest_piece(log: Log) -> Log:
-    """Return the longest part of a log in which no samples are missing."""
-    rows = gaps(log.time)
-    rows = rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
-    ends = [0, *(int(row) + 1 for row in rows), len(log)]
-    start, stop = max(pairwise(ends), key=lambda piece: piece[1] - piece[0])
-    return log[start:stop] if rows.size else log
 
 
 def repeated_mend(time: FloatArray, columns: Mapping[str, FloatArray]) -> Mend:

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import true_runs
-from wbc.measurement.clocks import gaps
+from wbc.measurement.clocks import ENCODER_BITS, gaps
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.findings import (
     LIKELY,
@@ -238,7 +238,7 @@ class Ratio(NamedTuple):
 
 
 _TURN = 2.0 * pi
-COUNTS_OF_A_TURN = {1 << bits: float(f"{_TURN / (1 << bits):.10g}") for bits in range(9, 21)}
+COUNTS_OF_A_TURN = {1 << bits: float(f"{_TURN / (1 << bits):.10g}") for bits in ENCODER_BITS}
 """Counts of an encoder in a turn -> what one of them is worth [rad]."""
 _OF_COUNTS = tuple(
     Ratio(worth, "counts", f"the position counts {turn} a turn", {"position": {"scale": worth}})

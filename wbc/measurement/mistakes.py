@@ -13,6 +13,7 @@ from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import find_repeats
 from wbc.measurement.column_mistakes import (
+    COUNTS_OF_A_TURN,
     magnitudes,
     motion_findings,
     stale_rows,
@@ -101,7 +102,7 @@ def _counts(log: Log) -> list[LogFinding]:
     held = whole_counts(log)
     if not held:
         return []
-    entry = {"columns": {name: {"scale": float(f"{2.0 * np.pi / 4096:.10g}")} for name in held}}
+    entry = {"columns": {name: {"scale": COUNTS_OF_A_TURN[4096]} for name in held}}
     text = f"{', '.join(held)}: whole numbers far beyond turns: encoder counts."
     way = "Of an encoder of 4096 counts a turn, " + say_so(entry)
     way += "\nOf another, put 2 pi over its counts there."
