@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +17,14 @@ from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
 from wbc.measurement.log import Log
-from wbc.measurement.torque import reports_torque, rotor_torques, torque_quantity
+from wbc.measurement.torque import (
+    contact_forces,
+    positions,
+    reports_torque,
+    rotor_torques,
+    torque_quantity,
+    without_position,
+)
 from wbc.robot import Motion, Robot
 
 _ROUNDING = 1e-9  # of a torque, below which one is nothing
@@ -155,9 +162,14 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     """
     robot, log = robot if log.machine is None else log.machine.of(robot), longest_piece(log)
     joints = robot.transmission.joints
-    if too_short(log) or not joints or not all(reports_torque(log, joint) for joint in joints):
+    if (
+        too_short(log)
+        or not joints
+        or without_position(robot, log)
+        or not all(reports_torque(log, joint) for joint in joints)
+    ):
         return None
-    forces = [contact.name for contact in robot.contacts if contact.name in log.contacts]
+    forces = contact_forces(robot, log)
     flagged = any(log.has(f"{c.name}.active") and c.name not in forces for c in robot.contacts)
     if robot.floating_size and robot.contacts and (flagged or not forces):
         return None
@@ -178,11 +190,11 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     rate = 1.0 / float(grid[1] - grid[0])
     torque = low_pass(on_grid, cutoff, rate, _ORDER)
 
-    def slow(columns: Sequence[FloatArray]) -> FloatArray:
+    def slow(columns: Iterable[FloatArray]) -> FloatArray:
         even = np.stack([np.interp(grid, log.time, column) for column in columns], axis=1)
         return low_pass(even, cutoff, rate, _ORDER)
 
-    held = {name: slow(_force(log, name)) for name in forces}
+    held = {name: slow(force.T) for name, force in forces.items()}
     sensed = np.full_like(torque, np.nan)
     sensors = [k for k, joint in enumerate(joints) if log.has(f"{joint}.joint_torque")]
     if sensors and np.array_equal(robot.transmission.topology, np.eye(len(joints))):
@@ -267,28 +279,6 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
         whole = np.triu(inertia) + np.triu(inertia, 1).T
         change[row, :_BASE] -= np.linalg.solve(whole, wrench)
     return change
-
-
-def positions(robot: Robot, log: Log) -> FloatArray:
-    """Return q (N, nq) of a log; coordinates that it lacks are neutral.
-
-    Raises:
-        LogError: it lacks the position of a joint, or the pose of a free base.
-    """
-    position = np.tile(robot.neutral(), (len(log), 1))
-    for name in robot.single_joints:
-        position[:, robot.position_index(name)] = log.column(f"{name}.position")
-    if robot.has_free_flyer:
-        position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
-        turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)
-        position[:, 3:7] = turn
-    return position
-
-
-def _force(log: Log, contact: str) -> list[FloatArray]:
-    zero = np.zeros(len(log))
-    names = [f"{contact}.force.{axis}" for axis in "xyz"]
-    return [log.column(name) if log.has(name) else zero for name in names]
 
 
 def _cutoff(position: FloatArray, grid: FloatArray) -> float:

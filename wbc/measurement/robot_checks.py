@@ -18,7 +18,7 @@ from wbc.measurement.clocks import too_short
 from wbc.measurement.evidence import evidence
 from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.log_rows import LogRows, positions, rows_of
+from wbc.measurement.log_rows import LogRows, rows_of
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.readings import Bench, Reading, as_it_stands
@@ -26,6 +26,7 @@ from wbc.measurement.torque import (
     REPORTED,
     makes_torque,
     placeless_joints,
+    positions,
     torque_channels,
     without_position,
 )

@@ -1,4 +1,4 @@
-"""Torques and positions of a log, as recorded or as drives make them; the machine of one log."""
+"""Torques, motion and forces of a log, as recorded or as drives make them; its machine."""
 
 from __future__ import annotations
 
@@ -428,3 +428,69 @@ def _at_motor(log: Log, transmission: Transmission, row: int, quantity: str) -> 
         elif quantity != "target_velocity":
             log.column(f"{joint}.{quantity}")  # raises: it is missing
     return total
+
+
+_PLACE = [f"base.position.{axis}" for axis in "xyz"]
+_TURN = [f"base.orientation.{axis}" for axis in "xyzw"]
+_RATES = [f"base.{kind}_velocity.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
+
+
+def positions(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray:
+    """Return q (N, nq); the integral of a velocity stands for a position that was not measured.
+
+    Args:
+        robot: whose joints.
+        log: with their positions, and the pose of a free base.
+        partial: what the log lacks stays neutral.
+
+    Raises:
+        LogError: it lacks the position of a joint, or the pose of a free base.
+    """
+    position = np.tile(robot.neutral(), (len(log), 1))
+    for name in robot.single_joints:
+        if not partial or log.has(f"{name}.position") or log.has(f"{name}.velocity"):
+            position[:, robot.position_index(name)] = joint_position(log, name)
+    if robot.has_free_flyer and (not partial or log.has(*_PLACE, *_TURN)):
+        place, turn = (np.stack([log.column(n) for n in part], axis=1) for part in (_PLACE, _TURN))
+        position[:, :3] = place
+        position[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
+    return position
+
+
+def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray | None:
+    """Return v (N, nv), or None if one was not measured.
+
+    Args:
+        robot: whose joints.
+        log: with their velocities, and those of a free base.
+        partial: the difference of the positions stands for what was not measured, then zero.
+    """
+    velocity = np.zeros((len(log), robot.model.nv))
+    for name in robot.single_joints:
+        row = robot.velocity_index(name)
+        if log.has(f"{name}.velocity"):
+            velocity[:, row] = log.column(f"{name}.velocity")
+        elif not partial:
+            return None
+        elif log.has(f"{name}.position"):
+            velocity[:, row] = np.gradient(log.column(f"{name}.position"), log.time)
+    if robot.has_free_flyer:
+        if log.has(*_RATES):
+            velocity[:, :6] = np.stack([log.column(name) for name in _RATES], axis=1)
+        elif not partial:
+            return None
+    return velocity
+
+
+def contact_forces(robot: Robot, log: Log) -> dict[str, FloatArray]:
+    """Return contact name -> force of the ground on the robot (N, 3) [N], world axes.
+
+    An axis that the log lacks is zero; a contact of which it holds no axis is left out.
+    """
+    zero, forces = np.zeros(len(log)), {}
+    for contact in robot.contacts:
+        axes = [f"{contact.name}.force.{axis}" for axis in "xyz"]
+        if any(log.has(axis) for axis in axes):
+            columns = [log.column(axis) if log.has(axis) else zero for axis in axes]
+            forces[contact.name] = np.stack(columns, axis=1)
+    return forces

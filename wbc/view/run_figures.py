@@ -15,12 +15,12 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import ViewError
 from wbc.measurement import Log
+from wbc.measurement.torque import contact_forces
 from wbc.robot import Robot
 from wbc.view.channels import (
     base_pitch,
     center_of_mass,
     configuration,
-    contact_forces,
     gear_flow,
     gear_powers,
     jump_rows,

@@ -16,11 +16,11 @@ from wbc.identification.records.log_checks import require_readable
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
+from wbc.measurement.torque import contact_forces
 from wbc.robot import Motion, Robot
 from wbc.view.channels import (
     RecordedImpact,
     configuration,
-    contact_forces,
     find_impacts,
     gear_flow,
     robot_weight,

@@ -12,13 +12,13 @@ from wbc.identification.records.contacts import active_contacts
 from wbc.measurement import (
     Log,
     feedback_torques,
-    joint_position,
     makes_torque,
     reports_current,
     reports_torque,
     rotor_torques,
     without_position,
 )
+from wbc.measurement.torque import contact_forces, positions, velocities
 from wbc.robot import Robot
 
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
@@ -87,13 +87,9 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         return found
 
     joints = robot.transmission.joints
-    velocity = _velocity(robot, log)
-    forces = {
-        contact.name: on_grid(_force(log, contact.name))
-        for contact in robot.contacts
-        if contact.name in log.contacts
-    }
-    position = on_grid(_position(robot, log))
+    velocity = velocities(robot, log)
+    forces = {name: on_grid(force) for name, force in contact_forces(robot, log).items()}
+    position = on_grid(positions(robot, log))
     active = active_contacts(robot, log, grid, position)
     torque, feedback, reported = _torque(robot, log)
     return Channels(
@@ -140,40 +136,6 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     }
     told = log.with_columns(nothing)
     return rotor_torques(told, gears), feedback_torques(told, gears), reported
-
-
-def _position(robot: Robot, log: Log) -> FloatArray:
-    single = [(name, robot.position_index(name)) for name in robot.single_joints]
-    position = np.tile(robot.neutral(), (len(log), 1))
-    for name, row in single:
-        position[:, row] = joint_position(log, name)
-    if robot.has_free_flyer:
-        position[:, :3] = np.stack([log.column(f"base.position.{axis}") for axis in "xyz"], axis=1)
-        turn = np.stack([log.column(f"base.orientation.{axis}") for axis in "xyzw"], axis=1)
-        position[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
-    return position
-
-
-def _velocity(robot: Robot, log: Log) -> FloatArray | None:
-    velocity = np.zeros((len(log), robot.model.nv))
-    for name in robot.single_joints:
-        if not log.has(f"{name}.velocity"):
-            return None
-        velocity[:, robot.velocity_index(name)] = log.column(f"{name}.velocity")
-    if robot.has_free_flyer:
-        parts = [f"base.{kind}_velocity.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
-        if not log.has(*parts):
-            return None
-        velocity[:, :6] = np.stack([log.column(part) for part in parts], axis=1)
-    return velocity
-
-
-def _force(log: Log, contact: str) -> FloatArray:
-    force = np.zeros((len(log), 3))
-    for axis, letter in enumerate("xyz"):
-        if log.has(f"{contact}.force.{letter}"):
-            force[:, axis] = log.column(f"{contact}.force.{letter}")
-    return force
 
 
 def _optional(
