@@ -26,7 +26,10 @@ ENCODER_BITS = range(9, 21)
 
 _LEAST_ROWS, _LEAST_DURATION = 50, 1.0  # of a piece [s]
 _SHORTEST = 0.5  # [s] of a log
-_TURNS = np.array([2.0 * np.pi, 360.0, *(2.0**bits for bits in ENCODER_BITS)])
+PERIODS = {2.0 * np.pi: "one turn", np.pi: "half a turn", 360.0: "360 deg"}
+PERIODS |= {2.0**bits: f"2^{bits} encoder counts" for bits in ENCODER_BITS}
+"""What a position jumps by where it starts again -> in words."""
+
 _PERIOD = 0.05  # by which a jump may miss the turn or the range of counts that it is
 _LEAP = 10.0  # times what 99 of 100 steps of a joint are below; a lost sample makes two
 _FAR = 0.1  # [s] between stamps, beyond which nobody can tell where a robot was between them
@@ -148,12 +151,22 @@ def leaps(time: FloatArray, positions: Sequence[FloatArray]) -> IntArray:
     if len(positions) < 2 or time.size < _LEAST_ROWS:
         return np.zeros(0, dtype=np.int_)
     steps = np.abs(np.diff(np.stack(list(positions)), axis=1))
-    steps[np.any(np.abs(steps / _TURNS[:, None, None] - 1.0) < _PERIOD, axis=0)] = 0.0
+    steps[period(steps) > 0.0] = 0.0
     usual = np.quantile(steps, 0.99, axis=1, keepdims=True)
     second = np.sort(steps / np.maximum(usual, 1e-300), axis=0)[-2]
     rows = np.setdiff1d(np.flatnonzero(second > _LEAP), gaps(time)) + 1
     runs = np.diff([0, *rows.tolist(), time.size]) >= _LEAST_ROWS
     return rows[runs[:-1] & runs[1:]].astype(np.int_)
+
+
+def period(steps: FloatArray) -> FloatArray:
+    """Return the period by which each step of a position may start it again, 0 for none.
+
+    The joint goes on moving meanwhile, so a step is only close to its period.
+    """
+    known = np.array(list(PERIODS))
+    away = np.abs(np.abs(steps)[..., None] / known - 1.0)
+    return np.where(away.min(axis=-1) < _PERIOD, known[away.argmin(axis=-1)], 0.0)
 
 
 def repeated_mend(time: FloatArray, columns: Mapping[str, FloatArray]) -> Mend:

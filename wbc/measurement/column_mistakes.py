@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import log, log2, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import true_runs
-from wbc.measurement.clocks import ENCODER_BITS, gaps
+from wbc.measurement.clocks import PERIODS, gaps, period
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.findings import (
     LIKELY,
@@ -27,16 +27,23 @@ from wbc.measurement.findings import (
     trusted,
 )
 from wbc.measurement.log import Log
+from wbc.measurement.readings import (
+    CLOCKS,
+    EVERYWHERE,
+    Reading,
+    of_motion,
+    velocity_ratio,
+    whole_counts,
+)
+from wbc.measurement.schema import LOG_UNITS
 from wbc.measurement.torque import REPORTED
 
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile
-_PERIOD = 0.05  # by which a jump may miss the period that makes it
 _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
 _FASTEST = 0.99  # of the steps between rows are those of the motion; others may be jumps
 _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is no fold
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
 _RESET = "no turn and no range of counts; a counter that was reset"
-_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
 _NEAR_ZERO = 0.05  # of the range of a torque
 
 
@@ -59,24 +66,17 @@ def wraps(log: Log) -> list[LogFinding]:
         rows, sizes = rows[sampled], sizes[sampled]
         if not rows.size or np.ptp(np.abs(sizes)) > _SAME_JUMP * np.abs(sizes).mean():
             continue
-        period, said = _known_period(float(np.abs(sizes).mean()))
-        entry: dict[str, float | str] = {"unwrap": period}
-        if period == 360.0:
+        turn = float(period(np.abs(sizes).mean()))
+        entry: dict[str, float | str] = {"unwrap": turn or float(np.abs(sizes).mean())}
+        if turn == 360.0:
             entry, degrees = {**entry, "unit": "deg"}, True
         text = (
-            f"{rows.size} jumps of {np.abs(sizes).mean():.6g} ({said}), the first at row "
-            f"{int(rows[0]) + 1}."
+            f"{rows.size} jumps of {np.abs(sizes).mean():.6g} ({PERIODS.get(turn, _RESET)}), the "
+            f"first at row {int(rows[0]) + 1}."
         )
         one = _column(name, "wrap", text, {name: entry})
-        found.append(one if said != _RESET else replace(one, mend={}))
+        found.append(one if turn else replace(one, mend={}))
     return found + (_beside_degrees(log, found) if degrees else [])
-
-
-def whole_counts(log: Log) -> list[str]:
-    """Return the positions that hold encoder counts: whole numbers, far beyond turns."""
-    names = [f"{joint}.position" for joint in log.with_quantity("position")]
-    far = [name for name in names if np.ptp(log.column(name)) > _COUNTS]
-    return [name for name in far if np.array_equal(log.column(name), np.round(log.column(name)))]
 
 
 def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
@@ -109,18 +109,6 @@ def _sign_bit(values: FloatArray) -> int:
         return 0
     steps = np.abs(np.diff(np.where(above, limit - values, values)))
     return bit if float(steps.max()) < 0.05 * limit else 0
-
-
-def _known_period(size: float) -> tuple[float, str]:
-    """Return (period, name) of the wrap that a jump of `size` shows."""
-    # The joint goes on moving during the jump, so the size is only close to the period.
-    for period, name in ((2.0 * pi, "one turn"), (pi, "half a turn"), (360.0, "360 deg")):
-        if abs(size / period - 1.0) < _PERIOD:
-            return period, name
-    bits = round(log2(size)) if size > 8.0 else 0
-    if bits and abs(size / 2.0**bits - 1.0) < _PERIOD:
-        return 2.0**bits, f"2^{bits} encoder counts"
-    return size, _RESET
 
 
 def stale_rows(log: Log) -> list[LogFinding]:
@@ -209,7 +197,6 @@ def _folds(values: FloatArray) -> int:
 # recorded machines and the practice leg 82 % are within 0.003 of one; filters and delays make more.
 _RATIO_SPREADS = ((0.8, 0.002), (0.2, 0.03))
 _ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
-_MISTAKE = log(0.02)  # each: a judgement, a few in a hundred sets of logs
 _CORRELATION = 0.95
 # What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
 # logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Up to twelve logs of
@@ -218,72 +205,6 @@ _USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2
 _USUAL_LENGTH, _LENGTH_SPREAD = log(30.0), 2.0
 _USUAL_SPEED, _SPEED_SPREAD = log(3.0), 1.5
 _SPEED_ROWS = 200
-_CLOCKS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # units of time stamps, in seconds
-
-
-class Ratio(NamedTuple):
-    """A known mistake by the ratio of velocity to d position / d time that it makes.
-
-    Attributes:
-        factor: the ratio.
-        kind: short name for machines.
-        text: what is wrong.
-        mend: entries of [columns] by quantity, or the section [time].
-    """
-
-    factor: float
-    kind: str
-    text: str
-    mend: Mapping[str, Mapping[str, object]]
-
-
-_TURN = 2.0 * pi
-COUNTS_OF_A_TURN = {1 << bits: float(f"{_TURN / (1 << bits):.10g}") for bits in ENCODER_BITS}
-"""Counts of an encoder in a turn -> what one of them is worth [rad]."""
-_OF_COUNTS = tuple(
-    Ratio(worth, "counts", f"the position counts {turn} a turn", {"position": {"scale": worth}})
-    for turn, worth in COUNTS_OF_A_TURN.items()
-)
-_RATIOS = (
-    Ratio(pi / 180.0, "degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
-    Ratio(180.0 / pi, "degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
-    Ratio(30.0 / pi, "velocity_unit", "the velocity is in rpm", {"velocity": {"unit": "rpm"}}),
-    Ratio(
-        1.0 / _TURN, "velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}
-    ),
-    Ratio(_TURN, "degrees", "the position is in turns", {"position": {"unit": "turn"}}),
-    *(
-        Ratio(1.0 / worth, "time_unit", f"the time is in {unit}", {"time": {"unit": unit}})
-        for unit, worth in _CLOCKS.items()
-    ),
-    Ratio(
-        1e-3,
-        "velocity_unit",
-        "the position is in thousandths of the velocity's unit",
-        {"position": {"scale": 0.001}},
-    ),
-    Ratio(
-        -1.0,
-        "velocity_sign",
-        "position and velocity have opposite signs",
-        {"velocity": {"sign": -1}},
-    ),
-)
-
-
-def with_gear(ratio: float) -> tuple[Ratio, ...]:
-    """Return the mistakes of a joint behind a gear: those of every joint, and its two sides."""
-    if abs(ratio) == 1.0 or not np.isfinite(ratio):
-        return _RATIOS
-    side = {"side": "rotor", "gear_ratio": ratio}
-    rotor = Ratio(ratio, "gear_side", "the velocity is that of the rotor", {"velocity": side})
-    both = {"velocity": {**side, "unit": "rpm"}}
-    return (
-        *_RATIOS,
-        rotor,
-        Ratio(1.0 / ratio, "gear_side", "the position is that of the rotor", {"position": side}),
-        Ratio(ratio * 30.0 / pi, "gear_side", "the velocity is that of the rotor, in rpm", both),
-    )
 
 
 def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
@@ -293,16 +214,15 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         log: the log.
         ratios: gear ratio N of joints that one motor drives alone; may be empty.
     """
-    shown: dict[str, list[tuple[Ratio, str, float, float]]] = {}
+    shown: dict[str, list[tuple[Reading, str, float, float]]] = {}
     counted = whole_counts(log)
     for joint, fit in velocity_fits(log).items():
         scale = fit.scale
         if abs(fit.correlation) <= _CORRELATION:
             continue
-        known = with_gear(ratios.get(joint, 1.0))
-        known += _OF_COUNTS if f"{joint}.position" in counted else ()
-        odds = np.array([_log_odds(scale, one.factor) for one in known])
-        stands = np.logaddexp(_log_odds(scale, 1.0) - _MISTAKE, _odd(scale) - _MISTAKE)
+        known = of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)
+        odds = np.array([_log_density(scale, velocity_ratio(one)) + one.prior for one in known])
+        stands = np.logaddexp(_log_density(scale, 1.0), _odd(scale))
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
         if probability >= LIKELY:
@@ -319,13 +239,9 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
     return found
 
 
-def _contradiction(group: Sequence[tuple[Ratio, str, float, float]]) -> LogFinding:
+def _contradiction(group: Sequence[tuple[Reading, str, float, float]]) -> LogFinding:
     """Return what joints show whose velocity differs from the derivative in one way."""
-    mends: list[Mend] = []
-    for one, joint, _, _ in group:
-        entries = {f"{joint}.{name}": dict(entry) for name, entry in one.mend.items()}
-        mends.append(one.mend if "time" in one.mend else {"columns": entries})
-    mend = together(mends)
+    mend = together(one.mend for one, _, _, _ in group)
     columns = listed([f"'{joint}.velocity'" for _, joint, _, _ in group])
     text = (
         f"{columns} {'is' if len(group) == 1 else 'are'} "
@@ -348,7 +264,7 @@ def together_likely(probabilities: Sequence[float]) -> float:
     It was made once, so its prior counts once; what the joints show adds up.
     """
     shown = np.array([min(p, 1.0 - 1e-15) for p in probabilities])
-    odds = np.sum(np.log(shown / (1.0 - shown)) - _MISTAKE) + _MISTAKE
+    odds = np.sum(np.log(shown / (1.0 - shown)) - EVERYWHERE) + EVERYWHERE
     return float(1.0 / (1.0 + np.exp(-odds)))
 
 
@@ -358,11 +274,11 @@ def slow_clock(log: Log) -> tuple[float, str]:
     From their distance, the length of the log and the speed of its fastest joint. Each alone leaves
     it open: a controller may run at 5 kHz, a log may be long, and a joint may creep.
     """
-    odds = np.array([_usual(log, unit) for unit in (1.0, *_CLOCKS.values())])
-    odds[1:] += _MISTAKE
+    odds = np.array([_usual(log, LOG_UNITS[unit][1]) for unit in ("s", *CLOCKS)])
+    odds[1:] += EVERYWHERE
     likely = int(odds[1:].argmax())
     wrong = np.logaddexp.reduce(odds[1:])
-    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), tuple(_CLOCKS)[likely]
+    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), CLOCKS[likely]
 
 
 def _usual(log: Log, unit: float) -> float:
@@ -385,19 +301,19 @@ def _fastest(log: Log) -> float:
     return float(np.max(moved)) if moved and steps.size else 0.0
 
 
-def _log_odds(scale: float, factor: float) -> float:
-    """Return the log density of a ratio if a factor is what makes it, times its prior."""
+def _log_density(scale: float, factor: float) -> float:
+    """Return the log density of a ratio if a factor is what makes it."""
     if scale * factor <= 0.0:
         return -np.inf
     away = np.log(scale / factor)
     parts = [np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in _RATIO_SPREADS]
-    return float(_MISTAKE + logsumexp(parts))
+    return float(logsumexp(parts))
 
 
 def _odd(scale: float) -> float:
     """Return the log density of a ratio that something else makes."""
     away = np.log(abs(scale)) / _ODD_SPREAD
-    return float(_MISTAKE + _ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
+    return float(_ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
 
 
 def require_plausible_units(log: Log) -> None:

@@ -11,7 +11,7 @@ and units are thus told by what no drive, friction or payload imitates.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 from math import inf
 from typing import NamedTuple
@@ -19,8 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from wbc.arrays import FloatArray
-from wbc.measurement.log_rows import Need
+from wbc.arrays import FloatArray, IntArray
+from wbc.measurement.column_map import ColumnRule, parse_column_map
+from wbc.measurement.log_rows import LogRows, Need
+from wbc.measurement.readings import Reading
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
@@ -58,6 +60,7 @@ MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 _WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
 ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
+_PARTS = 3  # of a log, in each of which a correction must bring the reports closer to the need
 
 
 class Report(NamedTuple):
@@ -299,3 +302,84 @@ def _positive(causes: FloatArray, targets: FloatArray) -> tuple[FloatArray, Floa
     best = np.argmin(left, axis=0)
     each = np.arange(best.size)
     return left[best, each], found[best, :, each].T
+
+
+class Judged(NamedTuple):
+    """A reading of a log, and what it makes of the reports."""
+
+    reading: Reading
+    reports: tuple[Report, ...]
+    """Of the driven joints, (m,)."""
+    strays: FloatArray
+    """(parts, m) how far the reports stray from the need in thirds of the log: power of the
+    difference over the geometric mean of the powers of both. Nothing is fitted, so no gain,
+    friction or inertia can take the place of what the links need."""
+    factor: FloatArray
+    """(m,) by which the reading multiplies the columns of the torques."""
+
+
+class Bench:
+    """Holds one log against its robot; each need and each report is computed once."""
+
+    def __init__(self, rows: LogRows, share: float = 1.0) -> None:
+        """Judge the log as it stands.
+
+        Args:
+            rows: of the log.
+            share: of its samples that count: a run that is repeated n times says the nth part.
+        """
+        self._rows = rows
+        self._share = share
+        self._needs: dict[bytes, Need] = {}
+        self._reports: dict[bytes, Report] = {}
+        self._idle: dict[int, float] = {}
+        self.as_is = self.judged(Reading())
+
+    def judged(self, reading: Reading) -> Judged:
+        """Return what a reading makes of the reports of all driven joints."""
+        rows, gears = self._rows, self._rows.robot.transmission
+        rules = parse_column_map(reading.mend).rules
+        moved = linear([f"{joint}.position" for joint in rows.robot.single_joints], rules)[:3]
+        sources, factor, _, lag = linear(rows.torques, rules)
+        place = b"".join([*(part.tobytes() for part in moved), b"%g" % reading.weight])
+        if place not in self._needs:
+            self._needs[place] = rows.need(*moved, weight=reading.weight)
+        need = self._needs[place]
+        torque = (rows.late(lag) if lag.any() else rows.torque)[:, sources]
+        torque = torque * (factor * rows.conversion / rows.conversion[sources])
+        reports = []
+        for k, source in enumerate(sources):
+            key = place + torque[:, k].tobytes() + bytes([k])
+            if key not in self._reports:
+                count, rotor = self._share * float(rows.samples[source]), gears.reflected_inertia[k]
+                power = 0.0 if rows.quantities[k] == "motor_torque" else -1.0
+                inertia = float(rows.inertia[k])
+                told = report(torque[:, k], need, k, count, inertia, float(rotor), power)
+                # What means nothing does so however it is read.
+                idle = self._idle.setdefault(int(source), told.idle)
+                self._reports[key] = told._replace(idle=idle)
+            reports.append(self._reports[key])
+        whole = need.links + gears.reflected_inertia * need.change
+        size = np.sqrt(np.mean(torque**2, axis=0) * np.mean(whole**2, axis=0))
+        parts = np.array_split((torque - whole) ** 2, _PARTS)
+        powers = np.array([part.mean(axis=0) for part in parts])
+        return Judged(reading, tuple(reports), powers / np.maximum(size, 1e-300), factor)
+
+
+def linear(
+    names: Sequence[str], rules: Iterable[ColumnRule]
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return what rules make of some columns, (n,) each: source, factor, offset and lag [s].
+
+    Args:
+        names: of the columns, in a log that the rules read; others are passed over.
+        rules: of a column map.
+    """
+    order, factor = np.arange(len(names)), np.ones(len(names))
+    offset, lag = np.zeros((2, len(names)))
+    for rule in rules:
+        if rule.target in names:
+            k = names.index(rule.target)
+            order[k], factor[k] = names.index(rule.sources[0]), rule.factors[0]
+            offset[k], lag[k] = rule.offset, rule.lag
+    return order, factor, offset, lag

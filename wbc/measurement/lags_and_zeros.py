@@ -36,14 +36,12 @@ _PARTS = 3  # of a log, in each of which one joint alone must be as late
 # where one of a generated arm is late by 20 to 50 ms, at most 3.0 on nineteen right machines.
 _APART = 3.5
 
-MOVED = float(np.log(0.018))
-"""Log prior of another zero: one by a quarter of a turn is as rare as another unit of a column."""
-ZEROS = np.radians((np.arange(360) + 180) % 360 - 180)
-"""Offsets of a position, a degree apart, from none on."""
-ZERO_PRIOR = np.full(360, -float(np.log(2.0 * 356.0)))
-ZERO_PRIOR[::90] = -float(np.log(6.0))
-"""Log prior of each: half of the zeros that people move are quarters of a turn."""
-_MOVED = np.where(ZEROS == 0.0, 0.0, ZERO_PRIOR + MOVED)
+# Offsets of a position, a degree apart, and the log prior of each: half of the zeros that people
+# move are quarters of a turn, one of which is as rare as another unit of a column.
+_ZEROS = np.radians((np.arange(360) + 180) % 360 - 180)
+_MOVED = np.full(360, float(np.log(0.018 / (2.0 * 356.0))))
+_MOVED[::90] = float(np.log(0.018 / 6.0))
+_MOVED[0] = 0.0
 _DRAWN_OFF = 0.3  # [rad] by which a drawing or a loose encoder may be off; beyond it a column is
 
 
@@ -58,7 +56,7 @@ def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], 
         logs: of one robot.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
-    asked = [(rows, rows.need(*rows.as_read)) for rows in logs]
+    asked = [(rows, rows.need()) for rows in logs]
     driven = range(asked[0][0].torque.shape[1] if asked else 0)
     moving = [k for k in driven if all(np.ptp(rows.torque[:, k]) > 0.0 for rows in logs)]
     if len(moving) < 2:
@@ -128,7 +126,7 @@ def _lag(rows: LogRows, need: Need, lag: float, joint: int, part: IntArray) -> t
     return float(found[-2] - found[-1]), error
 
 
-def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, tuple[int, ...]]]:
+def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[int, ...]]]:
     """Return the zeros of positions with which reports follow the need better.
 
     A link's need is a sum of two harmonics of each angle, so five needs tell it at all angles.
@@ -137,11 +135,11 @@ def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, tuple[int, ..
         logs: of one robot, at least one.
 
     Returns:
-        (single joint, offset of its position [rad], logs): one for all logs together, which leaves
-        to the diagnosis what is less than a drawing may be off by; and for every log in which the
-        joint's zero is another one than in all.
+        (single joint, offset of its position [rad], log prior, logs): one for all logs together,
+        which leaves to the diagnosis what is less than a drawing may be off by; and for every log
+        in which the joint's zero is another one than in all.
     """
-    found: list[tuple[int, float, tuple[int, ...]]] = []
+    found: list[tuple[int, float, float, tuple[int, ...]]] = []
     every = tuple(range(len(logs)))
     robot = logs[0].robot
     for i, joint in enumerate(robot.single_joints if logs[0].weighs else ()):
@@ -150,24 +148,23 @@ def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, tuple[int, ..
         each = np.array([_on_circle(rows, i) for rows in logs])
         whole = each.sum(axis=0) + _MOVED
         best = int(np.argmax(whole))
-        if best and abs(ZEROS[best]) > _DRAWN_OFF:
-            found.append((i, float(ZEROS[best]), every))
+        if best and abs(_ZEROS[best]) > _DRAWN_OFF:
+            found.append((i, float(_ZEROS[best]), float(_MOVED[best]), every))
         for k, one in enumerate(each if len(logs) > 1 else ()):
             own = int(np.argmax(one + _MOVED))
             if one[own] + _MOVED[own] > one[best]:
-                found.append((i, float(ZEROS[own]), (k,)))
+                found.append((i, float(_ZEROS[own]), float(_MOVED[own]), (k,)))
     return found
 
 
 def _on_circle(rows: LogRows, single: int) -> FloatArray:
     """Return (360,) how likely the reports are at each offset of a position, friction beside it."""
-    order, factor = rows.as_read
     turns = np.arange(5) * (2.0 * pi / 5.0)
-    offsets = [np.where(np.arange(factor.size) == single, turn, 0.0) for turn in turns]
-    needs = [rows.need(order, factor, 1.0, offset) for offset in offsets]
+    joints = np.arange(len(rows.robot.single_joints))
+    needs = [rows.need(offset=np.where(joints == single, turn, 0.0)) for turn in turns]
     waves = np.column_stack([np.ones(5), *(f(n * turns) for n in (1, 2) for f in (np.cos, np.sin))])
     links = np.tensordot(np.linalg.inv(waves), np.array([need.links for need in needs]), axes=1)
-    at = np.column_stack([np.ones(360), *(f(n * ZEROS) for n in (1, 2) for f in (np.cos, np.sin))])
+    at = np.column_stack([np.ones(360), *(f(n * _ZEROS) for n in (1, 2) for f in (np.cos, np.sin))])
     total = np.zeros(360)
     for k, reported in enumerate(rows.torque.T):
         causes = np.delete(need_columns(needs[0], k)[0], 3, axis=1)  # a load depends on the zero

@@ -85,10 +85,19 @@ class LogRows:
         return np.stack([np.interp(when, place, column) for when, column in pairs], axis=1)
 
     @property
-    def as_read(self) -> tuple[IntArray, FloatArray]:
-        """Order and factor of the single joints' columns as they stand (see `need`)."""
-        single = len(self.robot.single_joints)
-        return np.arange(single), np.ones(single)
+    def torques(self) -> list[str]:
+        """(m,) the columns of the torques."""
+        pairs = zip(self.robot.transmission.joints, self.quantities, strict=True)
+        return [f"{joint}.{quantity}" for joint, quantity in pairs]
+
+    @cached_property
+    def inertia(self) -> FloatArray:
+        """(m,) the typical inertia of each driven joint with its rotor."""
+        robot = self.robot
+        data = robot.model.createData()
+        places = self.position[:: max(1, len(self.position) // 8)]
+        own = [np.diag(pin.crba(robot.model, data, q))[robot.actuated] for q in places]
+        return np.asarray(np.mean(own, axis=0) + robot.transmission.reflected_inertia)
 
     @cached_property
     def weighs(self) -> bool:
@@ -101,24 +110,25 @@ class LogRows:
 
     def need(
         self,
-        order: np.ndarray,
-        factor: FloatArray,
+        order: IntArray | None = None,
+        factor: FloatArray | float = 1.0,
+        offset: FloatArray | float = 0.0,
         weight: float = 1.0,
-        offset: FloatArray | None = None,
     ) -> Need:
         """Return what the motion needs if the single joints' columns are read differently.
 
         Args:
-            order: (n,) single joint i has the column of single joint order[i] ...
-            factor: (n,) ... times this.
+            order: (n,) single joint i has the column of single joint order[i], None its own ...
+            factor: (n,) ... times this ...
+            offset: (n,) ... and this added to the positions.
             weight: share of gravity that is part of the need.
-            offset: (n,) added to the positions of the single joints; None for nothing.
         """
         robot = self.robot
         q, v, a = self.position.copy(), self.velocity.copy(), self.acceleration.copy()
         at = np.array([robot.position_index(name) for name in robot.single_joints], dtype=np.int_)
         to = np.array([robot.velocity_index(name) for name in robot.single_joints], dtype=np.int_)
-        q[:, at] = factor * self.position[:, at[order]] + (0.0 if offset is None else offset)
+        order = np.arange(at.size) if order is None else order
+        q[:, at] = factor * self.position[:, at[order]] + offset
         v[:, to] = factor * self.velocity[:, to[order]]
         a[:, to] = factor * self.acceleration[:, to[order]]
         contacts = contact_torque(robot, q, self.forces)
@@ -220,7 +230,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         samples=np.array([_samples(column) for column in torque[inside].T]),
         sensed=sensed[thin],
     )
-    need = rows.need(*rows.as_read).links
+    need = rows.need().links
     if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
         return None
     return _behind_unknown_gears(rows)
@@ -256,7 +266,7 @@ def _behind_unknown_gears(rows: LogRows) -> LogRows:
     unknown &= np.array([quantity != "motor_torque" for quantity in rows.quantities])
     if not unknown.any():
         return rows
-    size = np.std(rows.need(*rows.as_read).links, axis=0)
+    size = np.std(rows.need().links, axis=0)
     factor = np.clip(size / np.maximum(np.std(rows.torque, axis=0), 1e-300), 1.0, _MOST_RATIO)
     factor[~unknown] = 1.0
     return replace(rows, whole=rows.whole * factor, conversion=rows.conversion * factor)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 from scipy.special import logsumexp
 
-from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import find_repeats
 from wbc.measurement.column_mistakes import (
-    COUNTS_OF_A_TURN,
     magnitudes,
     motion_findings,
     stale_rows,
     together_likely,
-    whole_counts,
     wraps,
 )
 from wbc.measurement.evidence import (
     GAIN_SPREAD,
-    Report,
+    Bench,
+    Judged,
     evidence,
     foreign,
     ratio_evidence,
@@ -42,7 +40,7 @@ from wbc.measurement.lags_and_zeros import other_zeros, shared_lags
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import rows_of
 from wbc.measurement.read import mended
-from wbc.measurement.readings import Bench, Reading, as_it_stands, readings
+from wbc.measurement.readings import COUNTS_OF_A_TURN, Reading, readings, whole_counts
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
@@ -76,14 +74,21 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
         the column map says that the columns are trusted, and of `warning` where it is likely.
     """
     ratios = single_ratios(robot) if robot is not None else {}
-    stale = [stale_rows(log) for log in logs]
-    clean = [_mended(log, own) for log, own in zip(logs, stale, strict=True)]
-    found = [[*own, *wraps(log)] for own, log in zip(stale, clean, strict=True)]
-    clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
-    moved = _shared([motion_findings(log, ratios) for log in clean])
+    found: list[list[LogFinding]] = [[] for _ in logs]
+    clean = list(logs)
+
+    def add(each: Sequence[Sequence[LogFinding]]) -> None:
+        """Keep what logs show, and go on with logs in which it is mended where it is certain."""
+        for k, own in enumerate(each):
+            found[k] += own
+            certain = [f.mend for f in own if f.probability >= CERTAIN]
+            clean[k] = mended(clean[k], together(certain))
+
+    add([stale_rows(log) for log in clean])
+    add([wraps(log) for log in clean])
+    add(_shared([motion_findings(log, ratios) for log in clean]))
     refused = magnitudes(logs)
-    found = [[*own, *more, *refused] for own, more in zip(found, moved, strict=True)]
-    clean = [_mended(log, own) for log, own in zip(logs, found, strict=True)]
+    add([refused for _ in logs])
     counted = [_counts(log) for log in clean]
     if robot is not None and not refused:
         told = torque_mistakes(robot, clean)
@@ -92,7 +97,7 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
         for finding, having in told if not any(counted) else ():
             for k in having:
                 found[k].append(finding)
-    found = [[*own, *whole] for own, whole in zip(found, counted, strict=True)]
+    add(counted)
     pairs = zip(logs, found, strict=True)
     return [[trusted(finding, log.source.trusted) for finding in own] for log, own in pairs]
 
@@ -181,11 +186,6 @@ def single_ratios(robot: Robot) -> dict[str, float]:
     }
 
 
-def _mended(log: Log, found: Sequence[LogFinding]) -> Log:
-    """Return a log without the mistakes that are certain."""
-    return mended(log, together(f.mend for f in found if f.probability >= CERTAIN))
-
-
 def _shared(found: Sequence[Sequence[LogFinding]]) -> list[list[LogFinding]]:
     """Return the findings, those that several logs show with the probability of all together."""
     shown: dict[str, list[float]] = {}
@@ -252,15 +252,7 @@ def torque_mistakes(robot: Robot, logs: Sequence[Log]) -> list[Found]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    reading: Reading
-    reports: tuple[Report, ...]
-    strays: FloatArray
-
-
-_Table = dict[str, _Judged]
-_Tables = Mapping[int, _Table]
+_Tables = Mapping[int, Mapping[str, Judged]]
 
 
 def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
@@ -273,14 +265,16 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
     least = 0.0 if robot.transmission.size <= _PAIRS else _LOST
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
-    left = [[one.left for one in b.reports(as_it_stands(known[k]))] for k, b in benches.items()]
+    left = [[one.left for one in bench.as_is.reports] for bench in benches.values()]
     most = np.max(left, axis=0, initial=0.0) if left else np.zeros(0)
     lost, doubtful = most > least, bool(np.any(most > _DOUBTFUL))
     zeros = other_zeros(list(known.values())) if doubtful else []
-    offsets = {k: [(i, by) for i, by, of in zeros if n in of] for n, k in enumerate(known)}
+    offsets = {
+        k: [(i, by, prior) for i, by, prior, of in zeros if n in of] for n, k in enumerate(known)
+    }
     return {
         k: {
-            reading.text: _Judged(reading, bench.reports(reading), bench.strays(reading))
+            reading.text: bench.judged(reading)
             for reading in readings(known[k], logs[k], lost, doubtful, lags, offsets[k])
         }
         for k, bench in benches.items()
@@ -353,7 +347,7 @@ def _closer(text: str, judged: _Tables) -> bool:
     return bool(after.sum() < before.sum() and np.mean(after < before) > _MOST_PARTS)
 
 
-def _changed(as_is: _Judged, read: _Judged) -> list[int]:
+def _changed(as_is: Judged, read: Judged) -> list[int]:
     """Return the joints whose report a reading changes."""
     both = zip(as_is.reports, read.reports, strict=True)
     return [k for k, (one, other) in enumerate(both) if one is not other]
@@ -398,7 +392,7 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
 def _late(judged: _Tables) -> list[Found]:
     """Return the lags of torques that explain too little to be certain."""
     table = next(iter(judged.values()))
-    late = [text for text in table if table[text].reading.lag is not None]
+    late = [text for text in table if table[text].reading.kind == "torque_late"]
     return [_told([text], judged, POSSIBLE, len(judged)) for text in late]
 
 
@@ -466,7 +460,7 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
             f"and {100.0 * now:.0f} % as it stands."
         )
     first, mend = read[0], read[0].mend if len(read) == 1 else {}
-    column = first.columns[0] if first.columns else ""
+    column = next(iter(first.mend.get("columns", [""])))
     found = LogFinding(severity(doubt), first.kind, column, said, way, mend, doubt, first.mend)
     return replace(found, alone=len(judged) < every), tuple(judged)
 
@@ -476,9 +470,9 @@ def _mend_of(reading: Reading) -> str:
     return say_so(reading.mend) if reading.mend else _GRAVITY[reading.kind]
 
 
-def _scale(judged: _Judged) -> float:
+def _scale(judged: Judged) -> float:
     """Return how many times too large the torques are that a reading scales, 1 for none."""
-    factor = judged.reading.torque_factor
+    factor = judged.factor
     changed = [k for k in range(factor.size) if abs(factor[k]) != 1.0]
     if not changed:
         return 1.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from itertools import combinations
 from math import pi
 
@@ -15,13 +14,13 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import LogError
 from wbc.measurement.clocks import too_short
-from wbc.measurement.evidence import evidence
+from wbc.measurement.evidence import Bench, evidence
 from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
 from wbc.measurement.log import Log
-from wbc.measurement.log_rows import LogRows, rows_of
+from wbc.measurement.log_rows import rows_of
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
-from wbc.measurement.readings import Bench, Reading, as_it_stands
+from wbc.measurement.readings import Reading
 from wbc.measurement.torque import (
     REPORTED,
     makes_torque,
@@ -326,19 +325,19 @@ def _whose(
         logs: of it.
         moved: joints whose columns are exchanged, pair by pair, while that explains more.
     """
-    known = [rows for rows in (rows_of(robot, log) for log in logs) if rows is not None]
+    known = [(log, rows) for log in logs if (rows := rows_of(robot, log)) is not None]
     driven = robot.transmission.joints
     sources = {joint: joint for joint in (*driven, *moved)}
-    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for rows in known):
+    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for _, rows in known):
         return sources, {}
-    benches = [(rows, Bench(rows)) for rows in known]
+    benches = [(log, Bench(rows)) for log, rows in known]
 
     def judged(sources: Mapping[str, str]) -> tuple[float, float, FloatArray]:
         """Evidence, how far the reports stray, and what is left of each of them."""
-        each = [(bench, _reordered(robot, rows, sources)) for rows, bench in benches]
-        reports = [bench.reports(reading) for bench, reading in each]
-        left = np.mean([[one.left for one in own] for own in reports], axis=0)
-        return evidence(reports), sum(np.sum(b.strays(reading)) for b, reading in each), left
+        each = [b.judged(Reading(mend=columns_from(sources, log))) for log, b in benches]
+        left = np.mean([[one.left for one in own.reports] for own in each], axis=0)
+        strays = float(np.sum([own.strays.sum() for own in each]))
+        return evidence([own.reports for own in each]), strays, left
 
     while True:
         standing, strays, left = judged(sources)
@@ -354,15 +353,3 @@ def _whose(
             shares = dict(zip(driven, np.clip(1.0 - left, 0.0, 1.0), strict=True))
             return sources, {j: (1.0 / (1.0 + odds[j]), float(shares[j])) for j in driven}
         sources = best[1]
-
-
-def _reordered(robot: Robot, rows: LogRows, sources: Mapping[str, str]) -> Reading:
-    """Return the reading in which some joints have the columns of others, position and torque."""
-    single, driven = list(robot.single_joints), list(robot.transmission.joints)
-    reading = as_it_stands(rows)
-    places, torques = reading.order.copy(), reading.torque_order.copy()
-    for joint, source in sources.items():
-        places[single.index(joint)] = single.index(source)
-        if joint in driven and source in driven:
-            torques[driven.index(joint)] = driven.index(source)
-    return replace(reading, order=places, torque_order=torques)
