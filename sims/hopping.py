@@ -20,7 +20,7 @@ from sims.tables import print_columns
 from wbc import Robot, load_robot
 from wbc.sim import Plant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
-from wbc.view.channels import center_of_mass, configuration
+from wbc.view.channels import configuration, kinematics
 from wbc.view.plots import drawing, new_figure, power_figure
 from wbc.view.run_figures import run_style
 from wbc.view.style import legend_above
@@ -91,7 +91,7 @@ def draw(loops: dict[str, Hopping], theme: Theme = LIGHT) -> dict[str, Figure]:
         for i, (name, loop) in enumerate(loops.items()):
             style = run_style(i, name, theme)
             log = loop.run.log
-            height = center_of_mass(robot, configuration(robot, log))[:, 2]
+            height = kinematics(robot, configuration(robot, log))[1][:, 2]
             grid[0][0].plot(log.time, height, **style)
             hops = np.arange(1, len(loop.rises) + 1)
             grid[0][1].plot(hops, 1e3 * np.array(loop.rises), marker="o", markersize=4, **style)

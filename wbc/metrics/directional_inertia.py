@@ -71,23 +71,21 @@ def directional_inertia(
     """
     task = contact_task(robot, position, contact, axes)
     n = _directions(task, directions)
-    jacobian, motor = task.jacobian[0], task.torque_from_force[0] @ n.T
-    force = jacobian.T @ n.T
-    none = np.zeros_like(motor)
+    motor = task.torque_from_force[0] @ n.T
     used = np.abs(motor).max(axis=1) > NOTHING * np.abs(motor).max()
+    moved, output = _from_rest(task, motor)
+    mesh = motor - robot.transmission.reflected_inertia[:, None] * output
     forward = frozen(np.full(len(n), np.nan))
     if not robot.floating_size:
         forward = _mass(n, task.forward_mobility()[0] @ n.T)
-    moved = rest_response(task, motor, np.zeros_like(force))
-    pushed = rest_response(task, none, force)
     return DirectionalInertia(
         directions=frozen(n),
         lossless=_mass(n, task.mobility(Direction.STUCK)[0] @ n.T),
-        pushed=_mass(n, jacobian @ pushed.acceleration),
-        driven=_mass(n, jacobian @ moved.acceleration),
+        pushed=_mass(n, task.mobility(Direction.BACKWARD)[0] @ n.T),
+        driven=_mass(n, task.jacobian[0] @ moved),
         forward_tensor=forward,
-        all_forward=frozen((moved.mesh * moved.output > 0.0)[used].all(axis=0), np.bool_),
-        stuck=frozen((moved.output == 0.0).T, np.bool_),
+        all_forward=frozen((mesh * output > 0.0)[used].all(axis=0), np.bool_),
+        stuck=frozen((output == 0.0).T, np.bool_),
     )
 
 
@@ -145,28 +143,14 @@ _SWEEPS = 2000  # bound only: measured 10 to 60 on the shipped robots, a serial 
 _CLOSE = 1e-12  # relative change per sweep at which the states of the gears are read off
 
 
-@dataclass(frozen=True, eq=False)
-class RestResponse:
-    """How a robot starts from rest under k sets of torques and forces.
+def _from_rest(task: ContactTask, motor: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return accelerations from rest: of the coordinates (nv, k), of the motor outputs (m, k).
 
-    Attributes:
-        acceleration: (nv, k).
-        output: accelerations (m, k) of the motor outputs, exactly 0 where friction holds a gear.
-        mesh: torque t (m, k) [N m] that each rotor gives to its mesh.
-    """
-
-    acceleration: FloatArray
-    output: FloatArray
-    mesh: FloatArray
-
-
-def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) -> RestResponse:
-    """Return the accelerations from rest; gravity is left out.
+    Those of the outputs are exactly 0 where friction holds a gear. Gravity is left out.
 
     Args:
         task: contact point and pose; of one robot.
         motor: U (m, k) [N m], rotor torques times the gear ratio.
-        external: joint-space forces (nv, k).
 
     Raises:
         DynamicsError: rotors that couple inertially with the links, or rotors without inertia in a
@@ -183,34 +167,26 @@ def rest_response(task: ContactTask, motor: FloatArray, external: FloatArray) ->
     # Only the undriven coordinates are eliminated: a driven link may have no inertia of its own
     # (a drawn wrist), its rotor has some.
     held = np.linalg.solve(H[np.ix_(rest, rest)], H[np.ix_(rest, driven)])
-    pulled = np.linalg.solve(H[np.ix_(rest, rest)], external[rest])
     joint_from_motor = np.linalg.inv(gears.motor_from_joint)
     M = joint_from_motor.T @ (H[np.ix_(driven, driven)] - H[np.ix_(driven, rest)] @ held)
-    M = M @ joint_from_motor
-    drift = joint_from_motor.T @ (external[driven] - H[np.ix_(driven, rest)] @ pulled)
-    forward = gears.forward_efficiency[:, None]
+    rotor, forward = gears.reflected_inertia[:, None], gears.forward_efficiency[:, None]
     backward = np.maximum(gears.backward_efficiency, _LEAST_BACKWARD)[:, None]
-    moved = _gear_acceleration(M, drift, motor, gears.reflected_inertia[:, None], forward, backward)
-    acceleration = np.zeros_like(external)
-    acceleration[driven] = joint_from_motor @ moved
-    acceleration[rest] = pulled - held @ acceleration[driven]
-    return RestResponse(acceleration, moved, motor - gears.reflected_inertia[:, None] * moved)
+    output = _gear_acceleration(M @ joint_from_motor, motor, rotor, forward, backward)
+    acceleration = np.zeros((robot.model.nv, motor.shape[1]))
+    acceleration[driven] = joint_from_motor @ output
+    acceleration[rest] = -held @ acceleration[driven]
+    return acceleration, output
 
 
 def _gear_acceleration(
-    M: FloatArray,
-    drift: FloatArray,
-    motor: FloatArray,
-    rotor: FloatArray,
-    forward: FloatArray,
-    backward: FloatArray,
+    M: FloatArray, motor: FloatArray, rotor: FloatArray, forward: FloatArray, backward: FloatArray
 ) -> FloatArray:
-    """Return x (m, k) with M x - drift in the set T(x), row by row in turn (a convex program)."""
+    """Return x (m, k) with M x in the set T(x), row by row in turn (a convex program)."""
     x = np.zeros_like(motor)
     for _ in range(_SWEEPS):
         before = x.copy()
         for i in range(len(x)):
-            r = M[i] @ x - M[i, i] * x[i] - drift[i]
+            r = M[i] @ x - M[i, i] * x[i]
             one = (forward[i] * motor[i] - r) / (M[i, i] + forward[i] * rotor[i])
             # Multiplied by eta_b, which may be tiny.
             other = (motor[i] - backward[i] * r) / (backward[i] * M[i, i] + rotor[i])
@@ -219,11 +195,10 @@ def _gear_acceleration(
         if np.all(np.abs(x - before) <= _CLOSE * np.abs(x).max(axis=0)):
             break
     # One linear solve per column, each gear in the state that the sweeps found.
-    t = motor - rotor * x
-    eta = np.where(t * x >= 0.0, forward, 1.0 / backward)
+    eta = np.where((motor - rotor * x) * x >= 0.0, forward, 1.0 / backward)
     solved = np.zeros_like(x)
     for k in range(x.shape[1]):
         go = np.flatnonzero(x[:, k])
         left = M[np.ix_(go, go)] + np.diag((eta * rotor)[go, k])
-        solved[go, k] = np.linalg.solve(left, eta[go, k] * motor[go, k] + drift[go, k])
+        solved[go, k] = np.linalg.solve(left, eta[go, k] * motor[go, k])
     return solved

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
+from wbc.dynamics import Workspace
 from wbc.errors import LogError
 from wbc.measurement import Log
 from wbc.measurement.torque import contact_forces, positions, velocities
@@ -55,26 +56,44 @@ def rotor_torque(robot: Robot, log: Log) -> FloatArray:
     return torque
 
 
-def center_of_mass(robot: Robot, position: FloatArray) -> FloatArray:
-    """Return the centre of mass (N, 3) [m], world."""
-    data = robot.model.createData()
-    return np.array([pin.centerOfMass(robot.model, data, q).copy() for q in position])
+def kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where everything is at N positions, in the world.
 
+    Args:
+        robot: of which.
+        position: q (N, nq).
 
-def base_pitch(robot: Robot, position: FloatArray) -> FloatArray:
-    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries."""
-    if not robot.unactuated.size:
-        return np.zeros(len(position))
-    last = int(robot.unactuated[-1])
-    number = next(
-        j for j in range(robot.model.njoints - 1, 0, -1) if robot.model.joints[j].idx_v <= last
-    )
-    data = robot.model.createData()
-    turns = np.empty((len(position), 3, 3))
+    Returns:
+        Placement of every joint frame as x, y, z and quaternion x, y, z, w (N, joints, 7), row 0 is
+        the world; centre of mass (N, 3) [m]; contact points (N, contacts, 3) [m].
+    """
+    space = Workspace(robot)
+    model, data = space.model, space.data
+    poses = np.empty((len(position), model.njoints, 7))
+    center = np.empty((len(position), 3))
+    points = np.empty((len(position), len(space.frames), 3))
     for row, q in enumerate(position):
-        pin.forwardKinematics(robot.model, data, q)
-        turns[row] = data.oMi[number].rotation
-    return np.asarray(np.arctan2(turns[:, 0, 2], turns[:, 0, 0]))
+        center[row] = pin.centerOfMass(model, data, q)
+        for joint in range(model.njoints):
+            poses[row, joint] = pin.SE3ToXYZQUAT(data.oMi[joint])
+        for i, frame in enumerate(space.frames):
+            points[row, i] = pin.updateFramePlacement(model, data, frame).translation
+    return poses, center, points
+
+
+def base_pitch(robot: Robot, poses: FloatArray) -> FloatArray:
+    """Return the rotation (N,) [rad] about +y of the body that the last undriven joint carries.
+
+    Args:
+        robot: of which.
+        poses: (N, joints, 7) of `kinematics`.
+    """
+    if not robot.unactuated.size:
+        return np.zeros(len(poses))
+    starts = [joint.idx_v for joint in robot.model.joints]
+    number = max(j for j in range(1, len(starts)) if starts[j] <= robot.unactuated[-1])
+    x, y, z, w = poses[:, number, 3:].T
+    return np.asarray(np.arctan2(2.0 * (x * z + y * w), 1.0 - 2.0 * (y**2 + z**2)))
 
 
 _QUIET = 0.02

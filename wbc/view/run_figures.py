@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,11 +19,11 @@ from wbc.measurement.torque import contact_forces
 from wbc.robot import Robot
 from wbc.view.channels import (
     base_pitch,
-    center_of_mass,
     configuration,
     gear_flow,
     gear_powers,
     jump_rows,
+    kinematics,
     log_impacts,
     robot_weight,
     rotor_torque,
@@ -211,6 +211,9 @@ _QUANTITY = {
     "deg": "pitch",
 }
 
+Signals = Mapping[str, tuple[str, FloatArray]]
+"""Title of a panel -> unit and values (N,) of what it shows."""
+
 
 def impact_figure(
     robot: Robot,
@@ -235,58 +238,82 @@ def impact_figure(
     Raises:
         ViewError: a run without an impact.
     """
-    gears = robot.transmission
+    rows = 1 + robot.transmission.size
     with drawing(theme):
-        rows = 1 + gears.size
         figure, grid = new_figure(rows, 2, 8.0, 1.7 * rows + 0.5, share_x=True)
+        axes = [ax for row in grid for ax in row]
         for i, (label, log) in enumerate(runs.items()):
             impacts = log_impacts(robot, log)
             if not impacts:
                 raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
             begin = impacts[0].time
-            style: dict[str, Any] = {
+            around = log.between(begin - before, begin + after)
+            signals, jumps = _impact_signals(robot, around, begin)
+            style = {
                 "color": theme.series[i % len(theme.series)],
                 "linestyle": DASHES[i % len(DASHES)],
                 "label": label,
             }
-            _plot_run(grid, robot, log.between(begin - before, begin + after), begin, style)
-        _label(grid, gears.joints, theme)
+            _draw(axes, 1e3 * (around.time - begin), signals, style, ("W",), jumps)
+        axes[0].set_yscale("symlog", linthresh=robot_weight(robot), linscale=1.0)
+        axes[0].yaxis.set_major_formatter("{x:g}")
+        for ax in axes:
+            ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
         for ax in grid[-1]:
-            ax.set_xlim(-1e3 * before, 1e3 * after)
+            ax.set(xlabel="time after the impact [ms]", xlim=(-1e3 * before, 1e3 * after))
         if len(runs) > 1:
-            legend_above(figure, grid[0][0], len(runs))
+            legend_above(figure, axes[0], len(runs))
     return figure
 
 
-def _plot_run(
-    grid: list[list[Axes]], robot: Robot, log: Log, begin: float, style: dict[str, Any]
-) -> None:
-    time, weight = 1e3 * (log.time - begin), robot_weight(robot)
-    vertical = np.sum([force[:, 2] for force in contact_forces(robot, log).values()], axis=0)
-    grid[0][0].plot(time, vertical, **style)
-    grid[0][0].set_yscale("symlog", linthresh=weight, linscale=1.0)
-    grid[0][0].yaxis.set_major_formatter("{x:g}")
+def _impact_signals(robot: Robot, log: Log, begin: float) -> tuple[Signals, tuple[int, ...]]:
+    """Return what `impact_figure` shows of a run, and the rows at which its speeds jump."""
+    vertical = _vertical_force(robot, log)
     since = log.time >= begin - 0.5 * log.sample_time
-    beyond = np.where(since, vertical - weight, 0.0)
-    grid[0][1].plot(time, np.cumsum(beyond) * log.sample_time, **style)
+    beyond = np.where(since, vertical - robot_weight(robot), 0.0)
+    signals = {
+        "vertical ground force": ("N", vertical),
+        "impulse of the ground beyond the weight": ("N s", np.cumsum(beyond) * log.sample_time),
+    }
     flow = gear_flow(robot, log)
-    jumps = jump_rows(flow.speed, [int(np.searchsorted(log.time, begin))])
-    for k, (left, right) in enumerate(grid[1:]):
-        left.plot(time, flow.speed[:, k], **style)
-        plot_mean(right, time, flow.mesh_power[:, k], style, jumps)
+    for k, joint in enumerate(robot.transmission.joints):
+        signals[f"speed of the {joint} gear"] = ("rad/s", flow.speed[:, k])
+        signals[f"mesh power, {joint}"] = ("W", flow.mesh_power[:, k])
+    return signals, jump_rows(flow.speed, [int(np.searchsorted(log.time, begin))])
 
 
-def _label(grid: list[list[Axes]], joints: tuple[str, ...], theme: Theme) -> None:
-    titles = [("vertical ground force", "N", "impulse of the ground beyond the weight", "N s")]
-    titles += [
-        (f"speed of the {joint} gear", "rad/s", f"mesh power, {joint}", "W") for joint in joints
-    ]
-    for row, (left, left_unit, right, right_unit) in zip(grid, titles, strict=True):
-        for ax, title, unit in ((row[0], left, left_unit), (row[1], right, right_unit)):
-            ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
-            ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
-    for ax in grid[-1]:
-        ax.set_xlabel("time after the impact [ms]")
+def _draw(
+    axes: Sequence[Axes],
+    time: FloatArray,
+    signals: Signals,
+    style: Mapping[str, Any],
+    means: Sequence[str],
+    jumps: Sequence[int],
+    samples: bool = True,
+) -> None:
+    """Draw the signals of a run, a panel each; where they are rough those of some units as means.
+
+    Args:
+        axes: as many as signals.
+        time: (N,) of the samples.
+        signals: of the run.
+        style: of its line.
+        means: units of the signals that are averaged, never across the rows in `jumps`.
+        jumps: see there.
+        samples: whether the samples stand behind a mean.
+    """
+    for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
+        ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
+        if unit in means:
+            plot_mean(ax, time, values, style, jumps, samples=samples)
+        else:
+            ax.plot(time, values, **style)
+
+
+def _vertical_force(robot: Robot, log: Log) -> FloatArray:
+    """Return the force of the ground along z (N,) [N], over all contacts."""
+    forces = contact_forces(robot, log).values()
+    return np.asarray(sum((force[:, 2] for force in forces), np.zeros(len(log))))
 
 
 _CUT = 4.0  # weights at which the axis of the force ends where something lands
@@ -309,9 +336,10 @@ def standing_figure(
         height_reference: times (K,) [s] and heights (K,) [m] that the centre of mass should have.
         theme: page colours.
     """
-    gears = robot.transmission
+    limits = robot.transmission.torque_limit
+    impacts = {label: log_impacts(robot, log) for label, log in runs.items()}
     with drawing(theme):
-        rows = 3 + gears.size + 1
+        rows = 4 + robot.transmission.size
         figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
         axes = [row[0] for row in grid]
         if height_reference is not None:
@@ -319,26 +347,43 @@ def standing_figure(
                 *height_reference, color=theme.ink, linewidth=2.6, alpha=0.3, label="reference"
             )
         for i, (label, log) in enumerate(runs.items()):
-            _plot_standing(axes, robot, log, run_style(i, label, theme), alone=len(runs) == 1)
+            hits = [int(np.searchsorted(log.time, impact.time)) for impact in impacts[label]]
+            signals, style = _standing_signals(robot, log), run_style(i, label, theme)
+            _draw(axes, log.time, signals, style, ("N m", "N"), hits, samples=len(runs) == 1)
+            torques = [values for unit, values in signals.values() if unit == "N m"]
+            for ax, limit, torque in zip(axes[3:-1], limits, torques, strict=True):
+                if np.isfinite(limit) and np.nanmax(np.abs(torque)) > 0.5 * limit:
+                    for end in (-limit, limit):
+                        ax.axhline(end, color="0.5", linewidth=0.8, linestyle=":")
         first = next(iter(runs.values()))
-        impacts = [impact for log in runs.values() for impact in log_impacts(robot, log)]
         for ax in axes:
-            mark_impacts(ax, log_impacts(robot, first), theme.ink)
-        titles = ["height of the centre of mass", "sway of the centre of mass", "pitch of the base"]
-        units = ["m", "mm", "deg"]
-        titles += [f"rotor torque, {joint}" for joint in gears.joints] + ["vertical ground force"]
-        units += ["N m"] * gears.size + ["N"]
-        for ax, title, unit in zip(axes, titles, units, strict=True):
-            ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
-        if impacts:
+            mark_impacts(ax, next(iter(impacts.values())), theme.ink)
+        if peaks := [impact.force for found in impacts.values() for impact in found]:
             # The force of an impact would flatten all others.
             axes[-1].set_ylim(-0.1 * robot_weight(robot), _CUT * robot_weight(robot))
-            peak = max(impact.force for impact in impacts)
-            axes[-1].set_title(f"{titles[-1]} (impacts up to {peak:.0f} N are cut off)")
+            title = f"vertical ground force (impacts up to {max(peaks):.0f} N are cut off)"
+            axes[-1].set_title(title)
         axes[-1].set(xlabel="time [s]", xlim=(first.time[0], first.time[-1]))
         figure.align_ylabels(axes)
         legend_above(figure, axes[0], len(runs) + 1)
     return figure
+
+
+def _standing_signals(robot: Robot, log: Log) -> Signals:
+    """Return what `standing_figure` shows of a run; sway from the first contact at its end."""
+    poses, center, points = kinematics(robot, configuration(robot, log))
+    start = points[-1, 0, 0] if robot.contacts else 0.0
+    torque = rotor_torque(robot, log)
+    return {
+        "height of the centre of mass": ("m", center[:, 2]),
+        "sway of the centre of mass": ("mm", 1e3 * (center[:, 0] - start)),
+        "pitch of the base": ("deg", np.degrees(base_pitch(robot, poses))),
+        **{
+            f"rotor torque, {joint}": ("N m", torque[:, k])
+            for k, joint in enumerate(robot.transmission.joints)
+        },
+        "vertical ground force": ("N", _vertical_force(robot, log)),
+    }
 
 
 def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
@@ -352,35 +397,3 @@ def run_style(number: int, label: str, theme: Theme) -> dict[str, Any]:
         "zorder": 3.0 - 0.1 * number,
         "label": label,
     }
-
-
-def _plot_standing(
-    axes: list[Axes], robot: Robot, log: Log, style: Mapping[str, Any], alone: bool
-) -> None:
-    position = configuration(robot, log)
-    center = center_of_mass(robot, position)
-    axes[0].plot(log.time, center[:, 2], **style)
-    axes[1].plot(log.time, 1e3 * (center[:, 0] - _support(robot, log, position)), **style)
-    axes[2].plot(log.time, np.degrees(base_pitch(robot, position)), **style)
-    torque = rotor_torque(robot, log)
-    hits = [int(np.searchsorted(log.time, impact.time)) for impact in log_impacts(robot, log)]
-    for i in range(robot.transmission.size):
-        plot_mean(axes[3 + i], log.time, torque[:, i], style, hits, samples=alone)
-        limit = robot.transmission.torque_limit[i]
-        if np.isfinite(limit) and np.nanmax(np.abs(torque[:, i])) > 0.5 * limit:
-            for end in (-limit, limit):
-                axes[3 + i].axhline(end, color="0.5", linewidth=0.8, linestyle=":")
-    forces = contact_forces(robot, log)
-    total = np.sum([force[:, 2] for force in forces.values()], axis=0) if forces else 0.0 * log.time
-    plot_mean(axes[-1], log.time, total, style, hits, samples=alone)
-
-
-def _support(robot: Robot, log: Log, position: FloatArray) -> float:
-    """Return where x is counted from: the first contact at the end of the run, else 0."""
-    if not robot.contacts:
-        return 0.0
-    contact = robot.contacts[0]
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, position[-1])
-    frame = robot.model.getFrameId(contact.frame)
-    return float(data.oMf[frame].act(contact.offset)[0])

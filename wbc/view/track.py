@@ -23,6 +23,7 @@ from wbc.view.channels import (
     configuration,
     find_impacts,
     gear_flow,
+    kinematics,
     robot_weight,
     rotor_torque,
     velocity,
@@ -199,7 +200,7 @@ def make_track(robot: Robot, log: Log) -> Track:
     log = with_needed_torques(robot, log) if planned else log
     rows = frame_rows(log)
     position = configuration(robot, log)[rows]
-    poses, center, points = _kinematics(robot, position)
+    poses, center, points = kinematics(robot, position)
     forces, flow = contact_forces(robot, log), gear_flow(robot, log)
     weight = robot_weight(robot)
     contacts = tuple(
@@ -253,21 +254,6 @@ def frame_rows(log: Log) -> FloatArray:
     return np.unique(np.clip(rows, 0, len(log) - 1))
 
 
-def _kinematics(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    space = Workspace(robot)
-    model, data = space.model, space.data
-    poses = np.empty((len(position), model.njoints, 7))
-    center = np.empty((len(position), 3))
-    points = np.empty((len(position), len(space.frames), 3))
-    for row, q in enumerate(position):
-        center[row] = pin.centerOfMass(model, data, q)
-        for joint in range(model.njoints):
-            poses[row, joint] = pin.SE3ToXYZQUAT(data.oMi[joint])
-        for i, frame in enumerate(space.frames):
-            points[row, i] = pin.updateFramePlacement(model, data, frame).translation
-    return poses, center, points
-
-
 def _largest(force: FloatArray, rows: FloatArray) -> FloatArray:
     """Return for each frame the force of the largest size since the frame before."""
     size = np.linalg.norm(force, axis=1)
@@ -289,4 +275,4 @@ def ghost_at(
         joint: np.interp(time, ghost.residual_time, values)
         for joint, values in ghost.residual.items()
     }
-    return _kinematics(robot, ghost.position[rows])[0], residual
+    return kinematics(robot, ghost.position[rows])[0], residual
