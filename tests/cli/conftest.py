@@ -18,7 +18,7 @@ from wbc.robot import Effect, Motion
 def excited_log() -> Callable[..., Log]:
     """Return what noisy sensors report while a multi-sine moves the fixed leg."""
 
-    def make(effects: tuple[Effect, ...] = (), seed: int = 0, duration: float = 8.0) -> Log:
+    def make(effects: tuple[Effect, ...] = (), seed: int = 0, duration: float = 4.0) -> Log:
         robot = load_robot("planar_leg_fixed").lossless().with_effects(*effects)
         rng = np.random.default_rng(seed)
         time = np.arange(0.0, duration, 0.002)

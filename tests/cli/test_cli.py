@@ -49,7 +49,7 @@ def test_a_robot_that_is_saved_without_an_effect_is_said_to_be_as_given(
     excited_log, tmp_path, capsys
 ):
     sound, fitted = tmp_path / "sound.csv", tmp_path / "fitted.toml"
-    save_log(excited_log(), sound)
+    save_log(excited_log(duration=2.0), sound)
     assert main(["diagnose", str(sound), *LEG, "--save", str(fitted)]) == 0
     assert f"wrote {fitted}: the robot as given, no effect was added" in capsys.readouterr().out
 

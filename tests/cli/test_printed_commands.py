@@ -24,7 +24,7 @@ LEG = "--robot planar_leg_fixed --lossless"
 @pytest.fixture
 def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working folder, with a log of a leg whose hip rubs."""
-    save_log(excited_log((CoulombFriction("hip", 0.7),), duration=3.0), tmp_path / "run.csv")
+    save_log(excited_log((CoulombFriction("hip", 0.7),), duration=2.0), tmp_path / "run.csv")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

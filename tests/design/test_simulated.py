@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.design.simulated import SIMULATIONS
-from wbc.design.simulations import simulate_design
+from wbc.design.simulated import SIMULATIONS, simulate_design
 from wbc.effects import load_robot
 from wbc.errors import DesignError
 from wbc.metrics import impact_mitigation

@@ -15,7 +15,7 @@ from wbc.arrays import FloatArray
 from wbc.cli.inputs import read_logs
 from wbc.cli.outputs import Outcome, watching, write_figures
 from wbc.cli.printout import table
-from wbc.cli.robots import checked_axes, first_contact, pose_from
+from wbc.cli.robots import first_contact, pose_from
 from wbc.design import (
     Objective,
     Study,
@@ -32,6 +32,7 @@ from wbc.design import (
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
+from wbc.metrics import upward
 from wbc.robot import Robot
 from wbc.tables import TextTable
 
@@ -64,16 +65,14 @@ def run_design(options: argparse.Namespace, console: Console) -> Outcome:
 
 def _study(options: argparse.Namespace) -> Study:
     robot = load_robot(options.robot)
-    axes = checked_axes(options.axes)
-    main = "z" if "z" in axes else axes[-1]
     catalogue = read_gearboxes(options.catalogue)
     return Study(
         robot=options.robot,
         parameters=tuple(parse_sweep(text) for text in options.sweep),
         contact=options.contact or first_contact(robot),
         position=tuple(pose_from(robot, options.pose).tolist()),
-        axes=axes,
-        direction=tuple(1.0 if axis == main else 0.0 for axis in axes),
+        axes=options.axes,
+        direction=tuple(upward(options.axes).tolist()),
         samples=options.samples,
         seed=options.seed,
         simulations=tuple(name for name in options.simulate.split(",") if name),

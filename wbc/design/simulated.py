@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import evaluate
-from wbc.errors import DesignError
+from wbc.errors import DesignError, SimulationError
 from wbc.robot import Robot
+
+Row = dict[str, float]
 
 
 def height_row(robot: Robot) -> int:
@@ -85,10 +88,12 @@ class SimulatedMetric:
     Attributes:
         columns: column -> unit.
         require: raises DesignError for a robot of another kind; needs neither plant nor controller.
+        run: MODULE.FUNCTION of this room that returns the columns, given robot, pose and contact.
     """
 
     columns: Mapping[str, str]
     require: Callable[[Robot], object]
+    run: str
 
 
 SIMULATIONS: dict[str, SimulatedMetric] = {
@@ -100,6 +105,7 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "drop_ground_loss": "J",
         },
         height_row,
+        "simulations.drop",
     ),
     "standing": SimulatedMetric(
         {
@@ -109,17 +115,38 @@ SIMULATIONS: dict[str, SimulatedMetric] = {
             "standing_neutral_heat": "W",
         },
         require_point_leg,
+        "simulations.standing",
     ),
     "landing": SimulatedMetric(
         {"landing_error": "m", "landing_error_high": "m", "landing_error_low": "m"},
         require_point_leg,
+        "simulations.landing",
     ),
     "hop": SimulatedMetric(
         {"hop_height": "m", "hop_energy": "J", "hop_cost": "1"},
         require_point_leg,
+        "simulations.hop",
     ),
     "trot": SimulatedMetric(
         {"trot_speed": "m/s", "trot_cost": "1", "trot_work_cost": "1"},
         require_quadruped,
+        "trotter.trot",
     ),
 }
+
+
+def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> Row:
+    """Return the columns of one simulation; NaN where the design has no such motion.
+
+    Raises:
+        DesignError: a robot of another kind than the simulation needs.
+    """
+    metric = SIMULATIONS[name]
+    metric.require(robot)
+    # Plant and controller are loaded by whoever simulates, not by whoever plans a study.
+    module, _, function = metric.run.partition(".")
+    run = getattr(import_module(f"wbc.design.{module}"), function)
+    try:
+        return dict(run(robot, q, contact))
+    except (SimulationError, DesignError):
+        return dict.fromkeys(metric.columns, float("nan"))

@@ -1,4 +1,4 @@
-"""The simulations of designs: a drop, standing, landing, hopping and trotting.
+"""The simulations of designs: a drop, standing, landing and hopping.
 
 Each returns its columns for one design; what a design cannot do is NaN, so that a sweep goes on.
 Standing, landing and hopping need a controller and are for planar legs: one contact, a base that
@@ -8,7 +8,6 @@ two driven joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +25,7 @@ from wbc.control import (
     Reference,
     RestPolicy,
 )
-from wbc.design.simulated import SIMULATIONS, height_row, placed, require_point_leg
-from wbc.design.trotter import trot
+from wbc.design.simulated import Row, height_row, placed, require_point_leg
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError, SimulationError
 from wbc.metrics import force_capability, link_length
@@ -44,8 +42,6 @@ _CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
 _WRONG = 0.1  # share by which the controller's efficiencies are wrong
 _PUSH = 1.0  # [s] after which a leg that has not left the ground counts as too weak
 _STRETCH = 0.95  # share of the straight leg at which the push ends, short of the singular pose
-
-Row = dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,27 +314,3 @@ def _com_rate(robot: Robot, state: SimState) -> FloatArray:
     data = robot.model.createData()
     pin.centerOfMass(robot.model, data, state.position, state.velocity)
     return np.array(data.vcom[0])
-
-
-RUNS: dict[str, Callable[[Robot, FloatArray, str], Row]] = {
-    "drop": drop,
-    "standing": standing,
-    "landing": landing,
-    "hop": hop,
-    "trot": trot,
-}
-"""Simulation -> what runs it, given robot, pose q and contact."""
-
-
-def simulate_design(name: str, robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
-    """Return the columns of one simulation; NaN where the design has no such motion.
-
-    Raises:
-        DesignError: a robot of another kind than the simulation needs.
-    """
-    metric = SIMULATIONS[name]
-    metric.require(robot)
-    try:
-        return RUNS[name](robot, q, contact)
-    except (SimulationError, DesignError):
-        return dict.fromkeys(metric.columns, float("nan"))

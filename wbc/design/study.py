@@ -14,7 +14,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.design.gearboxes import EfficiencyTable, Gearbox
-from wbc.design.simulated import SIMULATIONS
+from wbc.design.simulated import SIMULATIONS, simulate_design
 from wbc.design.sweep_parameter import GEAR_PARAMETERS, SweepParameter
 from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
@@ -219,9 +219,6 @@ class Study:
         found = design_metrics(designs, self.contact, self.direction, self.axes, self.load)
         table.update(found.columns())
         for name in self.simulations:
-            # Plant and controller are loaded by whoever simulates, not by whoever plans a study.
-            from wbc.design.simulations import simulate_design
-
             rows = [
                 simulate_design(name, *designs.robot_at(i), self.contact)
                 for i in range(designs.size)

@@ -1,6 +1,6 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.contact_task import ContactTask, contact_task, with_contact_at
+from wbc.metrics.contact_task import ContactTask, contact_task, upward, with_contact_at
 from wbc.metrics.design_metrics import (
     DesignMetrics,
     design_metrics,
@@ -57,5 +57,6 @@ __all__ = [
     "share_of_accelerations_forward",
     "summary",
     "sweep",
+    "upward",
     "with_contact_at",
 ]

@@ -169,11 +169,7 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
 
 def designs_task(designs: Designs, contact: str, axes: str = "xyz") -> ContactTask:
     """Return the task of one contact point of every design; errors as of `contact_task`."""
-    if not axes or len(set(axes)) != len(axes):
-        raise DynamicsError(f"axes '{axes}': name each of x, y, z at most once, at least one.")
-    for axis in axes:
-        if axis not in "xyz":
-            raise DynamicsError(unknown_name("axis", axis, "xyz"))
+    upward(axes)
     robot, model = designs.robot, designs.robot.model.copy()
     point = robot.contact(contact)
     drawn = model.frames[model.getFrameId(point.frame)]
@@ -204,6 +200,17 @@ def designs_task(designs: Designs, contact: str, axes: str = "xyz") -> ContactTa
                 spin[i, gear] = data.oMi[housing].rotation @ mounting.axis[gear] @ turning
     whole = np.triu(inertia) + np.swapaxes(np.triu(inertia, 1), 1, 2)
     return ContactTask(designs, contact, axes, whole, jacobian, None if mounting is None else spin)
+
+
+def upward(axes: str) -> FloatArray:
+    """Return the unit vector along z of some world axes; along the last one where z is missing.
+
+    Raises:
+        DynamicsError: no axis, one twice, or another letter than x, y, z.
+    """
+    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set("xyz"):
+        raise DynamicsError(f"axes '{axes}': name some of x, y, z, each once.")
+    return np.array([float(axis == ("z" if "z" in axes else axes[-1])) for axis in axes])
 
 
 def with_contact_at(robot: Robot, name: str) -> Robot:

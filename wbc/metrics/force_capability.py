@@ -102,10 +102,7 @@ class ForceCapability:
         Raises:
             DynamicsError: a singular pose, or a gear that holds any torque: no finite corners.
         """
-        low, high = self.interval(direction)
-        self._require_regular()
-        self._require_finite(np.minimum(-low, high))
-        return self._corners(low, high)
+        return self._corners(*self.interval(direction))
 
     def interval(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest gear torque (k,), (k,) [N m] of a motion; see `moving`."""
@@ -130,13 +127,27 @@ class ForceCapability:
             DynamicsError: a singular pose, or a gear without torque limit: no finite corners.
         """
         limits = self.limits(directions)
-        self._require_regular()
-        self._require_finite(limits)
         return self._corners(-limits, limits)
 
     def _corners(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return the corners (c, n) of {f : low <= T_from_f f <= high}, 0 inside."""
+        """Return the corners (c, n) of {f : low <= T_from_f f <= high}, 0 inside.
+
+        Raises:
+            DynamicsError: a direction in which no gear bears a force; an open end.
+        """
         matrix = self.torque_from_force
+        _, sizes, ways = np.linalg.svd(matrix)
+        least = 0.0 if len(sizes) < len(ways) else sizes[-1]
+        if least <= NOTHING * np.abs(matrix).max(initial=NOTHING):
+            raise self._unbounded(ways[-1])
+        closed = (low > -np.inf) & (low < 0.0) & (high > 0.0) & (high < np.inf)
+        if not closed.all():
+            joints = np.array(self.task.designs.robot.transmission.joints)[list(self.gears)]
+            raise DynamicsError(
+                f"the gears of {', '.join(joints[~closed])} hold any torque or none (no "
+                "torque_limit, a self-locking gear, or friction above the limit): the force "
+                "capability has no finite corners. Give these gears a torque_limit in robot.toml."
+            )
         if matrix.shape[0] == matrix.shape[1]:
             corners = np.array(list(product(*zip(low, high, strict=True))))
             return np.asarray(np.linalg.solve(matrix, corners.T).T)
@@ -150,35 +161,6 @@ class ForceCapability:
         # Corners where several faces meet come out once per set of faces.
         size = float(np.abs(corners).max())
         return np.asarray(size * np.unique(np.round(corners / size, 9), axis=0))
-
-    def _lost(self) -> FloatArray | None:
-        """Return a direction (n,) in which no gear bears a force, None in a regular pose."""
-        sizes = np.linalg.svd(self.torque_from_force)[1:]
-        values = np.zeros(len(self.task.axes))
-        values[: len(sizes[0])] = sizes[0]
-        return sizes[1][-1] if values[-1] <= NOTHING * self._scale() else None
-
-    def _require_regular(self) -> None:
-        lost = self._lost()
-        if lost is not None:
-            raise self._unbounded(lost)
-
-    def _require_finite(self, limits: FloatArray) -> None:
-        if not np.isfinite(limits).all() or not np.all(limits > 0.0):
-            joints = self.task.designs.robot.transmission.joints
-            open_ended = [
-                joints[g]
-                for g, limit in zip(self.gears, limits, strict=True)
-                if not 0.0 < limit < np.inf
-            ]
-            raise DynamicsError(
-                f"the gears of {', '.join(open_ended)} hold any torque or none (no torque_limit, "
-                "a self-locking gear, or friction above the limit): the force capability has no "
-                "finite corners. Give these gears a torque_limit in robot.toml."
-            )
-
-    def _scale(self) -> float:
-        return float(np.abs(self.torque_from_force).max(initial=NOTHING))
 
     def _unbounded(self, direction: FloatArray) -> DynamicsError:
         along = ", ".join(f"{x:.3g}" for x in direction)

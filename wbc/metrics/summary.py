@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import contact_task
+from wbc.metrics.contact_task import contact_task, upward
 from wbc.metrics.directional_inertia import directional_inertia
 from wbc.metrics.force_capability import (
     ForceCapability,
@@ -82,9 +82,9 @@ def summary(
         RobotError: no such contact.
     """
     q = contact_task(robot, position, contact, axes).designs.position[0]
-    main = "z" if "z" in axes else axes[-1]
+    up = upward(axes)
+    main = axes[int(np.argmax(up))]
     way = "up" if main == "z" else f"along {main}"
-    up = np.array([1.0 if axis == main else 0.0 for axis in axes])
     weight = sum(body.mass for body in robot.model.inertias) * float(
         np.linalg.norm(robot.model.gravity.linear)
     )

@@ -222,7 +222,6 @@ class GearFlow:
     Attributes:
         rotor_torque: tau_phi (N, m) [N m] on the rotors, as logged.
         speed: dpsi (N, m) [rad/s] at the motor outputs.
-        rotor_power: tau_phi dphi (N, m) [W].
         mesh_power: t dpsi (N, m) [W], what enters the teeth after the rotor's own inertia and
             friction are paid; positive where the motor drives.
         loss: (N, m) [W] >= 0, turned into heat by rotor friction and teeth.
@@ -232,7 +231,6 @@ class GearFlow:
 
     rotor_torque: FloatArray
     speed: FloatArray
-    rotor_power: FloatArray
     mesh_power: FloatArray
     loss: FloatArray
     direction: FloatArray
@@ -262,8 +260,7 @@ def gear_flow(robot: Robot, log: Log, window: float = 0.02) -> GearFlow:
     largest = float(np.nanmax(np.abs(power))) if np.isfinite(power).any() else 0.0
     moving = direction(power, deadband=_IDLE_SHARE * largest)
     towards = np.where(np.abs(speed) < STILL_SPEED, 0.0, moving)
-    drive = window_mean(torque * gears.gear_ratio * speed, width, jumps)
-    return GearFlow(torque, speed, drive, power, loss, towards)
+    return GearFlow(torque, speed, power, loss, towards)
 
 
 def gear_powers(

@@ -16,6 +16,7 @@ import umsgpack
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from meshcat import Visualizer
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from wbc.arrays import FloatArray
 from wbc.files import write_text
@@ -184,12 +185,9 @@ def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
     corners = [np.zeros((len(poses), 0, 3))]
     for shape in shapes:
         place = poses[:, shape.joint].astype(np.float64)
-        box = np.array([shape.low, shape.high])
-        local = np.array([box[pick, [0, 1, 2]] for pick in product((0, 1), repeat=3)])
-        axis, real = place[:, None, 3:6], place[:, None, 6:]
-        # v + 2 w (u x v) + 2 u x (u x v): the rotation of v by the quaternion (u, w).
-        turned = np.cross(axis, local[None])
-        corners.append(local + 2.0 * (real * turned + np.cross(axis, turned)) + place[:, None, :3])
+        local = np.array(list(product(*zip(shape.low, shape.high, strict=True))))
+        turn = Rotation.from_quat(place[:, 3:]).as_matrix()
+        corners.append(local @ np.swapaxes(turn, 1, 2) + place[:, None, :3])
     return np.concatenate(corners, axis=1)
 
 

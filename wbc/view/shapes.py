@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import coal
@@ -126,10 +127,9 @@ def _one_sided(vertices: FloatArray, faces: IntArray) -> IntArray:
 
 def along(direction: FloatArray) -> FloatArray:
     """Return the rotation (3, 3) that turns z into `direction` (3,)."""
-    unit = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
-    if unit[2] < -1.0 + 1e-12:
-        return np.diag([1.0, -1.0, -1.0])
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), unit)
+    turn = pin.Quaternion.FromTwoVectors(
+        np.array([0.0, 0.0, 1.0]), np.array(direction, dtype=float)
+    )
     return np.asarray(turn.toRotationMatrix())
 
 
@@ -180,10 +180,7 @@ def _colour(item: pin.GeometryObject, joint: int) -> tuple[float, float, float]:
 def _box(shape: Any, placement: pin.SE3) -> tuple[FloatArray, FloatArray]:
     shape.computeLocalAABB()
     box: coal.AABB = shape.aabb_local
-    ends = np.array([np.asarray(box.min_), np.asarray(box.max_)])
-    corners = np.array(
-        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    )
+    corners = np.array(list(product(*zip(box.min_, box.max_, strict=True))))
     moved = corners @ placement.rotation.T + placement.translation
     return moved.min(axis=0), moved.max(axis=0)
 
