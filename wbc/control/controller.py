@@ -39,7 +39,7 @@ from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.task import Task
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import MOVED, OUTPUT, RESTED, TORQUE_ROW
+from wbc.control.tick import MOVED, RESTED
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
@@ -157,7 +157,7 @@ class Controller:
     @property
     def problem(self) -> QPProblem | None:
         """A copy of the program of the last tick, for inspection; None before the first."""
-        return None if self._level is None else self._level.built(self._output)
+        return None if self._level is None else self._level.built(self._last)
 
     @property
     def disturbance(self) -> FloatArray:
@@ -175,9 +175,8 @@ class Controller:
         """Forget references, directions and the last good torque, as when newly made."""
         for stack in self._stacks:
             stack.forget()
-        self._output = np.zeros(self.robot.transmission.size)
         self._anchors: Mapping[str, FloatArray] = {}
-        self._expected = np.zeros(self.robot.model.nv)
+        self._last: FloatArray = np.zeros(self._levels.shared)  # block of results
         self._joints.load[:] = np.nan
         self._drivetrain.forget()
         self._fallback.forget()
@@ -257,7 +256,7 @@ class Controller:
             for stack in self._stacks:
                 stack.weigh(given.weights, given.activation)
                 moved = stack.take(given.references) or moved
-            rested = not contacts.is_known or contacts.rank < contacts.rows
+            rested = contacts.asked
             told = (MOVED if moved or rested else 0) | (RESTED if rested else 0)
             if told:
                 kinematics.update(motion.position, motion.velocity)
@@ -272,10 +271,7 @@ class Controller:
         if rested:
             contacts.fill(kinematics, self._anchors)
         self._drivetrain.take(motion, contacts.contacts)
-        return PendingTick(
-            *(motion, given.references, ceilings, given.dt),
-            *(self._expected, self._output, told),
-        )
+        return PendingTick(motion, given.references, ceilings, given.dt, self._last, told)
 
     def _admitted(self, given: TickInputs) -> Motion | Complaint:
         """Return the state that the settings' hook makes of a state, or what is wrong with it."""
@@ -288,7 +284,7 @@ class Controller:
         if complaint[0] is not Status.NOT_FINITE:
             for stack in self._stacks:
                 stack.remember()
-        self._expected = np.array(refusal.level.corrected)
+        self._last = refusal.level.expecting(self._last)
         refused = None
         if refusal.found is not None:
             program = refusal.level.program
@@ -301,14 +297,16 @@ class Controller:
         """Take what the next tick starts from."""
         for stack in self._stacks:
             stack.remember()
-        program, block, gears = answer.level.program, answer.block, answer.gears
-        contacts, at = program.contacts.contacts, program.at
-        self._output, self._expected = gears[OUTPUT], block[at.advanced]
-        self._fallback.remember(block[at.position], gears[TORQUE_ROW], contacts)
-        self._anchors = program.contacts.anchored(self._anchors)
+        program, block = answer.level.program, answer.block
+        self._last, contacts = block, program.contacts
+        self._fallback.remember(answer, contacts.contacts)
+        if contacts.pulls:
+            self._anchors = contacts.anchored(self._anchors)
+        elif self._anchors:
+            self._anchors = {}
         if self._drivetrain.learns:
-            leads_to = asked.motion.velocity + asked.dt * block[at.x][: program.nv]
-            self._drivetrain.remember(leads_to, contacts)
+            leads_to = asked.motion.velocity + asked.dt * block[program.at.x][: program.nv]
+            self._drivetrain.remember(leads_to, contacts.contacts)
 
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.gears import GearLaw
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.gear_rows import GEARS, OBSERVES
+from wbc.control.qp.gear_rows import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.speed import SpeedBlend
 from wbc.dynamics import Terms, rotor_coupling
@@ -90,6 +90,8 @@ class GearModel:
         limited: numbers of the gears that have a torque limit to keep.
         serial: whether every gear drives a joint of its own.
         coupled: whether rotors turn with links, so that a state takes more than its kinematics.
+        learns: whether an observer learns what the model misses.
+        differs: whether hooks of effects stand between the torque on the rotors and the command.
     """
 
     def __init__(
@@ -120,8 +122,8 @@ class GearModel:
         self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")
         self._drive, self._truth = self._by("drive_inverse")[::-1], self._by("true")[::-1]
         self._drives_act, self._gears_act = self._table.act_on_drives, self._table.act_on_gears
-        tabled = bool(len(self._table.joints) or self._gears_act)
-        self._acts = bool(tabled or self._smooth or self._dry or self._efficient)
+        self.differs = bool(self._rotor or self._drive)
+        self._acts = bool(self._gears_act or self._smooth or self._dry or self._efficient)
         self._varies = limit is not None and (not limit.is_constant or bool(self._rotor))
         self._contacts: object = None
         from_joints, own = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
@@ -130,6 +132,7 @@ class GearModel:
         turns[:, robot.actuated] = from_joints
         self._turns = self._ratio[:, None] * turns
         rate = 0.0 if observer is None else observer.rate
+        self.learns = rate > 0.0
         unlimited = np.full(gears.size, np.inf)
         self.memory: Any = GEARS.of(
             driven=np.array(robot.actuated, dtype=np.int_),
@@ -146,6 +149,9 @@ class GearModel:
             backward=law.backward,
             lower=-unlimited,
             upper=unlimited,
+            laws=self._table.joints,
+            numbers=self._table.numbers,
+            drives=self._table.drives,
             effects=np.zeros(nv),
             rubbing=np.zeros(nv),
             learned=np.zeros(nv),
@@ -156,6 +162,8 @@ class GearModel:
             bias=np.zeros(nv),
             rotor_bias=np.zeros(gears.size),
             disturbance=np.zeros(nv),
+            smooth=np.zeros(nv),
+            rubs=np.zeros(nv),
             joint=np.zeros(gears.size),
         )
         if limit is not None:
@@ -189,8 +197,9 @@ class GearModel:
             self.interrupt()
 
     def _ask_effects(self, motion: Motion) -> None:
-        """Write the torques of the effects on the coordinates, and the efficiencies of gears."""
-        self.on_joints(motion, self.memory.effects, self.memory.rubbing)
+        """Write the torques of hooks on the coordinates, and the efficiencies of gears."""
+        self.memory.effects[:] = self.memory.rubbing[:] = 0.0
+        self._ask_hooks(motion, self.memory.effects, self.memory.rubbing)
         if self._gears_act:
             gears, now = self.robot.transmission, np.empty((2, self.size))
             given = gears.forward_efficiency, gears.backward_efficiency
@@ -203,6 +212,10 @@ class GearModel:
         """Write the torque of effects on the coordinates, and the level of their dry friction."""
         state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
         fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
+        self._ask_hooks(motion, smooth, dry)
+
+    def _ask_hooks(self, motion: Motion, smooth: FloatArray, dry: FloatArray) -> None:
+        """Add what the hooks of effects say to torques and levels of dry friction (nv,)."""
         for effect in self._smooth:
             torque = effect.joint_torque(self.robot, motion)
             if torque is not None:
@@ -247,11 +260,6 @@ class GearModel:
             memory.effects[:] = 0.0
         memory.effects[:] -= coupling.link_bias
 
-    @property
-    def learns(self) -> bool:
-        """Whether an observer learns what the model misses."""
-        return bool(self.memory.blend[OBSERVES] > 0.0)
-
     def remember(self, velocity: FloatArray, contacts: object) -> None:
         """Take the velocity (nv,) that a tick with a solution leads to; learn from it next time."""
         self.memory.learned[:], self.memory.predicted[:] = self.memory.disturbance, velocity
@@ -277,11 +285,6 @@ class GearModel:
     def clipped(self, torque: FloatArray) -> FloatArray:
         """Return N tau_phi (m,) within the motors' own limits, whatever the controller's are."""
         return np.minimum(np.maximum(torque, -self._nameplate), self._nameplate)
-
-    @property
-    def drives_differ(self) -> bool:
-        """Whether any effect stands between the torque on the rotors and the drive command."""
-        return bool(self._drives_act or self._rotor or self._drive)
 
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""

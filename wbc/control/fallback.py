@@ -16,9 +16,11 @@ from wbc.control.inputs import Complaint, step_complaint
 from wbc.control.kinematics import Kinematics
 from wbc.control.policies import LastGood, Situation, Statics
 from wbc.control.qp.directions import DirectedSolution
+from wbc.control.qp.level import SolvedLevel
 from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.settings import ControllerSettings
+from wbc.control.tick import TORQUE_ROW
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -99,25 +101,27 @@ class Fallback:
 
     def forget(self) -> None:
         """Forget the last good tick."""
-        m = self._robot.transmission.size
-        self._torque = np.zeros(m)
-        self._position: FloatArray | None = None
+        self._last: SolvedLevel | None = None
         self._contacts = self._all
         self._ticks, self._time = 0, 0.0
 
-    def remember(
-        self, position: FloatArray, torque: FloatArray, contacts: tuple[BoundContact, ...]
-    ) -> None:
-        """Take a tick with a solution as the last good one.
-
-        Args:
-            position: q (nq,), which nobody overwrites.
-            torque: N tau_phi (m,) [N m].
-            contacts: that carried the robot.
-        """
-        self._torque, self._position = torque, position
-        self._contacts = contacts
+    def remember(self, answer: SolvedLevel, contacts: tuple[BoundContact, ...]) -> None:
+        """Take a tick with a solution as the last good one, and the contacts that carried it."""
+        self._last, self._contacts = answer, contacts
         self._ticks, self._time = 0, 0.0
+
+    @property
+    def _torque(self) -> FloatArray:
+        """N tau_phi (m,) [N m] of the last good tick."""
+        if self._last is None:
+            return np.zeros(self._robot.transmission.size)
+        return self._last.row(TORQUE_ROW)
+
+    @property
+    def _position(self) -> FloatArray | None:
+        """Q (nq,) of the last good tick."""
+        last = self._last
+        return None if last is None else last.block[last.level.program.at.position]
 
     def command(
         self,

@@ -7,7 +7,6 @@ from enum import Enum
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.qp.gear_rows import allowed
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -71,16 +70,6 @@ class GearLaw:
         branch = np.where(output * sigma > 0.0, self.forward, self.backward) * output
         size = np.abs(sigma)
         return (1.0 - size) * low + size * branch, (1.0 - size) * high + size * branch
-
-    def consistent(
-        self, directions: FloatArray, output: FloatArray, mesh_input: FloatArray
-    ) -> bool:
-        """Whether the mesh law allows `mesh_input` t and `output` T in these directions.
-
-        FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all
-        within 1e-6 of the largest torque.
-        """
-        return allowed(directions, output, mesh_input, self.forward, self.backward)
 
 
 def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:

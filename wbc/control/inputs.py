@@ -252,12 +252,12 @@ class InputCheck(NamedTuple):
 
     def complaint(self, given: TickInputs) -> Complaint | None:
         """Return what is wrong with the inputs besides the state, None if nothing is."""
-        _, references, contacts, weights, activation, dt = given
+        references, contacts, dt = given.references, given.contacts, given.dt
         found = name_complaint(references, self.names, contacts, self.contacts)
-        if found is None and weights is not None:
-            found = share_complaint("weights", weights, self.weighed, inf)
-        if found is None and activation is not None:
-            found = share_complaint("activation", activation, self.weighed, 1.0)
+        if found is None and given.weights is not None:
+            found = share_complaint("weights", given.weights, self.weighed, inf)
+        if found is None and given.activation is not None:
+            found = share_complaint("activation", given.activation, self.weighed, 1.0)
         if found is None and self.force_tasks:
             found = force_complaint(self.force_tasks, self.contacts, references)
         return step_complaint(dt) if found is None else found

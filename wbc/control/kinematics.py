@@ -29,6 +29,7 @@ from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+_AXES = pin.Convention.WORLD
 
 
 class Kinematics:
@@ -121,7 +122,7 @@ class Kinematics:
         """Take a state, where `move_joints` follows."""
         self.position, self.velocity = position, velocity
         # leaves J, A_g and the CoM as well
-        pin.crba(self.model, self._data, position, pin.Convention.WORLD)
+        pin.crba(self.model, self._data, position, _AXES)
         self._moved = False
 
     def _ask_pinocchio(self) -> None:

@@ -6,41 +6,83 @@ from collections.abc import Mapping
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.drivetrain import GearModel, joint_targets
 from wbc.control.gears import gear_directions
+from wbc.control.qp.gear_rows import allowed
 from wbc.control.qp.level import SolvedLevel
-from wbc.control.qp.program import Program
+from wbc.control.qp.problem import QPSolution
 from wbc.control.tick import DRIVE, MESH, OUTPUT, SIGMA, TORQUE_ROW, TURNING
 from wbc.robot import Motion, Robot
 
 
 class ExpectedProspect(NamedTuple):
-    """What the solution of a tick leads to.
+    """What the solution of a tick leads to: fields of `Command`, taken from the block of results.
 
     Attributes:
         robot: the robot.
-        program: that was solved.
-        block: its results, with copies of q and v, which the caller may overwrite meanwhile.
+        answer: of the tick, with copies of q and v, which the caller may overwrite meanwhile.
         dt: time until the next tick [s].
+        slopes: of the mesh law (2, m), forward and backward, where limits bent the torques.
     """
 
     robot: Robot
-    program: Program
-    block: FloatArray
+    answer: SolvedLevel
     dt: float
+    slopes: FloatArray | None
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """The expected qdd (nv,)."""
+        program = self.answer.level.program
+        return np.asarray(self.answer.block[program.at.x][: program.nv])
+
+    @property
+    def output_torque(self) -> FloatArray:
+        """T (m,)."""
+        return self.answer.row(OUTPUT)
+
+    @property
+    def mesh_torque(self) -> FloatArray:
+        """t (m,)."""
+        return self.answer.row(MESH)
+
+    @property
+    def expected_speed(self) -> FloatArray:
+        """dpsi (m,)."""
+        return self.answer.row(TURNING)
+
+    @property
+    def certainty(self) -> FloatArray:
+        """sigma (m,)."""
+        return self.answer.row(SIGMA)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mesh law allows the torques."""
+        if self.slopes is None:
+            return True
+        output, mesh = self.output_torque, self.mesh_torque
+        return allowed(gear_directions(output, self.certainty), output, mesh, *self.slopes)
+
+    @property
+    def solution(self) -> QPSolution:
+        """Of the last program."""
+        return self.answer.solution
 
     def forces(self) -> Mapping[str, FloatArray]:
         """Return the force of every active contact."""
-        program = self.program
-        return program.contacts.wrenches(program.forces_of(self.block[program.at.x]))
+        program = self.answer.level.program
+        return program.contacts.wrenches(program.forces_of(self.answer.block[program.at.x]))
 
     def targets(self) -> tuple[FloatArray, FloatArray]:
         """Return position and velocity of the driven joints (m,) after the time step."""
-        at, block = self.program.at, self.block
+        at, block = self.answer.level.program.at, self.answer.block
         state = block[at.position], block[at.velocity]
-        return joint_targets(self.robot, state, block[at.x][: self.program.nv], self.dt)
+        return joint_targets(self.robot, state, self.acceleration, self.dt)
 
 
 def command_of(
@@ -61,38 +103,24 @@ def command_of(
         start: when the tick began, by `perf_counter` [s].
         deadline: [s] that a tick may take before it is late, None for no deadline.
     """
-    block, program, found, gears = answer.block, answer.level.program, answer.found, answer.gears
-    (status, message), output, mesh, sigma = (
-        answer.verdict,
-        gears[OUTPUT],
-        gears[MESH],
-        gears[SIGMA],
-    )
-    exact = answer.exact
-    if not exact:
-        exact = drivetrain.law.consistent(gear_directions(output, sigma), output, mesh)
-    drive = gears[DRIVE]
-    if drivetrain.drives_differ or not answer.exact:
-        drive = drivetrain.to_drive(motion, gears[TORQUE_ROW])
+    found, (status, message) = answer.found, answer.verdict
+    drive, slopes = answer.row(DRIVE), None
+    if not answer.exact:
+        slopes = np.array([drivetrain.law.forward, drivetrain.law.backward])
+    if drivetrain.differs or not answer.exact:
+        drive = drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
     elapsed = perf_counter() - start
     if deadline is not None and elapsed > deadline:
         status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
     return Command.of(
         rotor_torque=drive,
-        acceleration=block[program.at.x][: program.nv],
-        consistent=exact,
-        output_torque=output,
-        mesh_torque=mesh,
-        expected_speed=gears[TURNING],
-        certainty=sigma,
         status=status,
         message=message,
         solve_time=answer.time if found is None else found.solve_time,
         tick_time=elapsed,
         rounds=1 if found is None else found.rounds,
         iterations=0 if found is None else found.iterations,
-        solution=answer.solution,
-        prospect=ExpectedProspect(drivetrain.robot, program, block, dt),
+        prospect=ExpectedProspect(drivetrain.robot, answer, dt, slopes),
         refused=None,
         passed=answer.passed,
     )

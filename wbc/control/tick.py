@@ -51,6 +51,7 @@ from wbc.control.tree import (
     move_joints,
     place_turn,
 )
+from wbc.effects.tables import fill_commands
 from wbc.structures import Structure
 
 TASKS = Structure(
@@ -121,7 +122,7 @@ MOVED, RESTED, BASED, TRIES = 1, 2, 4, 8
 basis; a guess is worth a try."""
 
 TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, CLIPPED, DRIVE = range(9)
-"""Rows of gears at the end of a block: expected and measured dpsi, certainty, T, what the rotors
+"""Rows of gears in a block: expected and measured dpsi, certainty, T, what the rotors
 take, t, N tau_phi, what limits leave of it, and what the drives are told."""
 GEAR_ROWS = 9
 
@@ -391,12 +392,12 @@ def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
 
 
 @compiled(Count, PROGRAM.kind, Row, Number, Count, OutRow)
-def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: FloatArray) -> int:
+def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatArray) -> int:
     """Write everything that a state decides: tasks, contacts, loads, limits, balance.
 
     Args:
         program: PROGRAM.
-        expected: v (nv,) [rad/s] expected of this state.
+        last: block of the last tick, which expected v (nv,) [rad/s] of this state.
         dt: time until the next tick [s].
         told: MOVED, RESTED and BASED where they hold.
         block: holds the state; results.
@@ -405,9 +406,9 @@ def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: Fl
         TOO_LARGE where numbers are, that or are not finite; else UNSOLVED.
     """
     tree, numbers, counts = program.tree, program.numbers, program.counts
-    nq, nv, m = counts[NQ], len(expected), len(program.gears.driven)
+    nq, nv, m = counts[NQ], len(program.gears.bias), len(program.gears.driven)
     position, velocity, corrected = block[:nq], block[nq : nq + nv], block[nq + nv : nq + 2 * nv]
-    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
+    gears = view(block, nq + 3 * nv, GEAR_ROWS, m)
     if told & MOVED == 0:
         move_joints(tree, velocity)
     fill_state_rows(tree, program.tasks.rows, numbers[MASS])
@@ -415,8 +416,9 @@ def evaluate(program: Any, expected: FloatArray, dt: float, told: int, block: Fl
         rest(tree, program.contacts, velocity, numbers[MASS])
     want(tree, program.tasks, program.contacts, position, velocity, numbers[MASS])
     of_motors = gears[TURNING], gears[SPEED], gears[SIGMA]
+    expected = last[nq + 2 * nv : nq + 3 * nv]
     place_judged(program.gears, expected, velocity, dt, corrected, of_motors)
-    place_loads(program.gears, tree, velocity, corrected, of_motors)
+    place_loads(program.gears, tree, position, velocity, corrected, of_motors)
     if len(program.joints.rows) > 0:
         bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
         place_joint_bounds(program.joints, program.gears, position, velocity, dt, bounds)
@@ -437,11 +439,11 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
         DONE, or LIMITED_TORQUE where the limits do not leave all of it.
     """
     counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
-    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
-    start = counts[NQ] + 3 * nv
-    x = block[start : start + program.solver.rows.shape[1]]
+    nq, n = counts[NQ], program.solver.rows.shape[1]
+    gears, start = view(block, nq + 3 * nv, GEAR_ROWS, m), nq + 3 * nv + GEAR_ROWS * m
+    x = block[start : start + n]
     for i in range(nv):
-        block[counts[NQ] + 2 * nv + i] = block[counts[NQ] + nv + i] + dt * x[i]
+        block[nq + 2 * nv + i] = block[nq + nv + i] + dt * x[i]
     jacobian, scale = program.contacts.rows.jacobian, program.numbers[SCALE]
     place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
     load, mass, driven = program.joints.load, program.gears.mass, program.gears.driven
@@ -453,6 +455,7 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
     exact = place_torques(program.gears, gears[OUTPUT], gears[SHARE], gears[SIGMA], results)
     for i in range(m):
         gears[DRIVE, i] = gears[TORQUE_ROW, i] * program.gears.inverse_ratio[i]
+    fill_commands(program.gears.drives, gears[DRIVE], gears[DRIVE])
     return DONE if exact else LIMITED_TORQUE
 
 
@@ -468,16 +471,14 @@ def solve(program: Any, dt: float, block: FloatArray) -> int:
     Returns:
         UNSOLVED, LIMITED_TORQUE or DONE.
     """
-    counts, m = program.counts, len(program.gears.driven)
-    gears = view(block, len(block) - GEAR_ROWS * m, GEAR_ROWS, m)
-    start = counts[NQ] + 3 * len(program.gears.bias)
-    x = block[start : start + program.solver.rows.shape[1]]
-    size = guess(program, x, gears)
+    counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
+    gears = view(block, counts[NQ] + 3 * nv, GEAR_ROWS, m)
+    start, n = counts[NQ] + 3 * nv + GEAR_ROWS * m, program.solver.rows.shape[1]
+    size = guess(program, block[start : start + n], gears)
     if size < 0:
         return UNSOLVED
-    soft = counts[COST] - counts[FIRST]
-    hard = start + len(x) + counts[HARD]
-    y, z = block[start + len(x) : hard], block[hard : hard + counts[BOUNDS]]
+    soft, hard = counts[COST] - counts[FIRST], start + n + counts[HARD]
+    y, z = block[start + n : hard], block[hard : hard + counts[BOUNDS]]
     place_multipliers(program.solver, soft + counts[HARD], soft, size, y, z)
     return finish(program, dt, block)
 
@@ -487,7 +488,7 @@ def tick(
     program: Any,
     position: FloatArray,
     velocity: FloatArray,
-    expected: FloatArray,
+    last: FloatArray,
     dt: float,
     told: int,
     block: FloatArray,
@@ -495,8 +496,8 @@ def tick(
     """Pass through a tick of one level: from q (nq,) and v (nv,) to torques in `block`.
 
     Args:
-        program, expected, dt, told, block: as for `evaluate` and `solve`; TRIES in `told` where a
-            guess is worth a try, and LOCKED where a more important level is to be heard before.
+        program, last, dt, told, block: as for `evaluate` and `solve`; TRIES in `told` where a
+            guess is worth a try.
 
     Returns:
         TOO_LARGE, UNSOLVED, LIMITED_TORQUE or DONE.
@@ -505,7 +506,7 @@ def tick(
         block[i] = position[i]
     for i in range(len(velocity)):
         block[len(position) + i] = velocity[i]
-    ended = evaluate(program, expected, dt, told, block)
+    ended = evaluate(program, last, dt, told, block)
     if ended == TOO_LARGE or told & TRIES == 0:
         return ended
     return solve(program, dt, block)

@@ -24,11 +24,13 @@ from wbc.compiled import (
     OutRow,
     Places,
     Row,
+    Table,
     Vector,
     compiled,
 )
 from wbc.control.qp.problem import INFINITE
 from wbc.control.tree import TREE
+from wbc.effects.tables import fill_joint_torques
 from wbc.structures import Structure
 
 GEARS = Structure(
@@ -47,6 +49,9 @@ GEARS = Structure(
     backward=Row,
     lower=Row,
     upper=Row,
+    laws=Table,
+    numbers=Dense,
+    drives=Dense,
     effects=Row,
     rubbing=Row,
     learned=Row,
@@ -57,6 +62,8 @@ GEARS = Structure(
     bias=OutRow,
     rotor_bias=OutRow,
     disturbance=OutRow,
+    smooth=OutRow,
+    rubs=OutRow,
     joint=OutRow,
 )
 """The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
@@ -64,10 +71,12 @@ GEARS = Structure(
 driven (m,) coordinates, D^-1 and D (m, m), 1/N (m,); M (nv, nv) with which the rotors' housings
 turn; what the rotors take (m, nv) per qdd, their dry and viscous friction and what else is added to
 it (m,); slopes of the mesh law at rest, where T sigma > 0, and elsewhere (m,); least and greatest
-N tau_phi (m,); torque of effects and level of their dry friction (nv,); of the observer: torque
+N tau_phi (m,); effects at joints and drives as `EffectTable` holds them; torque of all other
+effects, and level of their dry friction (nv,); of the observer: torque
 learned, velocity predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted
 and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one.
-Results: bias (nv,), rotor_bias (m,), disturbance (nv,); `joint` (m,) is memory.
+Results: bias (nv,), rotor_bias (m,), disturbance (nv,); `smooth`, `rubs` (nv,) and `joint` (m,) are
+memory.
 """
 
 TRUSTED, FULL_SPEED, CORRECTION, OBSERVES = range(4)
@@ -113,9 +122,14 @@ def place_judged(
         sigma[i] = min(max(turns / full, -1.0), 1.0)
 
 
-@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 2, _Three)
+@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 3, _Three)
 def place_loads(
-    gears: Any, tree: Any, velocity: FloatArray, corrected: FloatArray, motors: MotorRows
+    gears: Any,
+    tree: Any,
+    position: FloatArray,
+    velocity: FloatArray,
+    corrected: FloatArray,
+    motors: MotorRows,
 ) -> None:
     """Write the bias of links and rotors: with effects, and with what the observer has learned.
 
@@ -123,15 +137,17 @@ def place_loads(
 
     Args:
         gears, tree: GEARS and a TREE.
-        velocity, corrected: measured v, and the expected one (nv,).
+        position, velocity, corrected: q (nq,), measured v and the expected one (nv,).
         motors: expected and measured dpsi, and certainty (m,).
     """
     _, speed, sigma = motors
     bias, effects, rubbing = gears.bias, gears.effects, gears.rubbing
+    smooth, dry = gears.smooth, gears.rubs
+    fill_joint_torques(gears.laws, gears.numbers, position, velocity, smooth, dry)
     full, rate, nv = gears.blend[FULL_SPEED], gears.blend[OBSERVES], len(velocity)
     for i in range(nv):
         certain = min(max(corrected[i] / full, -1.0), 1.0)
-        bias[i] = tree.bias[i] - effects[i] + rubbing[i] * certain
+        bias[i] = tree.bias[i] - smooth[i] - effects[i] + (dry[i] + rubbing[i]) * certain
     if rate > 0.0:
         learned, predicted, bound = gears.learned, gears.predicted, gears.bound
         for i in range(nv):
@@ -143,9 +159,9 @@ def place_loads(
             found = learned[i] + rate * surprise if surprise == surprise else learned[i]
             gears.disturbance[i] = min(max(found, -bound[i]), bound[i])
             bias[i] -= gears.disturbance[i]
-    dry, viscous, added = gears.dry, gears.viscous, gears.rotor_added
+    viscous, added = gears.viscous, gears.rotor_added
     for i in range(len(sigma)):
-        gears.rotor_bias[i] = dry[i] * sigma[i] + viscous[i] * speed[i] + added[i]
+        gears.rotor_bias[i] = gears.dry[i] * sigma[i] + viscous[i] * speed[i] + added[i]
 
 
 @compiled(Nothing, GEARS.kind, Dense, Number, Row, OutRow, OutRow)

@@ -28,6 +28,7 @@ from wbc.control.tick import (
     BASED,
     DECIDED,
     DONE,
+    GEAR_ROWS,
     HARD,
     MOVED,
     OUTPUT,
@@ -56,8 +57,7 @@ class PendingTick(NamedTuple):
         references: of the tick.
         ceilings: greatest normal force [N] of each active contact, or None.
         dt: time until the next tick [s].
-        expected: v (nv,) [rad/s] expected of this state.
-        output: T (m,) of the last tick [N m].
+        last: block of the last tick.
         told: what of the state is evaluated, see `wbc.control.tick`.
     """
 
@@ -65,8 +65,7 @@ class PendingTick(NamedTuple):
     references: Mapping[str, Reference]
     ceilings: Mapping[str, float] | None
     dt: float
-    expected: FloatArray
-    output: FloatArray
+    last: FloatArray
     told: int
 
 
@@ -76,7 +75,7 @@ class SolvedLevel(NamedTuple):
     Attributes:
         level: that was solved.
         block: results, as `Program.at` says.
-        solution: of its last program.
+        stated: solution of its last program, None where it is what the block holds.
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
         exact: whether no limit bent the torques.
@@ -86,17 +85,22 @@ class SolvedLevel(NamedTuple):
 
     level: Level
     block: FloatArray
-    solution: QPSolution
+    stated: QPSolution | None
     found: DirectedSolution | None
     verdict: Complaint
     exact: bool
     time: float
     passed: Mapping[str, float] = _NOTHING_PASSED
 
+    def row(self, number: int) -> FloatArray:
+        """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
+        gears, m = self.level.program.at.gears, len(self.level.program.memory.gears.driven)
+        return self.block[gears.start + number * m : gears.start + (number + 1) * m]
+
     @property
-    def gears(self) -> FloatArray:
-        """The rows of the gears (9, m), see `wbc.control.tick`."""
-        return self.level.program.gear_rows(self.block)
+    def solution(self) -> QPSolution:
+        """The solution of the last program."""
+        return self.level.program.stated(self.block) if self.stated is None else self.stated
 
     def without_lower(self, complaint: Complaint) -> SolvedLevel:
         """Return the answer of a level whose next one has only a complaint."""
@@ -157,22 +161,21 @@ class Level:
         start, program = perf_counter(), self.program
         block = self._block = np.empty(program.size)
         ended = self._pass(asked, above, block)
+        if ended == DONE:
+            # the block alone does not tell how many rows are hard where that changes
+            fixed = above is None and not program.hardens
+            stated = None if fixed else program.stated(block)
+            return SolvedLevel(self, block, stated, None, _SOLVED, True, perf_counter() - start)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
             return above
-        if ended == DONE:
-            x, mine = program.at.x, block[program.at.multipliers]
-            hard = int(program.memory.counts[HARD])
-            y, z = program.with_hard_tasks(mine[:hard]), mine[hard : hard + program.plain]
-            solution = QPSolution(block[x], y, z, QPStatus.SOLVED, 0)
-            return SolvedLevel(self, block, solution, None, _SOLVED, True, perf_counter() - start)
         return self._searched(asked, above, block, start)
 
     def _pass(self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray) -> int:
         """Do the compiled part of a tick; return how it ended."""
         program, memory = self.program, self.program.memory
-        motion, _, _, dt, expected, _, told = asked
+        motion, _, _, dt, last, told = asked
         program.take(asked.ceilings, asked.references)
         if program.repeats:
             program.place_basis()
@@ -181,10 +184,10 @@ class Level:
             self._take_efforts(asked, above)
         tries = TRIES if self._guesses and not self._saturated else 0
         if above is None:
-            return tick(memory, motion.position, motion.velocity, expected, dt, told | tries, block)
+            return tick(memory, motion.position, motion.velocity, last, dt, told | tries, block)
         block[program.at.position], block[program.at.velocity] = motion.position, motion.velocity
         memory.counts[HARD] = program.unlocked
-        ended = evaluate(memory, expected, dt, told | MOVED, block)
+        ended = evaluate(memory, last, dt, told | MOVED, block)
         if ended == TOO_LARGE:
             return ended
         left = self._hold(above, program.gear_rows(block)[SIGMA])
@@ -194,10 +197,11 @@ class Level:
 
     def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
         """Take what efforts cost for the gears as they are judged now."""
-        told, gears = np.empty((5, len(asked.output))), self.program.memory.gears
-        place_prospects(gears, asked.expected, asked.motion.velocity, asked.dt, told)
-        first = asked.output if above is None else above.gears[OUTPUT]
-        self.program.take_efforts(told[3:], told[0], asked.output, first)
+        program, output = self.program, self.program.gear_rows(asked.last)[OUTPUT]
+        told, expected = np.empty((5, len(output))), asked.last[program.at.advanced]
+        place_prospects(program.memory.gears, expected, asked.motion.velocity, asked.dt, told)
+        first = output if above is None else above.row(OUTPUT)
+        program.take_efforts(told[3:], told[0], output, first)
 
     def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
@@ -213,7 +217,7 @@ class Level:
         limited = bool(push[program.torque].any())
         if limited:
             self._search.lay_out(sigma, None)
-            self._search.direct(above.gears[OUTPUT] > 0.0)
+            self._search.direct(above.row(OUTPUT) > 0.0)
         reach = REACH * memory.numbers[3]
         return int(hold(memory, lock, x, limited, program.unlocked, reach))
 
@@ -224,7 +228,7 @@ class Level:
         program, gears = self.program, self.program.gear_rows(block)
         passing = None if above is None else above.solution.x
         self._search.lay_out(gears[SIGMA], passing)
-        first = asked.output if above is None else above.gears[OUTPUT]
+        first = program.gear_rows(asked.last)[OUTPUT] if above is None else above.row(OUTPUT)
         self._solver.start_tick()
         may_give = above is None and program.may_give
         found, passed = self._search.solve(first, self._rounds, quick=may_give), _NOTHING_PASSED
@@ -285,13 +289,18 @@ class Level:
         told = _told(passed, stops) if passed else ""
         return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
 
-    @property
-    def corrected(self) -> FloatArray:
-        """The speed (nv,) expected of the last state, drawn towards the measured one."""
-        return self._block[self.program.at.corrected]
+    def expecting(self, last: FloatArray) -> FloatArray:
+        """Return the block of the last tick for the next one, after this one had no solution.
 
-    def built(self, output: FloatArray) -> QPProblem:
-        """Return a copy of the program of the last tick, in the directions of some T (m,)."""
+        It expects the speed that was expected of this tick, drawn towards the measured one.
+        """
+        last = last.copy()
+        last[self.program.at.advanced] = self._block[self.program.at.corrected]
+        return last
+
+    def built(self, last: FloatArray) -> QPProblem:
+        """Return a copy of the program of the last tick, in the directions of a block's torques."""
+        output = self.program.gear_rows(last)[OUTPUT]
         passing = None if self.program.lock is None else self._passing
         self._search.lay_out(self.program.gear_rows(self._block)[SIGMA], passing)
         self._search.direct(output > 0.0)
@@ -346,6 +355,9 @@ class Levels:
 
     With up to four contacts those of all sets are made at once, so that no tick has to: one takes
     as long as ten ticks.
+
+    Attributes:
+        shared: size of the part of a block of results that all programs have, see `BlockPlaces`.
     """
 
     def __init__(
@@ -358,6 +370,8 @@ class Levels:
         """Remember what programs are made of."""
         self._recipe, self._contacts, self._settings = recipe, dict(contacts), settings
         self._stage, self._all = stage, tuple(contacts)
+        model, m = recipe.robot.model, recipe.robot.transmission.size
+        self.shared = model.nq + 3 * model.nv + GEAR_ROWS * m
         self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         self._ramp: ContactRamp | None = None

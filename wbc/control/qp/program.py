@@ -17,7 +17,7 @@ from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.gear_rows import LIMITED
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
-from wbc.control.qp.problem import INFINITE, BlockProblem, QPSolution
+from wbc.control.qp.problem import INFINITE, BlockProblem, QPSolution, QPStatus
 from wbc.control.reference import Reference
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contact_set import ContactSet
@@ -80,15 +80,18 @@ class Recipe:
 
 
 class BlockPlaces(NamedTuple):
-    """Where the results of a tick stand in its block: q, v, v corrected and expected next, x, y, z.
+    """Where the results of a tick stand in its block.
 
-    The rows of the gears follow, see `tick`.
+    q, v, v corrected and expected next, the rows of the gears (see `wbc.control.tick`), x, y and z.
+    What stands before x is the same in every program of a controller, so that a tick reads there
+    what the last one came to, whatever its contacts were.
     """
 
     position: slice
     velocity: slice
     corrected: slice
     advanced: slice
+    gears: slice
     x: slice
     multipliers: slice
 
@@ -116,6 +119,8 @@ class Program:
             accelerations and forces are of one size and tolerances mean the same on any robot.
         unlocked: how many equalities are the robot's own; those of a lock follow.
         plain: how many bounds there are; where directions are searched gears have further ones.
+        has_efforts: whether it bears efforts.
+        repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
         gears: numbers of the gears that have a torque limit.
         labels: what every bound is called in messages.
         at, size: the block of results.
@@ -131,6 +136,7 @@ class Program:
         self.force_scale = 0.1 * recipe.load
         self.gears = drivetrain.limited
         self._efforts = tuple(recipe.efforts) if last else ()
+        self.has_efforts, self.repeats = bool(self._efforts), contacts.rank < contacts.rows
         self._undriven, m = robot.floating_size, robot.transmission.size
         self.unlocked = self._undriven + contacts.rank
         self.hardens = any(bool(np.isinf(task.weight).any()) for task in self.stack.tasks)
@@ -147,10 +153,10 @@ class Program:
         )
         self._write_normals(None)
         self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.plain)
-        sizes = [robot.model.nq, *[self.nv] * 3, self.n, most + self.plain, m * GEAR_ROWS]
+        sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.plain]
         ends = np.cumsum([0, *sizes]).tolist()
         self.size = ends[-1]
-        self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends[:-1])])
+        self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends)])
 
     def _lay_out_bounds(self) -> None:
         """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
@@ -251,16 +257,11 @@ class Program:
         self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
 
-    @property
-    def repeats(self) -> bool:
-        """Whether some rows of the contacts repeat others, so that `place_basis` is needed."""
-        return self.contacts.rank < self.contacts.rows
-
     def take(
         self, ceilings: Mapping[str, float] | None, references: Mapping[str, Reference]
     ) -> None:
         """Take the greatest normal forces of a tick [N], and what is asked of contact forces."""
-        if ceilings != self._ceilings:
+        if ceilings is not self._ceilings:
             self._write_normals(ceilings)
         if self._forces.tracks:
             self._forces.fill(references)
@@ -291,11 +292,6 @@ class Program:
             memory.effort_slope[both : both + 2] = cost.slope
             memory.effort_rotor[place] = cost.rotor
         memory.positive[:] = positive > 0.0
-
-    @property
-    def has_efforts(self) -> bool:
-        """Whether the program bears efforts."""
-        return bool(self._efforts)
 
     @property
     def chooses_forces(self) -> bool:
@@ -399,6 +395,12 @@ class Program:
             give=solver.give[bounds],
         )
 
+    def stated(self, block: FloatArray) -> QPSolution:
+        """Return the solution in a block of results."""
+        found, hard = block[self.at.multipliers], int(self.memory.counts[HARD])
+        y, z = self.with_hard_tasks(found[:hard]), found[hard : hard + self.plain]
+        return QPSolution(block[self.at.x], y, z, QPStatus.SOLVED, 0)
+
     def with_hard_tasks(self, y: FloatArray) -> FloatArray:
         """Return multipliers (n_eq,) with those of tasks of infinite weight behind them."""
         if not self.hardens:
@@ -414,11 +416,11 @@ class Program:
             top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
         memory.stated_lower[self.normal] = np.minimum(set_.normal_minimum, top) / scale
         memory.stated_upper[self.normal] = np.minimum(top / scale, INFINITE)
-        self._ceilings = None if ceilings is None else dict(ceilings)
+        self._ceilings = ceilings
 
     def gear_rows(self, block: FloatArray) -> FloatArray:
         """Return the rows of the gears (9, m) at the end of a block of results."""
-        return block[self.at.multipliers.stop :].reshape(GEAR_ROWS, -1)
+        return block[self.at.gears].reshape(GEAR_ROWS, -1)
 
     def forces_of(self, x: FloatArray) -> FloatArray:
         """Return the contact forces (k,) [N, N m] at a solution."""

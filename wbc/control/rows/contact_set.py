@@ -26,6 +26,10 @@ class ContactSet:
         contacts: the contacts, in order.
         rows: total number of rows k, which is also that of force components.
         rank: how many of them are independent.
+        asked: whether a tick has to ask for rows or what they want: these do not follow from the
+            state alone, or some of them repeat others.
+        pulls: name, stiffness, rows, number and rows in the table of contacts whose drift is taken
+            back.
         memory: the CONTACTS, J (k, nv) and what J qdd must be (k,) among them.
         cone: (p, k) rows <= 0 on the forces in newtons.
         cone_labels: (p,) names for messages.
@@ -75,12 +79,12 @@ class ContactSet:
             target=np.zeros(start),
             corners=np.vstack([np.zeros((0, 4)), *corners]) if level else np.zeros((0, 4)),
         )
-        # contacts whose drift is taken back: name, stiffness, rows, number and rows in the table
-        self._pulls = [
+        self.pulls = [
             (contact.name, contact.contact.stiffness, rows, firsts.index(rows.start), own)
             for contact, rows, (own, _) in zip(self.contacts, self.slices, states, strict=True)
             if contact.contact.stiffness > 0.0 and own is not None
         ]
+        self.asked = bool(self._foreign or self.pulls or self.rank < self.rows)
         faces = sum(len(contact.cone.matrix) for contact in self.contacts)
         self.cone = np.zeros((faces, start))
         self.normals = np.zeros((len(self.contacts), start))
@@ -108,15 +112,10 @@ class ContactSet:
             self.contacts[i].fill(kinematics, rows.jacobian[own], rows.drift[own])
         rest(kinematics.tree, self.memory, kinematics.velocity, kinematics.mass)
         if anchors:
-            for name, stiffness, own, number, known in self._pulls:
+            for name, stiffness, own, number, known in self.pulls:
                 if name in anchors:
                     drift = _drift(known, anchors[name], rows.places[number])
                     self.memory.target[own] -= stiffness * drift
-
-    @property
-    def is_known(self) -> bool:
-        """Whether all rows and what they want follow from the state alone."""
-        return not self._foreign and not self._pulls
 
     def anchored(self, anchors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return where the contacts that take drift back stood in the first tick, by name.
@@ -127,7 +126,7 @@ class ContactSet:
         places = self.memory.rows.places
         return {
             name: anchors[name] if name in anchors else places[number].copy()
-            for name, _, _, number, _ in self._pulls
+            for name, _, _, number, _ in self.pulls
         }
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:

@@ -184,7 +184,3 @@ class PointFootBalanceTask(StateTask):
     def gains(self, gravity: float) -> Gains:
         """Return one for the feedback, which the tick writes in place of the error."""
         return Gains(1.0, 0.0, 0.0, 1.0)
-
-    def pack(self, target: Target, place: FloatArray) -> None:
-        """Write the pitch in front."""
-        place[0] = target

@@ -180,18 +180,19 @@ class StateTask(Task):
             FrameTable(kinematics.model, [rows], [0], *found).fill(kinematics)
         return found
 
-    def pack(self, target: Target, place: FloatArray) -> None:
-        """Write a target where the tick reads it.
+    def slot(self, place: FloatArray) -> FloatArray:
+        """Return the part (k,) of a placement (12,) in which a target stands that is an array.
 
-        Args:
-            target: as `admitted` returns it.
-            place: result (12,), rotation column by column before the translation; of a momentum or
-                a distance its numbers in front.
+        Rotation column by column is before the translation; the numbers of a momentum, a distance
+        or a pitch are in front.
         """
-        if self.kind in (RowKind.MOMENTUM, RowKind.DISTANCE):
-            place[: len(target)] = target
-        else:
-            place[9:][self.rows()] = target
+        if self.kind in (RowKind.MOMENTUM, RowKind.DISTANCE, RowKind.BALANCE):
+            return place[: len(range(*self.rows().indices(6)))]
+        return place[9:][self.rows()]
+
+    def pack(self, target: Target, place: FloatArray) -> None:
+        """Write a target, as `admitted` returns it, to where the tick reads it (12,)."""
+        self.slot(place)[:] = target
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

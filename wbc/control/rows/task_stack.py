@@ -26,10 +26,10 @@ class _Entry(NamedTuple):
 
     Attributes:
         task, name, size: the task, its name, and how many rows it has.
-        asked: whether it says its rows itself in every tick.
         number: place of its target in the table of frames, -1 for a task without.
         place: memory of its target in that table (12,), None where it has none.
-        goals: its part of the joints' targets (k,), None unless it is of joints.
+        slot: the part of all that which a target fills that is an array, None where none does.
+        plain: whether every array of that shape is a target.
         weights: of its rows (k,).
         jacobian, drift: memory of J (k, nv) and dJ/dt v (k,), None for a task that selects joints.
         error, velocity, acceleration: what the gains are applied to, (k,).
@@ -38,10 +38,10 @@ class _Entry(NamedTuple):
     task: Task
     name: str
     size: int
-    asked: bool
     number: int
     place: FloatArray | None
-    goals: FloatArray | None
+    slot: FloatArray | None
+    plain: bool
     weights: FloatArray
     jacobian: FloatArray | None
     drift: FloatArray | None
@@ -49,13 +49,21 @@ class _Entry(NamedTuple):
     velocity: FloatArray
     acceleration: FloatArray
 
+    @property
+    def asked(self) -> bool:
+        """Whether the task says its rows itself in every tick."""
+        return self.place is None and self.slot is None
+
 
 class TaskStack:
     """Weighted rows J qdd = wanted - drift, refilled in place every tick.
 
     Tasks that select joints go to a diagonal instead of rows. Rows that follow from the state
-    (`StateTask`) are evaluated all at once by the tick, other tasks are
-    asked one by one before it. A task without weight is not evaluated.
+    (`StateTask`) are evaluated all at once by the tick, other tasks are asked one by one before it.
+    A task without weight is not evaluated.
+
+    Targets stand where the tick reads them. Beside them are those of the last tick that was
+    remembered: they come back where a tick was not.
 
     Attributes:
         tasks: of one level.
@@ -84,14 +92,12 @@ class TaskStack:
         whole = sum(sizes.values())
         self._jacobian, self._drift = np.zeros((total, nv)), np.zeros(total)
         # error, rate, drift, velocity and acceleration asked for, and what each counts for
-        self._parts, self._gains, self._weights = (
-            np.zeros((5, whole)),
-            np.zeros((5, whole)),
-            np.zeros(whole),
-        )
-        limits = np.full(whole, np.inf)
-        self._targets = np.zeros((len(self.tasks), 12))  # one for every row of the table, or more
-        goals = np.zeros(whole - total)
+        self._parts, gains = np.zeros((5, whole)), np.zeros((5, whole))
+        self._weights, limits = np.zeros(whole), np.full(whole, np.inf)
+        # a placement for every row of the table, or more, and what selecting tasks aim at
+        self._targets = np.zeros(12 * len(self.tasks) + whole - total)
+        places, goals = np.split(self._targets, [12 * len(self.tasks)])
+        places = places.reshape(-1, 12)
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
         self._entries: list[_Entry] = []
         table: list[StateRows] = []
@@ -101,24 +107,28 @@ class TaskStack:
             rows = slice(start, start + sizes[task.name])
             start = rows.stop
             limits[rows] = task.acceleration_limit
-            gains = task.gains(gravity)
-            self._gains[0, rows], self._gains[1, rows] = gains[:2]
-            self._gains[2, rows], self._gains[3, rows], self._gains[4, rows] = -1.0, *gains[2:]
-            known = task.state_rows if isinstance(task, StateTask) else None
-            if known is not None:
+            gains[2, rows] = -1.0
+            gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
+            known, number, place, slot = None, -1, None, None
+            if isinstance(task, StateTask):
+                known = task.state_rows
+            if known is not None and isinstance(task, StateTask):
+                number, place = len(table), places[len(table)]
                 table.append(known)
                 firsts.append(rows.start)
-            goal = goals[rows.start - total : rows.stop - total] if rows.start >= total else None
-            self._entries.append(self._entry(task, rows, known is not None, goal, len(table) - 1))
+                slot = task.slot(place) if type(task).pack is StateTask.pack else None
+            elif rows.start >= total:
+                slot = goals[rows.start - total : rows.stop - total]
+            self._entries.append(self._entry(task, rows, number, place, slot))
         frames = FrameTable(model, table, firsts, self._jacobian, self._drift)
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
             rows=frames.rows,
-            targets=self._targets,
+            targets=places,
             chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
             positions=np.concatenate([none, *[task.positions for task in selecting]]),
             goals=goals,
-            gains=self._gains,
+            gains=gains,
             limits=limits,
             weights=self._weights,
             parts=self._parts,
@@ -126,18 +136,20 @@ class TaskStack:
             diagonal=np.zeros(nv),
             pull=np.zeros(nv),
         )
-        self._packed: dict[str, Target] = {}
-        self._held: dict[str, Target] = {}
-        self._pending: dict[str, Target] = {}
         self.names = [entry.name for entry in self._entries for _ in range(entry.size)]
         self._by_name = {entry.name: entry for entry in self._entries}
-        self._missing: list[_Entry] = []
-        self._stale = self._moves = self._drops = True
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
+        self._moves, self._active = True, list[_Entry]()
+        self.forget()
         self.weigh(None, None)
 
     def _entry(
-        self, task: Task, rows: slice, known: bool, goals: FloatArray | None, number: int
+        self,
+        task: Task,
+        rows: slice,
+        number: int,
+        place: FloatArray | None,
+        slot: FloatArray | None,
     ) -> _Entry:
         """Return a task with views of the memory of its rows."""
         has_rows = rows.start < len(self._jacobian)
@@ -148,10 +160,10 @@ class TaskStack:
             task=task,
             name=task.name,
             size=size,
-            asked=not known and goals is None,
-            number=number if known else -1,
-            place=self._targets[number] if known else None,
-            goals=goals,
+            number=number,
+            place=place,
+            slot=slot,
+            plain=type(task).admitted is Task.admitted,
             weights=weights,
             jacobian=jacobian,
             drift=drift,
@@ -172,7 +184,7 @@ class TaskStack:
         if self._shares == (weights or _NONE, activation or _NONE):
             return
         self._shares = dict(weights or _NONE), dict(activation or _NONE)
-        start, self._active, self._idle = 0, [], []
+        start, self._active, idle = 0, list[_Entry](), set[str]()
         for entry in self._entries:
             rows = slice(start, start + entry.size)
             start = rows.stop
@@ -185,31 +197,38 @@ class TaskStack:
             if active:
                 self._active.append(entry)
             else:
-                self._idle.append(entry)
+                idle.add(entry.name)
                 self._parts[:, rows] = 0.0
                 if entry.drift is not None:
                     entry.drift[:] = 0.0
-        self._off = frozenset(entry.name for entry in self._idle)
-        self._stale = self._drops = True
+        self._idle = frozenset(idle)
         self._asked = [entry for entry in self._active if entry.asked]
+        self._unknown = [entry for entry in self._active if entry.name not in self._held]
+        self._changed = True
         memory = self.memory
         memory.diagonal[:] = 0.0
         np.add.at(memory.diagonal, memory.chosen, self._weights[len(self._jacobian) :])
 
     def forget(self) -> None:
         """Forget the targets held so far."""
-        self._held.clear()
-        self._stale = True
+        self._own: dict[str, Target] = {}
+        self._kept = self._targets.copy(), dict(self._own)
+        self._given: set[str] = set()
+        self._held: frozenset[str] = frozenset()
+        self._missing: list[_Entry] = []
+        self._unknown = list(self._active)
+        self._written, self._changed = False, True
 
     def remember(self) -> None:
         """Hold the targets taken last from now on; tasks without weight hold nothing."""
-        if self._pending:
-            self._held.update(self._pending)
-        if self._drops:
-            for entry in self._idle:
-                self._held.pop(entry.name, None)
-            self._drops = False
-        self._stale = bool(self._missing)
+        if self._written:
+            np.copyto(self._kept[0], self._targets)
+            if self._asked:
+                self._kept = self._kept[0], dict(self._own)
+            self._written = False
+        if self._changed:
+            self._held = frozenset([entry.name for entry in self._active])
+            self._unknown, self._changed = [], False
 
     def take(self, references: Mapping[str, Reference]) -> bool:
         """Take references; return whether a task must be asked at the state.
@@ -220,67 +239,77 @@ class TaskStack:
         Raises:
             ControlError: a reference that does not fit its task; nothing is remembered then.
         """
+        if self._written:
+            self._targets[:], self._own = self._kept[0], dict(self._kept[1])
+            self._written = False
         if self._moves:
             self._parts[3:] = 0.0
             self._moves = False
-        self._pending.clear()
+        self._given.clear()
         for name, reference in references.items():
             entry = self._by_name.get(name)
             if entry is not None:
                 self._admit(entry, reference)
-        if self._stale:
-            held, packed, pending = self._held, self._packed, self._pending
-            self._missing = [
-                entry
-                for entry in self._active
-                if entry.name not in pending
-                and (entry.name not in held or packed.get(entry.name) is not held[entry.name])
-            ]
-            self._stale = bool(self._pending)
+        self._missing = [entry for entry in self._unknown if entry.name not in self._given]
         return bool(self._missing or self._asked)
 
     def ask(self, kinematics: Kinematics) -> None:
         """Ask the tasks whose target or rows only they know; call where `take` returns True."""
         for entry in self._missing:
-            target = self._held.get(entry.name)
-            if target is None:
-                target = entry.task.admitted(entry.task.value(kinematics), entry.size)
-            self._pack(entry, target)
+            self._put(entry, entry.task.admitted(entry.task.value(kinematics), entry.size))
         for entry in self._asked:
-            target = self._pending.get(entry.name, self._held.get(entry.name))
             task = entry.task
             if entry.jacobian is not None and entry.drift is not None:
                 entry.jacobian[:] = task.jacobian(kinematics)
                 entry.drift[:] = task.drift(kinematics)
-            entry.error[:] = task.error(kinematics, target)
+            entry.error[:] = task.error(kinematics, self._own[entry.name])
 
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
-        position, idle = reference.position, entry.name in self._off
+        position, idle = reference.position, entry.name in self._idle
         if position is not None:
-            try:
-                target = entry.task.admitted(position, entry.size)
-            except ControlError as cause:
-                raise ControlError(f"the reference of task '{entry.name}': {cause}.") from cause
+            if entry.plain and _is_floats(position, entry.size):
+                target = position
+            else:
+                try:
+                    target = entry.task.admitted(position, entry.size)
+                except ControlError as cause:
+                    raise ControlError(f"the reference of task '{entry.name}': {cause}.") from cause
             if not idle:
-                self._pack(entry, target)
-        for label, part in (("velocity", entry.velocity), ("acceleration", entry.acceleration)):
-            asked = getattr(reference, label)
-            if asked is not None:
-                checked = rates(asked, label, entry.size, entry.name)
-                if not idle:
-                    part[:], self._moves = checked, True
+                self._put(entry, target)
+        if reference.velocity is not None:
+            self._aim(entry, entry.velocity, reference.velocity, "velocity", idle)
+        if reference.acceleration is not None:
+            self._aim(entry, entry.acceleration, reference.acceleration, "acceleration", idle)
         if idle and not reference.is_finite():
             raise ControlError(f"the reference of task '{entry.name}' is not finite.")
 
-    def _pack(self, entry: _Entry, target: Target) -> None:
+    def _aim(
+        self, entry: _Entry, part: FloatArray, asked: FloatArray, label: str, idle: bool
+    ) -> None:
+        """Take the velocity or acceleration of a reference."""
+        if not _is_floats(asked, entry.size):
+            asked = rates(asked, label, entry.size, entry.name)
+        if not idle:
+            self._moves = True
+            part[:] = asked
+
+    def _put(self, entry: _Entry, target: Target) -> None:
         """Write a target to where the tick reads it."""
-        if entry.goals is not None:
-            entry.goals[:] = target
+        self._written = True
+        self._given.add(entry.name)
+        if entry.slot is not None:
+            entry.slot[:] = target
         elif entry.place is not None:
             cast(StateTask, entry.task).pack(target, entry.place)
-        self._pending[entry.name] = self._packed[entry.name] = target
-        self._stale = True
+        else:
+            # a task of the user's own keeps it beyond the tick
+            self._own[entry.name] = target.copy() if type(target) is np.ndarray else target
+
+
+def _is_floats(values: object, size: int) -> bool:
+    """Whether values are a plain array (size,) of floats."""
+    return type(values) is np.ndarray and values.dtype is _FLOAT and values.shape == (size,)
 
 
 def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
@@ -289,11 +318,10 @@ def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
     Raises:
         ControlError: another shape, or no real numbers.
     """
-    if type(asked) is not np.ndarray or asked.dtype is not _FLOAT:
-        try:
-            asked = reals(asked)
-        except (TypeError, ValueError) as cause:
-            raise ControlError(f"the reference of task '{task}': {label}: {cause}.") from cause
+    try:
+        asked = reals(asked)
+    except (TypeError, ValueError) as cause:
+        raise ControlError(f"the reference of task '{task}': {label}: {cause}.") from cause
     if asked.shape != (size,):
         raise ControlError(
             f"the reference of task '{task}': {label} has shape {asked.shape}, expected ({size},)."
