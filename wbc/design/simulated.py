@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,9 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError, SimulationError
 from wbc.robot import Robot
+
+if TYPE_CHECKING:
+    from wbc.sim import SimState, StepResult
 
 Row = dict[str, float]
 
@@ -41,6 +45,19 @@ def placed(robot: Robot, q: FloatArray, lift: float) -> FloatArray:
     heights = evaluate(robot, pose, np.zeros(robot.model.nv)).contact_position[:, 2]
     pose[row] += lift - float(heights.min())
     return pose
+
+
+def drawn(robot: Robot, before: SimState, result: StepResult, tick: float) -> tuple[float, float]:
+    """Return what the motors take in a tick [J]: as work, and with the heat of their windings.
+
+    What one of them gives back is lost. The second is NaN without resistance and torque constant.
+    """
+    gears, torque = robot.transmission, result.rotor_torque
+    speed = 0.5 * (before.velocity + result.state.velocity)[robot.actuated]
+    power = torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
+    heat = gears.copper_loss * torque**2
+    work, whole = (float(np.maximum(p, 0.0).sum()) * tick for p in (power, power + heat))
+    return work, whole
 
 
 def require_point_leg(robot: Robot) -> None:

@@ -25,7 +25,7 @@ from wbc.control import (
     Reference,
     RestPolicy,
 )
-from wbc.design.simulated import Row, height_row, placed, require_point_leg
+from wbc.design.simulated import Row, drawn, height_row, placed, require_point_leg
 from wbc.dynamics import evaluate
 from wbc.errors import DesignError, SimulationError
 from wbc.metrics import force_capability, link_length
@@ -270,7 +270,7 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
             joint = terms.contact_jacobian[2, robot.actuated] * -force
             push = np.linalg.solve(gears.distribution, joint) / gears.forward_efficiency
         result = plant.step(state, push, _TICK)
-        energy += _drawn(robot, state, result.state, result.rotor_torque)
+        energy += drawn(robot, state, result, _TICK)[1]
         state = result.state
         if float(result.contact_force[0, 2]) <= 0.0:
             height = max(float(_com_rate(robot, state)[2]), 0.0) ** 2 / (2.0 * 9.81)
@@ -278,18 +278,6 @@ def hop(robot: Robot, q: FloatArray, contact: str) -> Row:
             cost = energy / lifted if lifted > 0.0 else np.nan
             return {"hop_height": height, "hop_energy": energy, "hop_cost": cost}
     return failed
-
-
-def _drawn(robot: Robot, before: SimState, after: SimState, torque: FloatArray) -> float:
-    """Return what the supply gives in a tick [J]: work and heat of each motor, none taken back.
-
-    NaN without the motors' resistance and torque constant.
-    """
-    gears = robot.transmission
-    speed = 0.5 * (before.velocity + after.velocity)[robot.actuated]
-    power = torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
-    heat = gears.copper_loss * torque**2
-    return float(np.maximum(power + heat, 0.0).sum()) * _TICK
 
 
 def _extension(leg: PointLeg, state: SimState) -> float:

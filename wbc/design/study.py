@@ -156,7 +156,7 @@ class Study:
         if self.gait:
             poses = np.array(self.gait)
             q = poses[np.searchsorted(poses[:, 0], values["time"]), 1:]
-        given = self._from_catalogue(values, gears)
+        given = self._from_catalogue(values, gears) if self.gearboxes else {}
         links: dict[str, dict[str, FloatArray]] = {"length": {}, "mass": {}}
         for parameter in self.parameters:
             column = values[parameter.column]
@@ -170,7 +170,15 @@ class Study:
                 wide = given.setdefault(field, now)
                 rows = slice(None) if not parameter.place else gears.index(parameter.place)
                 wide[:, rows] = column[:, None] if not parameter.place else column
-        self._complete(given, values)
+        if self.gearboxes:
+            # A forward efficiency alone brings the wedge's backward one; none leaves the robot's.
+            forward, backward = given["forward_efficiency"], given["backward_efficiency"]
+            told = np.where(np.isnan(forward), gears.forward_efficiency, forward)
+            other = np.where(
+                np.isnan(forward), gears.backward_efficiency, wedge_backward_efficiency(told)
+            )
+            given["forward_efficiency"] = told
+            given["backward_efficiency"] = np.where(np.isnan(backward), other, backward)
         found = Designs.of(robot, q, given, links["length"], links["mass"])
         if self.efficiency is None:
             return found
@@ -179,38 +187,23 @@ class Study:
         given.update(forward_efficiency=forward, backward_efficiency=backward)
         return Designs.of(robot, q, given, links["length"], links["mass"])
 
-    def _complete(self, given: dict[str, FloatArray], values: Mapping[str, FloatArray]) -> None:
-        """Give gearboxes without a backward efficiency the wedge's for a swept forward one."""
-        names = {parameter.name for parameter in self.parameters}
-        if (
-            not self.gearboxes
-            or "forward_efficiency" not in names
-            or "backward_efficiency" in names
-        ):
-            return
-        known = np.array([box.backward_efficiency is not None for box in self.gearboxes])
-        keep = known[values["gearbox"].astype(np.int_)][:, None]
-        wedge = wedge_backward_efficiency(given["forward_efficiency"])
-        given["backward_efficiency"] = np.where(keep, given["backward_efficiency"], wedge)
-
     def _from_catalogue(
         self, values: Mapping[str, FloatArray], gears: Transmission
     ) -> dict[str, FloatArray]:
-        """Return the gear fields (k, m) that the catalogue sets."""
-        if not self.gearboxes:
-            return {}
+        """Return the gear fields (k, m) that the catalogue sets; NaN for unknown efficiencies."""
         rows = values["gearbox"].astype(np.int_)
-        fields_: dict[str, FloatArray] = {}
-        for name, field in (
-            ("reduction", "gear_ratio"),
-            ("forward_efficiency", "forward_efficiency"),
-            ("backward_efficiency", "backward_efficiency"),
-            ("gear_inertia", "rotor_inertia"),
-        ):
-            own = np.array(getattr(gears, field))
-            table = np.array([_filled(box, name, own) for box in self.gearboxes])
-            fields_[field] = table[rows]
-        return fields_
+
+        def told(name: str) -> FloatArray:
+            column = np.array([getattr(box, name) for box in self.gearboxes], dtype=np.float64)
+            return np.tile(column[rows, None], gears.size)
+
+        reduction = np.sign(gears.gear_ratio) * told("reduction")
+        return {
+            "gear_ratio": np.where(np.isnan(reduction), gears.gear_ratio, reduction),
+            "rotor_inertia": gears.rotor_inertia + np.nan_to_num(told("gear_inertia")),
+            "forward_efficiency": told("forward_efficiency"),
+            "backward_efficiency": told("backward_efficiency"),
+        }
 
     def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the table of designs `start` to before `stop` by column."""
@@ -239,18 +232,6 @@ def describe_columns(study: Study) -> dict[str, str]:
 
 def _listed(name: str, values: tuple[float, ...]) -> SweepParameter:
     return SweepParameter(name, "", min(values), max(values), len(values), values=values)
-
-
-def _filled(box: Gearbox, name: str, own: FloatArray) -> FloatArray:
-    """Return one number of a gearbox for all gears (m,), the robot's own where it has none."""
-    value = getattr(box, name)
-    if name == "gear_inertia":
-        return np.asarray(own + (value or 0.0))
-    if name == "reduction" and value is not None:
-        return np.asarray(np.sign(own) * value)
-    if name == "backward_efficiency" and value is None and box.forward_efficiency is not None:
-        value = float(wedge_backward_efficiency(box.forward_efficiency))
-    return own if value is None else np.full(own.shape, value)
 
 
 @lru_cache(maxsize=8)

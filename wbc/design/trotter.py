@@ -22,7 +22,7 @@ from wbc.control import (
     State,
     Task,
 )
-from wbc.design.simulated import placed, require_quadruped
+from wbc.design.simulated import drawn, placed, require_quadruped
 from wbc.robot import Robot
 from wbc.sim import Plant
 
@@ -286,18 +286,14 @@ def trot(robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
     trotter, plant = Trotter(robot, pose), Plant(robot)
     settled = round((trotter.start + _SETTLE * trotter.period) / _TICK)
     measured = round(_MEASURED * trotter.period / _TICK)
-    gears, state = robot.transmission, plant.state(pose)
+    state = plant.state(pose)
     work = heat = begin = 0.0
     for tick in range(settled + measured):
         if tick == settled:
             begin, work, heat = float(state.position[0]), 0.0, 0.0
         result = plant.step(state, trotter(state), _TICK)
-        speed = 0.5 * (state.velocity + result.state.velocity)[robot.actuated]
-        power = result.rotor_torque * gears.gear_ratio * (gears.motor_from_joint @ speed)
-        loss = gears.copper_loss * result.rotor_torque**2
-        work += float(np.maximum(power, 0.0).sum()) * _TICK
-        heat += float(np.maximum(power + loss, 0.0).sum()) * _TICK
-        state = result.state
+        given = drawn(robot, state, result, _TICK)
+        work, heat, state = work + given[0], heat + given[1], result.state
         if state.position[2] < _FALLEN * pose[2]:
             return {"trot_speed": 0.0, "trot_cost": np.nan, "trot_work_cost": np.nan}
     way = float(state.position[0]) - begin

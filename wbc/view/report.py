@@ -36,6 +36,7 @@ from wbc.identification.answer.words import (
 )
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.records.record import output_units
 from wbc.measurement import Log, LogSource, check_logs
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
@@ -263,7 +264,8 @@ def residual_plots(residuals: LogResiduals) -> dict[str, Any]:
     Args:
         residuals: of the robot as given and of the one with the effects found.
     """
-    runs = residuals.runs
+    runs, robot = residuals.runs, residuals.problem.robot
+    units, floor = output_units(robot), residuals.problem.floor.values
     rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(residuals.outputs))))
     panels = []
     for k, output in enumerate(residuals.outputs):
@@ -272,8 +274,8 @@ def residual_plots(residuals: LogResiduals) -> dict[str, Any]:
         panels.append(
             {
                 "output": output,
-                "unit": residuals.units[k],
-                "floor": float(residuals.floor[k]),
+                "unit": units[k],
+                "floor": float(floor[k]),
                 "over": [
                     {
                         "name": name,
@@ -285,7 +287,7 @@ def residual_plots(residuals: LogResiduals) -> dict[str, Any]:
                 ],
                 "before": _short(before[few]),
                 "after": _short(after[few]),
-                "runs": [_over_time(run, k, k < residuals.driven, rows) for run in runs],
+                "runs": [_over_time(run, k, k < robot.transmission.size, rows) for run in runs],
             }
         )
     return {"logs": [short_label(run.given.name) for run in runs], "panels": panels}

@@ -61,20 +61,17 @@ class LogResiduals:
     """Residuals of several logs of one robot.
 
     Attributes:
-        outputs: names, driven joints first, then undriven coordinates.
-        units: "N m" or "N" of each output.
-        driven: how many outputs are driven joints.
-        floor: (outputs,) root mean square that noise alone leaves.
-        floor_source: `repeats` or `lower bound`.
+        problem: the robot and its logs.
         runs: one per log.
     """
 
-    outputs: tuple[str, ...]
-    units: tuple[str, ...]
-    driven: int
-    floor: FloatArray
-    floor_source: str
+    problem: EstimationProblem
     runs: tuple[ResidualRun, ...]
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names, driven joints first, then undriven coordinates."""
+        return output_names(self.problem.robot)
 
     def stacked(self, name: str, output: int) -> FloatArray:
         """Return one of the arrays of the runs for an output, over all logs (rows,)."""
@@ -85,7 +82,7 @@ class LogResiduals:
 
         With each come the `explained_curves` over it.
         """
-        linear, found = self.units[output] == "N", []
+        linear, found = output_units(self.problem.robot)[output] == "N", []
         explained = self.stacked("before", output) - self.stacked("after", output)
         units = ("m/s", "m", "N") if linear else ("rad/s", "rad", "N m")
         for name, unit in zip(("speed", "position", "load"), units, strict=True):
@@ -113,17 +110,9 @@ def residuals_in(
     problem: EstimationProblem, given: Sequence[Series], fitted: Sequence[Series]
 ) -> LogResiduals:
     """Return the residuals of a prepared problem's robot and of the fitted one, by their series."""
-    robot = problem.robot
+    each = zip(problem.records, given, fitted, strict=True)
     return LogResiduals(
-        outputs=output_names(robot),
-        units=output_units(robot),
-        driven=robot.transmission.size,
-        floor=problem.floor.values,
-        floor_source=problem.floor.source,
-        runs=tuple(
-            _run(robot, record, *both)
-            for record, *both in zip(problem.records, given, fitted, strict=True)
-        ),
+        problem, tuple(_run(problem.robot, record, *both) for record, *both in each)
     )
 
 
