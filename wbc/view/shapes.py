@@ -99,30 +99,20 @@ def _mesh(vertices: FloatArray, faces: IntArray) -> Any | None:
 
 
 def _clustered(vertices: FloatArray, faces: IntArray, cells: float) -> tuple[FloatArray, IntArray]:
-    """Merge the vertices in each cell of a grid and drop the triangles that collapse."""
+    """Merge the vertices in each cell of a grid; drop triangles that collapse, keep each once.
+
+    The two sides of a thin wall fall into the same cells: both would be drawn in one place.
+    """
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
     keys = np.round((vertices - low) * (cells / span)).astype(np.int64)
     _, inverse = np.unique(keys, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
-    count = np.bincount(inverse)[:, None]
     merged = np.stack([np.bincount(inverse, weights=vertices[:, i]) for i in range(3)], axis=1)
     small = inverse[faces]
-    a, b, c = small.T
-    kept = small[(a != b) & (b != c) & (a != c)]
-    return merged / count, _one_sided(merged / count, kept)
-
-
-def _one_sided(vertices: FloatArray, faces: IntArray) -> IntArray:
-    """Return each triangle once; of two that face one another the one that faces outwards.
-
-    The two sides of a thin wall fall into the same cells. Drawn both, in the same place, they
-    would flicker.
-    """
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) / 3.0 - vertices.mean(0))
-    faces = faces[np.argsort(-outwards, kind="stable")]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    return np.asarray(faces[np.sort(first)])
+    a, b, c = np.sort(small, axis=1).T
+    kept = small[(a != b) & (b != c)]
+    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
+    return merged / np.bincount(inverse)[:, None], kept[np.sort(first)]
 
 
 def along(direction: FloatArray) -> FloatArray:
