@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim.random_robots import BASES, random_robot
 from wbc import load_robot
-from wbc.mechanics.inertia import bias_at, bodies_at, inertia_at
+from wbc.mechanics.inertia import bodies_at, inertia_at, move_bodies
 from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.linear import factor, solve_factored
 from wbc.mechanics.tree import tree_of
@@ -47,7 +47,9 @@ def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
     columns_at(tree.joints, tree.shapes, poses, about, columns)
     bodies_at(tree.joints, tree.shapes, poses, about, bodies, all_behind)
     inertia_at(tree.rows, all_behind, columns, nv, inertia)
-    bias_at(tree.joints, tree.rows, tree.gravity, columns, bodies, v, bias)
+    motion, drift, force = np.empty((3, n, 6))
+    moving = motion, drift, force
+    move_bodies(tree.joints, tree.gravity, columns, bodies, v, *moving, bias)
     upper = np.triu(pin.crba(model, data, q))
     assert inertia == pytest.approx(upper + np.triu(upper, 1).T, rel=1e-12, abs=1e-12)
     assert bias == pytest.approx(pin.nonLinearEffects(model, data, q, v), rel=1e-11, abs=1e-11)

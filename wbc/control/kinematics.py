@@ -25,6 +25,7 @@ from wbc.control.tree import (
 )
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
+from wbc.mechanics.tree import joints_of
 from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement
@@ -77,21 +78,23 @@ class Kinematics:
         self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
         starts, columns = joint_columns(model)
+        joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
+        joints[:, [0, 4]] += 1
         self.tree = TREE.of(
             jacobian=self.joint_jacobian,
             places=self.joint_places,
             mass_matrix=self.mass_matrix,
             momentum=data.Ag.reshape(6, nv),  # one column comes as a vector
             com=data.com[0],
-            parents=frozen(list(model.parents), np.int_),
-            first=frozen([joint.idx_v for joint in model.joints], np.int_),
-            width=frozen([joint.nv for joint in model.joints], np.int_),
-            masses=frozen([body.mass for body in model.inertias]),
-            levers=frozen([body.lever for body in model.inertias]),
-            inertias=frozen([body.inertia[np.triu_indices(3)] for body in model.inertias]),
+            motions=self.joint_jacobian.T,
+            joints=np.insert(joints, 0, [-1, -1, 0, 0, 0], axis=0),
+            shapes=np.insert(shapes, 0, 0.0, axis=0),
             gravity=frozen(model.gravity.linear),
             starts=starts,
             columns=columns,
+            poses=np.zeros((model.njoints, 12)),
+            bodies=np.zeros((model.njoints, 10)),
+            composite=np.zeros((model.njoints, 10)),
             rates=np.zeros((model.njoints, 6)),
             drifts=np.zeros((model.njoints, 6)),
             forces=np.zeros((model.njoints, 6)),

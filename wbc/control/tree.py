@@ -24,6 +24,7 @@ from wbc.compiled import (
     Vector,
     compiled,
 )
+from wbc.mechanics.inertia import bodies_at, move_bodies
 from wbc.structures import Structure
 
 TREE = Structure(
@@ -33,15 +34,15 @@ TREE = Structure(
     mass_matrix=Dense,
     momentum=Matrix,
     com=Vector,
-    parents=Places,
-    first=Places,
-    width=Places,
-    masses=Row,
-    levers=Dense,
-    inertias=Dense,
+    motions=Dense,
+    joints=Table,
+    shapes=Dense,
     gravity=Row,
     starts=Places,
     columns=Places,
+    poses=OutDense,
+    bodies=OutDense,
+    composite=OutDense,
     rates=OutDense,
     drifts=OutDense,
     forces=OutDense,
@@ -52,9 +53,10 @@ TREE = Structure(
 """A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
 
 jacobian (6, nv), momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before
-translation, mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. Of every joint: parents,
-the first and the number of its columns of J, mass, middle (lever) and inertia xx, xy, xz, yy, yz,
-zz of its body, and from starts the columns of J that move it. The rest `move_joints` writes.
+translation, motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory.
+joints and shapes are those of a `wbc.mechanics.tree.Tree`, without axes and placements, behind a
+world without mass; from starts on stand the columns of J that move each joint. The rest
+`move_joints` writes.
 """
 
 FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = range(6)
@@ -94,107 +96,29 @@ def _own(places: FloatArray, i: int, x: float, y: float, z: float) -> tuple[floa
 def move_joints(tree: Any, velocity: FloatArray) -> None:
     """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows.
 
-    A column of the world Jacobian whose axis is fixed in its body turns with it, dJ_j/dt = V x J_j,
-    so that along the tree (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.11)
-
-        V_i = V_parent + J_i v_i,    A_i = A_parent + V_i x (J_i v_i).
-
-    With the centre of mass c and the inertia I of a body about it, what it takes to move it so is
-    the force m (c'' - g) there and the torque I alpha + w x I w; the bias of a coordinate is its
-    column of J times the sum of both over all bodies that it moves. Of the whole robot that sum,
-    taken about its centre of mass and without the weight, is dA_g/dt v.
+    The sum of all forces, taken about the centre of mass and without the weight, is dA_g/dt v.
 
     Args:
         tree: a TREE whose pinocchio part stands at the state.
         velocity: v (nv,).
     """
-    jacobian, places, parents, first, width = (
-        tree.jacobian,
-        tree.places,
-        tree.parents,
-        tree.first,
-        tree.width,
-    )
-    masses, levers, inertias, gravity = tree.masses, tree.levers, tree.inertias, tree.gravity
-    rates, drifts, forces, bias = tree.rates, tree.drifts, tree.forces, tree.bias
-    total, ax, ay, az = 0.0, 0.0, 0.0, 0.0
-    forces[:] = 0.0
-    for i in range(1, len(parents)):
-        parent = parents[i]
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(first[i], first[i] + width[i]):
-            rate = velocity[j]
-            s0 += jacobian[0, j] * rate
-            s1 += jacobian[1, j] * rate
-            s2 += jacobian[2, j] * rate
-            s3 += jacobian[3, j] * rate
-            s4 += jacobian[4, j] * rate
-            s5 += jacobian[5, j] * rate
-        vx, vy, vz = rates[parent, 0] + s0, rates[parent, 1] + s1, rates[parent, 2] + s2
-        wx, wy, wz = rates[parent, 3] + s3, rates[parent, 4] + s4, rates[parent, 5] + s5
-        rates[i, 0], rates[i, 1], rates[i, 2] = vx, vy, vz
-        rates[i, 3], rates[i, 4], rates[i, 5] = wx, wy, wz
-        d0 = drifts[parent, 0] + wy * s2 - wz * s1 + vy * s5 - vz * s4
-        d1 = drifts[parent, 1] + wz * s0 - wx * s2 + vz * s3 - vx * s5
-        d2 = drifts[parent, 2] + wx * s1 - wy * s0 + vx * s4 - vy * s3
-        d3 = drifts[parent, 3] + wy * s5 - wz * s4
-        d4 = drifts[parent, 4] + wz * s3 - wx * s5
-        d5 = drifts[parent, 5] + wx * s4 - wy * s3
-        drifts[i, 0], drifts[i, 1], drifts[i, 2] = d0, d1, d2
-        drifts[i, 3], drifts[i, 4], drifts[i, 5] = d3, d4, d5
-        mass = masses[i]
-        if mass > 0.0 or inertias[i, 0] + inertias[i, 3] + inertias[i, 5] > 0.0:
-            lx, ly, lz = levers[i, 0], levers[i, 1], levers[i, 2]
-            px = places[i, 9] + places[i, 0] * lx + places[i, 3] * ly + places[i, 6] * lz
-            py = places[i, 10] + places[i, 1] * lx + places[i, 4] * ly + places[i, 7] * lz
-            pz = places[i, 11] + places[i, 2] * lx + places[i, 5] * ly + places[i, 8] * lz
-            ux, uy, uz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
-            cx = d0 + d4 * pz - d5 * py + wy * uz - wz * uy
-            cy = d1 + d5 * px - d3 * pz + wz * ux - wx * uz
-            cz = d2 + d3 * py - d4 * px + wx * uy - wy * ux
-            ax += mass * cx
-            ay += mass * cy
-            az += mass * cz
-            total += mass
-            fx, fy, fz = (
-                mass * (cx - gravity[0]),
-                mass * (cy - gravity[1]),
-                mass * (cz - gravity[2]),
-            )
-            # w and alpha in the body's axes, where its inertia is known
-            w0, w1, w2 = _own(places, i, wx, wy, wz)
-            a0, a1, a2 = _own(places, i, d3, d4, d5)
-            xx, xy, xz = inertias[i, 0], inertias[i, 1], inertias[i, 2]
-            yy, yz, zz = inertias[i, 3], inertias[i, 4], inertias[i, 5]
-            h0 = xx * w0 + xy * w1 + xz * w2
-            h1 = xy * w0 + yy * w1 + yz * w2
-            h2 = xz * w0 + yz * w1 + zz * w2
-            n0 = xx * a0 + xy * a1 + xz * a2 + w1 * h2 - w2 * h1
-            n1 = xy * a0 + yy * a1 + yz * a2 + w2 * h0 - w0 * h2
-            n2 = xz * a0 + yz * a1 + zz * a2 + w0 * h1 - w1 * h0
-            forces[i, 0], forces[i, 1], forces[i, 2] = fx, fy, fz
-            for row in range(3):
-                turned = places[i, row] * n0 + places[i, 3 + row] * n1 + places[i, 6 + row] * n2
-                forces[i, 3 + row] = turned
-            forces[i, 3] += py * fz - pz * fy
-            forces[i, 4] += pz * fx - px * fz
-            forces[i, 5] += px * fy - py * fx
-    for i in range(len(parents) - 1, 0, -1):
-        for j in range(first[i], first[i] + width[i]):
-            needed = 0.0
-            for k in range(6):
-                needed += jacobian[k, j] * forces[i, k]
-            bias[j] = needed
-        for k in range(6):
-            forces[parents[i], k] += forces[i, k]
-    com, along, whole = tree.com, tree.momentum_drift, tree.com_drift
-    if total > 0.0:
-        whole[0], whole[1], whole[2] = ax / total, ay / total, az / total
+    places, poses, whole = tree.places, tree.poses, tree.momentum_drift
+    com, force, gravity = tree.com, tree.forces[0], tree.gravity
+    for i in range(1, len(places)):
+        for a in range(3):
+            for b in range(3):
+                poses[i, 3 * a + b] = places[i, 3 * b + a]
+            poses[i, 9 + a] = places[i, 9 + a]
+    bodies_at(tree.joints, tree.shapes, poses, tree.poses[0, 9:], tree.bodies, tree.composite)
+    moved = tree.rates, tree.drifts, tree.forces
+    move_bodies(tree.joints, gravity, tree.motions, tree.bodies, velocity, *moved, tree.bias)
+    mass = tree.composite[0, 0]
     for k in range(3):
-        along[k] = forces[0, k] + total * gravity[k]
-    along[3] = forces[0, 3] - com[1] * forces[0, 2] + com[2] * forces[0, 1]
-    along[4] = forces[0, 4] - com[2] * forces[0, 0] + com[0] * forces[0, 2]
-    along[5] = forces[0, 5] - com[0] * forces[0, 1] + com[1] * forces[0, 0]
+        whole[k] = force[k] + mass * gravity[k]
+        tree.com_drift[k] = whole[k] / mass if mass > 0.0 else 0.0
+    whole[3] = force[3] - com[1] * force[2] + com[2] * force[1]
+    whole[4] = force[4] - com[2] * force[0] + com[0] * force[2]
+    whole[5] = force[5] - com[0] * force[1] + com[1] * force[0]
 
 
 @compiled(Nothing, Vector, Vector, OutVector)

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Nothing, OutDense, OutRow, Row, Table, compiled, local
+from wbc.compiled import (
+    Count,
+    Dense,
+    Nothing,
+    OutDense,
+    OutRow,
+    Row,
+    Table,
+    Vector,
+    compiled,
+    local,
+)
 
 
 @compiled(Nothing, Row, Row, OutRow, counted=False)
@@ -121,53 +130,61 @@ def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray
         )
 
 
-@compiled(Nothing, Table, Table, Row, Dense, Dense, Row, OutRow)
-def bias_at(
+@compiled(Nothing, Table, Row, Dense, Dense, Vector, *(OutDense,) * 3, OutRow)
+def move_bodies(
     joints: IntArray,
-    rows: IntArray,
     gravity: FloatArray,
     columns: FloatArray,
     bodies: FloatArray,
     v: FloatArray,
+    motion: FloatArray,
+    drift: FloatArray,
+    force: FloatArray,
     bias: FloatArray,
 ) -> None:
-    """Write gravity and the velocity terms (nv,): the forces that hold the tree at v' = 0.
+    """Write how bodies move at v, and the forces that hold the tree at v' = 0.
+
+    A column whose axis is fixed in its body turns with it, dS_j/dt = V x S_j, so that along the
+    tree (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 2.11)
+
+        V_i = V_parent + S_i v_i,    A_i = A_parent + V_i x (S_i v_i).
+
+    The force on a body is I_i (A_i - g) + V_i x* I_i V_i; the bias of a row of v is its column
+    times the sum of the forces on all bodies that it moves.
 
     Args:
-        joints, rows: of the `Tree`.
+        joints: (n, 5) of the `Tree`.
         gravity: (3,).
         columns: (nv, 6).
         bodies: (n, 10), of each body alone.
         v: (nv,).
+        motion, drift: V and A (n, 6) to write.
+        force: (n, 6) to write, of all behind each joint.
         bias: (nv,) to write.
     """
-    count = len(joints)
-    motion, rate, force = np.zeros((count, 6)), np.zeros((count, 6)), np.empty((count, 6))
-    own, part = local(6), local(6)
+    count, own, part = len(joints), local(6), local(6)
     for i in range(count):
         parent, first = joints[i, 0], joints[i, 3]
-        last = joints[i + 1, 3] if i + 1 < count else len(rows)
-        if parent >= 0:
-            motion[i], rate[i] = motion[parent], rate[parent]
-        else:
-            for k in range(3):
-                rate[i, k] = -gravity[k]
+        last = joints[i + 1, 3] if i + 1 < count else len(v)
         own[:] = 0.0
         for row in range(first, last):
             for k in range(6):
                 own[k] += columns[row, k] * v[row]
         for k in range(6):
-            motion[i, k] += own[k]
-        _add_cross_motion(motion[i], own, rate[i])
-        momentum_of(bodies[i], rate[i], force[i])
+            motion[i, k] = own[k] + (motion[parent, k] if parent >= 0 else 0.0)
+            drift[i, k] = drift[parent, k] if parent >= 0 else 0.0
+        _add_cross_motion(motion[i], own, drift[i])
+        for k in range(6):
+            part[k] = drift[i, k] - (gravity[k] if k < 3 else 0.0)
+        momentum_of(bodies[i], part, force[i])
         momentum_of(bodies[i], motion[i], part)
         _add_cross_force(motion[i], part, force[i])
     for i in range(count - 1, -1, -1):
-        first = joints[i, 3]
-        last = joints[i + 1, 3] if i + 1 < count else len(rows)
+        parent, first = joints[i, 0], joints[i, 3]
+        last = joints[i + 1, 3] if i + 1 < count else len(v)
         for row in range(first, last):
             bias[row] = 0.0
             for k in range(6):
                 bias[row] += columns[row, k] * force[i, k]
-        if joints[i, 0] >= 0:
-            force[joints[i, 0]] += force[i]
+        for k in range(6 if parent >= 0 else 0):
+            force[parent, k] += force[i, k]

@@ -40,36 +40,47 @@ class Tree(NamedTuple):
     gravity: FloatArray
 
 
-def tree_of(model: Any) -> Tree | None:
-    """Return the tree of a pinocchio model; None where it has a joint that the loops do not know.
+def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
+    """Return `joints` and `shapes` of a `Tree`, without axes; kind -1 is not known to the loops.
 
     Args:
         model: pinocchio's.
     """
     count = model.njoints - 1
     joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 25))
-    rows, data = np.full((model.nv, 2), -1, dtype=np.int64), model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
     for i in range(count):
         joint, place, body = (
             model.joints[i + 1],
             model.jointPlacements[i + 1],
             model.inertias[i + 1],
         )
-        kind, parent = _KINDS.get(joint.shortname()), int(model.parents[i + 1]) - 1
-        if kind is None:
-            return None
+        kind, parent = _KINDS.get(joint.shortname(), -1), int(model.parents[i + 1]) - 1
         root = i if parent < 0 else joints[parent, 4]
         joints[i] = parent, kind, joint.idx_q, joint.idx_v, root
         shapes[i, :9], shapes[i, 9:12] = place.rotation.ravel(), place.translation
-        if kind != FREE_FLYER:
-            own = pin.getJointJacobian(model, data, i + 1, pin.ReferenceFrame.LOCAL)
-            motion = own.reshape(6, -1)[:, joint.idx_v]
-            shapes[i, 12:15] = motion[:3] if kind == PRISMATIC else motion[3:]
         shapes[i, 15], shapes[i, 16:19] = body.mass, body.lever
         shapes[i, 19:] = body.inertia[np.triu_indices(3)]
+    return joints, shapes
+
+
+def tree_of(model: Any) -> Tree | None:
+    """Return the tree of a pinocchio model; None where it has a joint that the loops do not know.
+
+    Args:
+        model: pinocchio's.
+    """
+    (joints, shapes), data = joints_of(model), model.createData()
+    if (joints[:, 1] < 0).any():
+        return None
+    rows = np.full((model.nv, 2), -1, dtype=np.int64)
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for i, (parent, kind, _, first, _) in enumerate(joints.tolist()):
+        if kind != FREE_FLYER:
+            own = pin.getJointJacobian(model, data, i + 1, pin.ReferenceFrame.LOCAL)
+            motion = own.reshape(6, -1)[:, first]
+            shapes[i, 12:15] = motion[:3] if kind == PRISMATIC else motion[3:]
         before = -1 if parent < 0 else int(joints[parent, 3]) + model.joints[parent + 1].nv - 1
-        for row in range(joint.idx_v, joint.idx_v + joint.nv):
+        for row in range(first, first + model.joints[i + 1].nv):
             rows[row] = i, before
             before = row
     return Tree(joints, shapes, rows, np.array(model.gravity.linear))

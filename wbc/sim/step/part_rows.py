@@ -30,7 +30,7 @@ from wbc.compiled import (
     local,
 )
 from wbc.effects.tables import fill_joint_torques
-from wbc.mechanics.inertia import bias_at
+from wbc.mechanics.inertia import move_bodies
 from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
 from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
@@ -142,12 +142,14 @@ ROWS = group(
 SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
 
 
-@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow, counted=False)
+@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow)
 def bias_of(
     tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
 ) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
-    bias_at(tree.joints, tree.rows, tree.gravity, placed.columns, placed.bodies, v, bias)
+    size, columns = (len(tree.joints), 6), placed.columns
+    moving = np.empty(size), np.empty(size), np.empty(size)
+    move_bodies(tree.joints, tree.gravity, columns, placed.bodies, v, *moving, bias)
     bases, weight = flight.bases, local(3)
     for i in range(len(bases)):
         turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
