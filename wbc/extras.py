@@ -11,24 +11,16 @@ EXTRAS = {
     "logs": ("pyarrow",),
     "rosbags": ("rosbags",),
     "design": ("joblib", "pyarrow"),
-    "view": ("meshcat", "umsgpack", "matplotlib", "mpl_toolkits", "plotly", "jinja2", "PIL"),
+    "view": ("meshcat", "matplotlib", "plotly", "jinja2"),
     "pictures": ("playwright",),
     "cli": ("rich", "shtab"),
     "cluster": ("distributed",),
 }
-"""Extra -> the packages by which this library knows it."""
+"""Extra -> what pip installs for it, called as this library imports it. The names of the packages
+work beside a clone and beside a wheel; `wbc` itself is on no index."""
 
-INSTALLED_BY = {
-    "logs": "pyarrow",
-    "rosbags": "rosbags",
-    "design": "joblib pyarrow",
-    "view": "meshcat matplotlib plotly jinja2",
-    "pictures": "playwright",
-    "cli": "rich shtab",
-    "cluster": "distributed",
-}
-"""Extra -> what pip installs for it. The names of the packages work beside a clone and beside a
-wheel; `wbc` itself is on no index."""
+BROUGHT = {"umsgpack": "meshcat", "mpl_toolkits": "matplotlib", "PIL": "matplotlib"}
+"""Imported package -> the one that brings it."""
 
 
 @contextmanager
@@ -46,9 +38,9 @@ def needs(extra: str, what: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as cause:
         package = (cause.name or "").partition(".")[0]
-        if package not in EXTRAS[extra]:
+        if BROUGHT.get(package, package) not in EXTRAS[extra]:
             raise
         raise MissingPackageError(
             f"{what} needs the package {package}, which a bare installation does not have; "
-            f"install it with: pip install {INSTALLED_BY[extra]}"
+            f"install it with: pip install {' '.join(EXTRAS[extra])}"
         ) from cause

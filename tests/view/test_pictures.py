@@ -16,7 +16,6 @@ from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import write_animation, write_picture, write_playback
-from wbc.view.pictures import opened
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +29,11 @@ def has_colour(picture: np.ndarray, rgb: tuple[int, int, int], reach: int) -> bo
 
 @pytest.mark.usefixtures("chromium")
 def test_a_picture_shows_force_and_direction_of_power(page: Path, tmp_path: Path) -> None:
-    path = write_picture(tmp_path / "squat.png", page, 0.45, size=(640, 480))
-    picture = np.asarray(Image.open(path).convert("RGB"))
+    async def cell() -> Path:
+        """A notebook runs a loop in its thread."""
+        return write_picture(tmp_path / "squat.png", page, 0.45, size=(640, 480))
+
+    picture = np.asarray(Image.open(asyncio.run(cell())).convert("RGB"))
     assert picture.shape == (480, 640, 3)
     scene = picture[110:360, 200:]
     assert has_colour(scene, (213, 94, 0), 40)  # a joint drives its motor
@@ -49,35 +51,6 @@ def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> 
     first = np.asarray(film.convert("RGB")).astype(int)
     film.seek(3)
     assert np.abs(np.asarray(film.convert("RGB")).astype(int) - first).max() > 60
-
-
-@pytest.mark.usefixtures("chromium")
-def test_a_notebook_whose_thread_runs_a_loop_takes_pictures(page: Path, tmp_path: Path) -> None:
-    async def cell() -> Path:
-        return write_picture(tmp_path / "cell.png", page, 0.2, size=(300, 200))
-
-    assert Image.open(asyncio.run(cell())).size == (300, 200)
-
-
-@pytest.mark.usefixtures("chromium")
-def test_a_small_negative_number_is_no_minus_zero(page: Path) -> None:
-    with opened(page, (700, 500), "still") as shown:
-        shown.wait_for_function("window.player")
-        shown.evaluate("player.seek(0.02)")  # in the air: no torque, no power
-        table = shown.inner_text("#gears")
-    assert "+0.0" in table
-    assert "−0.0" not in table
-
-
-@pytest.mark.usefixtures("chromium")
-def test_a_printed_playback_shows_all_of_the_scene(page: Path) -> None:
-    with opened(page, (1200, 800), "still") as shown:
-        shown.wait_for_function("window.player")
-        shown.emulate_media(media="print")
-        shown.set_viewport_size({"width": 700, "height": 900})
-        ends = "() => document.querySelector('#pane canvas').getBoundingClientRect().right"
-        assert shown.evaluate(ends) <= 700
-        assert not shown.is_visible("#bar")
 
 
 def test_without_a_browser_the_package_is_named(

@@ -88,8 +88,9 @@ def print_out(
     """
     left = LINES
     for one in answer:
-        left -= len(_lines(console, one))
-        _print(console, one)
+        lines = _lines(console, one)
+        left -= len(lines)
+        _print(console, lines)
     if quiet:
         return
     absent: list[str] = []
@@ -99,22 +100,15 @@ def print_out(
             continue
         shown = part.shown() if callable(part.shown) else part.shown
         lines = _lines(console, shown)
-        room = max(left - 2, 0)  # for what is said of the parts left out
-        if verbose or len(lines) <= room:
-            _print(console, shown)
-        else:
-            kept = lines[: room if room > 3 else 0]
-            _print_lines(console, kept)
+        room = len(lines) if verbose else max(left - 2, 0)  # for what is said of parts left out
+        kept = lines if len(lines) <= room else lines[: room if room > 3 else 0]
+        _print(console, kept)
+        if len(kept) < len(lines):
             absent.append(f"the rest of {part.name}" if kept else part.name)
         left -= len(lines)
     if absent:
         names = ", ".join(dict.fromkeys(absent))
         console.print(f"not shown: {names} (--verbose, --json and --report have all)")
-
-
-def _print(console: Console, shown: RenderableType) -> None:
-    # Lines to copy are whole even where they are wider than the screen.
-    console.print(shown, crop=not isinstance(shown, Spoken))
 
 
 def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
@@ -123,6 +117,7 @@ def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
     return console.render_lines(shown, pad=False)
 
 
-def _print_lines(console: Console, lines: Sequence[Sequence[Segment]]) -> None:
+def _print(console: Console, lines: Sequence[Sequence[Segment]]) -> None:
     segments = [segment for line in lines for segment in (*line, Segment.line())]
+    # Lines to copy are whole even where they are wider than the screen.
     console.print(Segments(segments), end="", crop=False)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.errors import LogError, unknown_name
-from wbc.extras import INSTALLED_BY, needs
+from wbc.extras import EXTRAS, needs
 from wbc.files import atomic_write
 from wbc.measurement.findings import say_so
 from wbc.measurement.log import Log
@@ -338,7 +338,7 @@ def read_bag(path: Path, topic: str = "") -> Table:
     if find_spec("rosbags") is None:
         raise LogError(
             f"reading the bag '{path}' needs the package rosbags; install it with: "
-            f"pip install {INSTALLED_BY['rosbags']}"
+            f"pip install {' '.join(EXTRAS['rosbags'])}"
         )
     rows: list[list[float]] = []
     with _opened(path) as bag:

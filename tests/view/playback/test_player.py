@@ -85,6 +85,24 @@ def test_the_speed_chosen_is_the_speed_shown(tab: Any, speed: str) -> None:
     assert advance(tab, speed, 100.0) == pytest.approx(0.1 * float(speed), abs=1e-6)
 
 
+def test_a_small_negative_number_is_no_minus_zero(tab: Any) -> None:
+    tab.evaluate("player.seek(0.02)")  # in the air: no torque, no power
+    table = tab.inner_text("#gears")
+    assert "+0.0" in table
+    assert "−0.0" not in table
+
+
+def test_a_printed_playback_shows_all_of_the_scene(tab: Any) -> None:
+    shown = tab.viewport_size
+    tab.emulate_media(media="print")
+    tab.set_viewport_size({"width": 700, "height": 900})
+    ends = "() => document.querySelector('#pane canvas').getBoundingClientRect().right"
+    assert tab.evaluate(ends) <= 700
+    assert not tab.is_visible("#bar")
+    tab.emulate_media(media="screen")
+    tab.set_viewport_size(shown)
+
+
 def test_buttons_and_keys_step_by_frames(tab: Any) -> None:
     tab.evaluate("player.seek(0.5)")
     frame = "document.getElementById('clock').textContent.match(/frame (\\d+)/)[1]"

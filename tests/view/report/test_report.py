@@ -354,7 +354,7 @@ def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
         # Plots keep within their places while the window narrows.
         wide = "[...document.querySelectorAll('.plot')].filter(e => e.querySelector('svg') && "
         wide += "e.querySelector('svg').clientWidth > e.parentElement.clientWidth + 1).length"
-        for width in (900, 700, 390):
+        for width in (700, 390):
             tab.set_viewport_size({"width": width, "height": 800})
             tab.wait_for_function(f"{wide} === 0", timeout=30000)
         # Logs have long names.
