@@ -21,7 +21,7 @@ RESISTANCE, COULOMB = 5.0, 0.03
 def swung(gain: float, more: float, rate: float) -> Log:
     """Return a run of the servo in plain floats, with more mass at the end of its arm."""
     fine = 10
-    time = np.arange(0.0, 1.0, STEP / fine)
+    time = np.arange(0.0, 1.5, STEP / fine)
     goal = 1.2 * np.sin(rate * time + 0.7 * time**2)
     q, v, reached = 0.0, 0.0, []
     mass, constant = 0.49 + more, 0.387

@@ -19,6 +19,8 @@ import runpy
 import shlex
 import shutil
 from pathlib import Path
+from textwrap import dedent
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,7 +28,7 @@ from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.options import build_parser
 from wbc.effects import CoulombFriction
-from wbc.measurement import save_log
+from wbc.measurement import readings, save_log
 from wbc.sim.excitation import record_with
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -164,6 +166,17 @@ def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(
         run_commands(reduced(line))
     assert len(commands) == 7
     assert len(list(Path("out").glob("*.png"))) >= 5
+
+
+def test_the_reading_that_the_page_shows_runs_in_its_module() -> None:
+    page = (ROOT / "docs/guide/extend.md").read_text(encoding="utf-8")
+    block = page[page.index("    def _kilograms") : page.index("Name it in the function")]
+    namespace = dict(vars(readings))
+    exec(compile(dedent(block), "extend.md", "exec"), namespace)
+    rows = SimpleNamespace(torques=["hip.motor_torque", "knee.motor_torque"])
+    both, hip, knee = namespace["_kilograms"](rows)
+    assert both.text == "hip.motor_torque and knee.motor_torque hold kgf cm"
+    assert set(both.mend["columns"]) == {*hip.mend["columns"], *knee.mend["columns"]}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
