@@ -100,9 +100,9 @@ def write_figure(path: str | Path, figure: Figure, resolution: float = 160.0) ->
     kind = Path(path).suffix.lstrip(".").lower()
     if kind not in _FORMATS:
         raise ViewError(f"'{path}': a plot ends in {', '.join('.' + name for name in _FORMATS)}.")
-    if figure.get_layout_engine() is not None:
+    if (layout := figure.get_layout_engine()) is not None:
         # Laid out once: another round would move parts by a hair and make equal plots unequal.
-        figure.draw_without_rendering()
+        layout.execute(figure)
         figure.set_layout_engine("none")
     # A date or a random name in the file would make equal plots unequal.
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
