@@ -8,11 +8,11 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from wbc.view import LIGHT, Theme
 from wbc.view.plots import DASHES, drawing, new_figure, write_figure
+from wbc.view.study_figures import plain_decades
 
 Curves = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
@@ -50,9 +50,7 @@ def sweep_figure(panels: Sequence[Panel], columns: int = 3, theme: Theme = LIGHT
             ax.set(title=panel.title, xlabel=panel.across, ylabel=panel.up)
             if panel.log:
                 ax.set_yscale("log")
-                ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-                ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-                ax.yaxis.set_minor_formatter(NullFormatter())
+                plain_decades(ax.yaxis)
             if ax.get_legend_handles_labels()[0]:
                 ax.legend()
         for ax in axes[len(panels) :]:

@@ -19,7 +19,7 @@ from wbc.cli import main
 from wbc.effects import load_robot
 from wbc.robot import Robot, collision_solids
 
-RATE, DURATION = 400, 2.0
+RATE, DURATION = 400, 1.5
 SPAN, SPEED, ACCELERATION = 0.8, 3.0, 40.0
 # Of the leg, of Solo12 in a stand, of a six-axis arm: joint with a heavier rotor, link with a load.
 ROBOTS = {

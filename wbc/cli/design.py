@@ -114,9 +114,8 @@ def _objectives(
     return [Objective("lift") if limited else Objective("holding_torque", False), other]
 
 
-def _columns(study: Study, objectives: Sequence[Objective]) -> list[str]:
-    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"]
-    return list(dict.fromkeys([*varied, *(objective.column for objective in objectives)]))
+def _varied(study: Study) -> list[str]:
+    return [p.column for p in study.varied if p.low < p.high and p.name != "time"]
 
 
 def _print(
@@ -129,7 +128,7 @@ def _print(
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
     count, size = len(front["design"]), study.size // max(len(study.gait), 1)
     title = f"Pareto front: {count} of {size} designs ({aims})"
-    columns = _columns(study, objectives)
+    columns = list(dict.fromkeys([*_varied(study), *(o.column for o in objectives)]))
     heads = [
         f">{name.replace('_', ' ')}" + ("" if units[name] == "1" else f"\n[{units[name]}]")
         for name in columns
@@ -192,7 +191,7 @@ def _draw(
     count, size = len(drawn["design"]), study.size // max(len(study.gait), 1)
     if count < size:
         console.print(f"the pictures show {count} of {size} designs, evenly spread")
-    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"] or ["design"]
+    varied = _varied(study) or ["design"]
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     aimed = [objective.column for objective in objectives]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))

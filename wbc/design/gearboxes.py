@@ -54,12 +54,7 @@ def read_gearboxes(path: str | Path | None = None) -> dict[str, Gearbox]:
         DesignError: no such file, other columns, a number that is none, a row without a source.
     """
     place = Path(path) if path else SHIPPED
-    try:
-        text = place.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as cause:
-        raise DesignError(f"the catalogue '{place}' cannot be read: {cause}.") from cause
-    rows = list(csv.DictReader(text.splitlines()))
-    wanted = {*_TEXTS, *_NUMBERS}
+    rows, wanted = _rows(place, "the catalogue"), {*_TEXTS, *_NUMBERS}
     if not rows or set(rows[0]) != wanted:
         raise DesignError(f"the catalogue '{place}' needs the columns {', '.join(sorted(wanted))}.")
     boxes = [_row(row, f"'{place}', line {number}") for number, row in enumerate(rows, 2)]
@@ -67,6 +62,18 @@ def read_gearboxes(path: str | Path | None = None) -> dict[str, Gearbox]:
     if len(found) < len(boxes):
         raise DesignError(f"the catalogue '{place}' holds a name twice.")
     return found
+
+
+def _rows(place: Path, what: str) -> list[dict[str, str]]:
+    """Return the rows of a CSV by column.
+
+    Raises:
+        DesignError: no such file, or none of text.
+    """
+    try:
+        return list(csv.DictReader(place.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError) as cause:
+        raise DesignError(f"{what} '{place}' cannot be read: {cause}.") from cause
 
 
 def choose_gearboxes(names: str, catalogue: Mapping[str, Gearbox]) -> tuple[Gearbox, ...]:
@@ -142,10 +149,10 @@ def read_efficiency_table(path: str | Path) -> EfficiencyTable:
         DesignError: no such file, other columns, no full grid, an efficiency outside its range.
     """
     place = Path(path)
+    rows = _rows(place, "--efficiency")
     try:
-        rows = list(csv.DictReader(place.read_text(encoding="utf-8").splitlines()))
         found = [[float(row.get(name) or 0.0) for name in _NAMES] for row in rows]
-    except (OSError, UnicodeDecodeError, ValueError) as cause:
+    except ValueError as cause:
         raise DesignError(f"--efficiency '{place}' cannot be read: {cause}.") from cause
     if not rows or not {"load", *_NAMES[2:]} <= set(rows[0]):
         raise DesignError(

@@ -158,10 +158,10 @@ def _map(
 def _bar(figure: Figure, ax: Axes, drawn: ScalarMappable, label: str = "") -> None:
     bar = figure.colorbar(drawn, ax=ax, label=label)
     if isinstance(drawn.norm, LogNorm):
-        _plain_decades(bar.ax.yaxis)
+        plain_decades(bar.ax.yaxis)
 
 
-def _plain_decades(axis: Axis) -> None:
+def plain_decades(axis: Axis) -> None:
     """Label a logarithmic axis with plain numbers: 1, 2, 5, 10, ..."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FormatStrFormatter("%g"))
@@ -181,7 +181,7 @@ def _scales(ax: Axes, varied: Sequence[str], logarithmic: Sequence[str]) -> None
         if name not in logarithmic:
             continue
         getattr(ax, f"set_{axis}scale")("log")
-        _plain_decades(getattr(ax, f"{axis}axis"))
+        plain_decades(getattr(ax, f"{axis}axis"))
 
 
 def _varies(values: FloatArray) -> bool:
