@@ -33,6 +33,8 @@ BAD = [
     ("compare good.csv LEG --columns typo.toml", "Did you mean 'hip.position'?"),
     ("diagnose good.csv LEG --add colomb_friction", "coulomb_friction"),
     ("diagnose good.csv LEG --add ,", "names no effect"),
+    ("diagnose good.csv LEG --budget -1", "give a time > 0"),
+    ("diagnose good.csv LEG --budget nan", "give a time > 0"),
     # what would be written
     ("compare good.csv LEG --json file/x.json", "'file' is a file"),
     ("compare good.csv LEG --json folder", "is a folder"),
@@ -65,6 +67,7 @@ BAD = [
     ("design planar_leg --sweep reduction=6:160 --simulate swim", "Unknown simulation"),
     ("design planar_leg --sweep reduction=6:160 --sweep reduction=6:9", "swept twice"),
     ("design planar_leg --sweep reduction=6:160 --samples -1", ">= 0"),
+    ("design planar_leg --sweep reduction=6:160 --load -5", "the load must be >= 0"),
 ]
 
 

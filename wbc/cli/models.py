@@ -20,7 +20,7 @@ from wbc.cli.inputs import robot_and_logs
 from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import effect_class, load_robot, save_robot
-from wbc.errors import EffectError
+from wbc.errors import EffectError, WbcError
 from wbc.files import write_text
 from wbc.identification import Comparison, Diagnosis, compare, diagnose, rank_robots
 from wbc.identification.answer.shown import plain, provenance
@@ -150,6 +150,8 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     if options.fleet:
         return run_fleet(options, console)
     require_no_fleet(options)
+    if not options.budget > 0.0:
+        raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
     candidates = _candidates(options.add)
     robot, logs = robot_and_logs(options)
     with working(console, "diagnosing") as progress:

@@ -86,9 +86,10 @@ class Study:
                 raise DesignError(unknown_name("simulation", name, SIMULATIONS))
         if self.samples < 0:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
-        for name, value in (("load", self.load), ("joint speed", self.speed)):
-            if not np.isfinite(value or 0.0):
-                raise DesignError(f"the {name} must be finite, got {value}.")
+        if not 0.0 <= (self.load or 0.0) < np.inf:
+            raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
+        if not np.isfinite(self.speed):
+            raise DesignError(f"the joint speed must be finite, got {self.speed}.")
         if self.gait and self.samples:
             raise DesignError("poses of a gait need a grid of designs; leave --samples out.")
         if self.efficiency and any("efficiency" in column for column in columns):

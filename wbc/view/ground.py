@@ -57,14 +57,16 @@ def profile_ground(profile: Sequence[tuple[float, float]], width: float) -> tupl
         width: [m] along y.
 
     Raises:
-        ViewError: fewer than two points, or x that falls.
+        ViewError: fewer than two points, x that falls, or what is not finite.
     """
     points = np.asarray(profile, dtype=np.float64)
     if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 2:
         raise ViewError(f"a ground profile needs two points (x, z) or more, got {list(profile)}.")
     steps = np.diff(points, axis=0)
-    if np.any(steps[:, 0] < 0.0):
-        raise ViewError("a ground profile runs along x: x must not fall from point to point.")
+    if not (np.isfinite(points).all() and np.all(steps[:, 0] >= 0.0)):
+        raise ViewError(
+            "a ground profile runs along x: x must not fall from point to point, and all is finite."
+        )
     slabs = []
     for (x, z), (dx, dz) in zip(points[:-1], steps, strict=True):
         if dx == 0.0:

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
+from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
 from wbc.view import profile_ground, write_playback
@@ -104,6 +105,8 @@ def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
     np.testing.assert_allclose(scene["floor"], 0.1 + 0.3 * center[:, 0], atol=1e-4)
     normal = floats(scene["contacts"][0]["normal"], -1, 3)
     np.testing.assert_allclose(normal[0], [-0.3, 0.0, 1.0] / np.hypot(0.3, 1.0), atol=1e-6)
+    with pytest.raises(ViewError, match="finite"):  # the page waited for it until its time was over
+        profile_ground([(0.0, 0.0), (np.nan, 1.0)], 1.0)
 
 
 def test_the_camera_frames_all_of_a_motion_that_it_follows(
