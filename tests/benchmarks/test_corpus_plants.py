@@ -26,7 +26,7 @@ SENSORS = Sensors(rate=250.0, position=2e-5, bits=18, velocity=3e-3, torque=0.00
 
 def recorded(machine: Machine, flaws: tuple[Flaw, ...], kinds: tuple[str, ...]) -> Case:
     noise = 0.02 * np.ones(len(machine.driven))
-    runs = tuple(Excitation(kind, 10 + k, 4.0, 20 + k) for k, kind in enumerate(kinds))
+    runs = tuple(Excitation(kind, 10 + k, 3.0, 20 + k) for k, kind in enumerate(kinds))
     sensors = replace(SENSORS, conditions=any(flaw.effect in BY_CONDITIONS for flaw in flaws))
     return Case(0, machine, flaws, runs, "fair", sensors, noise)
 
