@@ -40,10 +40,10 @@ class KillingWatch:
 
 @pytest.fixture
 def client() -> Iterator[Any]:
-    """A client of three workers of its own: each test kills one, and none waits for its return."""
+    """A client of two workers of its own: each test kills one, and none waits for its return."""
     with (
         distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
@@ -55,12 +55,12 @@ def test_a_study_on_a_cluster_that_loses_a_worker_has_the_same_bytes(
 ) -> None:
     sweeps = tuple(map(parse_sweep, ("reduction=6:160", "forward_efficiency=0.5:0.98")))
     pose = tuple(load_robot("planar_leg").pose("paper").tolist())
-    study = Study("planar_leg", sweeps, "foot", pose, samples=4000, seed=9)
+    study = Study("planar_leg", sweeps, "foot", pose, samples=2000, seed=9)
     one = run_study(study, tmp_path / "one.parquet", chunk=50)
     address, watch = client.scheduler.address, KillingWatch(client, after=5)
     path = run_study(study, tmp_path / "two.parquet", cluster=address, chunk=50, watch=watch)
     assert watch.lost > 0
-    assert watch.counts == list(range(0, 4001, 50))  # every part once
+    assert watch.counts == list(range(0, 2001, 50))  # every part once
     assert path.read_bytes() == one.read_bytes()
 
 
