@@ -184,8 +184,8 @@ def test_the_command_writes_table_front_and_figures(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     command = ["design", "planar_leg", "--sweep", "reduction=6:160:8:log"]
-    command += ["--sweep", "forward_efficiency=0.5:0.98:6", "--figures", "out", "--json", "f.json"]
-    assert main(command) == 0
+    command += ["--sweep", "forward_efficiency=0.5:0.98:6"]
+    assert main([*command, "--figures", "out", "--json", "f.json"]) == 0
     assert "Pareto front" in capsys.readouterr().out
     found = json.loads(Path("f.json").read_text())
     assert found["designs"] == 48
