@@ -241,8 +241,8 @@ def write_playback(
         LogError: the log holds no position of the robot.
     """
     track = make_track(robot, log)
-    recorder = CommandRecorder()
-    root = recorder.visualizer()["/wbc"]
+    recorder = _Recorder()
+    root = Visualizer(window=recorder)["/wbc"]
     slabs = _slabs(track, ground)
     contacts = [contact.name for contact in track.contacts]
     shapes = robot_shapes(robot)
@@ -275,7 +275,7 @@ def write_playback(
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
         "colours": _COLOURS,
-        "commands": recorder.encoded(),
+        "commands": recorder.commands,
     }
     environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
     page = environment.get_template("playback.html.j2").render(
@@ -319,21 +319,16 @@ def _ground_opacity(track: Track, slabs: Sequence[GroundSlab]) -> float:
     return 1.0 if center[2] >= surface_under(slabs, center)[0] else 0.3
 
 
-class CommandRecorder:
-    """Stands where meshcat's `ViewerWindow` stands; nothing is opened, nothing is served."""
+class _Recorder:
+    """Stands where meshcat's `ViewerWindow` stands; nothing is opened, nothing is served.
+
+    Attributes:
+        commands: as the base64 text of their messages.
+    """
 
     def __init__(self) -> None:
-        """Start with an empty scene."""
-        self._commands: list[bytes] = []
+        self.commands: list[str] = []
 
     def send(self, command: Any) -> None:
         """Keep one meshcat command."""
-        self._commands.append(umsgpack.packb(command.lower()))
-
-    def visualizer(self) -> Visualizer:
-        """Return a meshcat visualizer that draws into this recorder."""
-        return Visualizer(window=self)
-
-    def encoded(self) -> list[str]:
-        """Return the commands, each as the base64 text of its message."""
-        return [base64.b64encode(command).decode("ascii") for command in self._commands]
+        self.commands.append(base64.b64encode(umsgpack.packb(command.lower())).decode("ascii"))

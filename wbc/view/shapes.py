@@ -34,21 +34,18 @@ class UprightCylinder(mg.Cylinder):  # type: ignore[misc]
 
 def capsule(length: float, radius: float) -> mg.TriangularMeshGeometry:
     """Return a capsule along z, centred; `length` is that of its straight part [m]."""
-    around, along = 20, 6
-    tilt = np.linspace(0.0, 0.5 * np.pi, along + 1)
-    rings = [(-0.5 * length - radius * np.sin(a), radius * np.cos(a)) for a in tilt[::-1]]
-    rings += [(0.5 * length + radius * np.sin(a), radius * np.cos(a)) for a in tilt]
+    around, rings = 20, 7  # rings of each end
+    tilt = np.linspace(0.0, 0.5 * np.pi, rings)
+    height, wide = 0.5 * length + radius * np.sin(tilt), radius * np.cos(tilt)
+    z, r = np.concatenate([-height[::-1], height]), np.concatenate([wide[::-1], wide])
     angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    vertices = np.array(
-        [[r * np.cos(a), r * np.sin(a), z] for z, r in rings for a in angle], dtype=np.float32
-    )
-    faces = []
-    for ring in range(len(rings) - 1):
-        for i in range(around):
-            j = (i + 1) % around
-            low, high = ring * around, (ring + 1) * around
-            faces += [[low + i, low + j, high + i], [low + j, high + j, high + i]]
-    return mg.TriangularMeshGeometry(vertices, np.array(faces, dtype=np.uint32))
+    circles = np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.tile(z[:, None], around)
+    low = np.arange(z.size * around).reshape(-1, around)
+    low, high = low[:-1], low[1:]
+    next_low, next_high = (np.roll(ring, -1, axis=1) for ring in (low, high))
+    faces = np.stack([low, next_low, high, next_low, next_high, high], axis=-1).reshape(-1, 3)
+    vertices = np.stack(circles, axis=-1).reshape(-1, 3)
+    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
 def meshcat_geometry(shape: Any) -> Any | None:
