@@ -9,31 +9,24 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import DesignError, unknown_name
 
-# Name in a study -> field of the transmission.
-GEAR_PARAMETERS = {
-    "reduction": "gear_ratio",
-    "forward_efficiency": "forward_efficiency",
-    "backward_efficiency": "backward_efficiency",
-    "rotor_inertia": "rotor_inertia",
-    "rotor_friction": "rotor_coulomb_friction",
-    "torque_limit": "torque_limit",
+# Name in a study -> unit, and the field of the transmission.
+_PARAMETERS = {
+    "reduction": ("1", "gear_ratio"),
+    "forward_efficiency": ("1", "forward_efficiency"),
+    "backward_efficiency": ("1", "backward_efficiency"),
+    "rotor_inertia": ("kg m^2", "rotor_inertia"),
+    "rotor_friction": ("N m", "rotor_coulomb_friction"),
+    "torque_limit": ("N m", "torque_limit"),
+    "length": ("m", ""),
+    "mass": ("kg", ""),
+    "joint": ("rad or m", ""),
+    "gearbox": ("1", ""),
+    "time": ("s", ""),
 }
+GEAR_PARAMETERS = {name: field for name, (_, field) in _PARAMETERS.items() if field}
 LINK_PARAMETERS = ("length", "mass")
 NAMES = (*GEAR_PARAMETERS, *LINK_PARAMETERS, "joint")
 LISTED = ("gearbox", "time")  # by the number in a catalogue, by the instant of a gait
-UNITS = {
-    "reduction": "1",
-    "forward_efficiency": "1",
-    "backward_efficiency": "1",
-    "rotor_inertia": "kg m^2",
-    "rotor_friction": "N m",
-    "torque_limit": "N m",
-    "length": "m",
-    "mass": "kg",
-    "joint": "rad or m",
-    "gearbox": "1",
-    "time": "s",
-}
 DEFAULT_COUNT = 9  # values on a grid of a range that names no number: a table to read, not to trust
 
 
@@ -80,7 +73,7 @@ class SweepParameter:
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return UNITS[self.name]
+        return _PARAMETERS[self.name][0]
 
     @property
     def grid(self) -> FloatArray:

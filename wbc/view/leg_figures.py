@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import product
 from textwrap import fill
 
 import numpy as np
@@ -119,10 +120,10 @@ def _draw_body(
 ) -> None:
     """Draw the outline of the body that carries the limb."""
     corners = [
-        placement.act(np.where(pick, shape.low, shape.high))[rows]
+        placement.act(np.array(corner))[rows]
         for shape in robot_shapes(robot)
         if shape.joint == joint
-        for pick in np.array(np.meshgrid(*[[True, False]] * 3)).reshape(3, -1).T
+        for corner in product(*zip(shape.low, shape.high, strict=True))
     ]
     if not corners or np.ptp(corners, axis=0).min() < 1e-9:
         return
