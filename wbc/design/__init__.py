@@ -18,8 +18,7 @@ from wbc.design.stored import (
     run_study,
     sampled_designs,
 )
-from wbc.design.study import Study, describe_columns
-from wbc.design.sweep_parameter import SweepParameter, parse_sweep
+from wbc.design.study import Study, SweepParameter, describe_columns, parse_sweep
 
 __all__ = [
     "SIMULATIONS",
