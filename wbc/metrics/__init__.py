@@ -8,11 +8,6 @@ from wbc.metrics.design_metrics import (
     sweep,
 )
 from wbc.metrics.designs import Designs, link_length
-from wbc.metrics.directional_inertia import (
-    DirectionalInertia,
-    directional_inertia,
-    share_of_accelerations_forward,
-)
 from wbc.metrics.force_capability import (
     ForceCapability,
     ForceRange,
@@ -23,11 +18,14 @@ from wbc.metrics.force_capability import (
     holding,
 )
 from wbc.metrics.inertia import (
+    DirectionalInertia,
     ImpactMitigation,
     backward_generalized_inertia,
+    directional_inertia,
     forward_generalized_inertia,
     generalized_inertia,
     impact_mitigation,
+    share_of_accelerations_forward,
 )
 from wbc.metrics.summary import Metric, summary
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import contact_task, upward
-from wbc.metrics.directional_inertia import directional_inertia
 from wbc.metrics.force_capability import (
     ForceCapability,
     backdriving_force,
@@ -22,6 +21,7 @@ from wbc.metrics.force_capability import (
 )
 from wbc.metrics.inertia import (
     backward_generalized_inertia,
+    directional_inertia,
     forward_generalized_inertia,
     generalized_inertia,
     impact_mitigation,
