@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -107,27 +108,41 @@ class ScaledDrive(JointEffect, ABC):
 
 
 @dataclass(frozen=True)
-class RotorNumber(JointEffect, ABC):
-    """Base of the effects that replace a number of a rotor, seen at the motor's output.
+class GearNumbers(JointEffect, ABC):
+    """Base of the effects that replace numbers of a gear, as they are at the motor's output.
 
     Attributes:
-        number: its attribute of the transmission, on the rotor.
-        power: of |N| by which it is larger at the output.
+        numbers: of each parameter its name, the attribute of the transmission, and the power of
+            |N| by which it is larger at the output.
     """
 
-    number: ClassVar[str]
-    power: ClassVar[int]
+    numbers: ClassVar[tuple[tuple[str, str, int], ...]]
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
-        """Return the robot's present number."""
-        gears, column = robot.transmission, robot.transmission.index(where)
-        own = getattr(gears, cls.number)[column] * abs(gears.gear_ratio[column]) ** cls.power
-        return {cls.parameters[0].name: float(own)}
+        """Return the robot's present numbers."""
+        gears, gear = robot.transmission, robot.transmission.index(where)
+        ratio = abs(gears.gear_ratio[gear])
+        return {
+            own: float(getattr(gears, name)[gear] * ratio**power)
+            for own, name, power in cls.numbers
+        }
 
     def change(self, robot: Robot) -> Robot:
-        """Return the robot with this number."""
+        """Return the robot with these numbers."""
         gears = robot.transmission
         ratio = abs(float(gears.gear_ratio[gears.index(self.where)]))
-        value = float(getattr(self, self.parameters[0].name)) / ratio**self.power
-        return robot.with_transmission(gears.with_value(self.number, self.where, value))
+        return with_gear(
+            robot,
+            self.where,
+            {name: getattr(self, own) / ratio**power for own, name, power in self.numbers},
+        )
+
+
+def with_gear(robot: Robot, joint: str, numbers: Mapping[str, float]) -> Robot:
+    """Return a robot with some numbers of one gear changed, by their names in the transmission."""
+    gears, gear = robot.transmission, robot.transmission.index(joint)
+    changes = {name: np.array(getattr(gears, name)) for name in numbers}
+    for name, value in numbers.items():
+        changes[name][gear] = value
+    return robot.with_transmission(gears.replace(**changes))

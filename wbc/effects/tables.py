@@ -29,27 +29,21 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.compiled import Dense, Nothing, Number, OutRow, Row, Table, compiled
 from wbc.effects.catalogue import EFFECTS
-from wbc.effects.drive import torque_ripple
-from wbc.effects.drive.current_limit import CurrentLimit
-from wbc.effects.drive.torque_constant import TorqueConstant
-from wbc.effects.drive.torque_offset import TorqueOffset
-from wbc.effects.drive.torque_ripple import TorqueRipple
+from wbc.effects.drive import CurrentLimit, TorqueConstant, TorqueOffset
 from wbc.effects.friction import (
-    directional_viscous_friction,
-    load_stribeck_friction,
-    quadratic_drag,
-    stribeck_friction,
-    viscous_friction,
+    CoulombFriction,
+    DirectionalViscousFriction,
+    QuadraticDrag,
+    StribeckFriction,
+    ViscousFriction,
+    directional,
+    quadratic,
+    stribeck_level,
+    viscous,
 )
-from wbc.effects.friction.coulomb_friction import CoulombFriction
-from wbc.effects.friction.directional_viscous_friction import DirectionalViscousFriction
-from wbc.effects.friction.load_stribeck_friction import LoadStribeckFriction
-from wbc.effects.friction.quadratic_drag import QuadraticDrag
-from wbc.effects.friction.stribeck_friction import StribeckFriction
-from wbc.effects.friction.viscous_friction import ViscousFriction
+from wbc.effects.gear_losses import LoadStribeckFriction, extra_share
 from wbc.effects.joint_effect import JointEffect, Rows
-from wbc.effects.links import joint_spring
-from wbc.effects.links.joint_spring import JointSpring
+from wbc.effects.position_torques import JointSpring, TorqueRipple, ripple, spring
 from wbc.robot import Effect, Motion, Robot
 
 LAW, POSITION, VELOCITY = range(3)
@@ -275,13 +269,13 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
     return [smooth, dry, added, torque, command, *eta, shown.position, seen.position]
 
 
-_viscous = compiled(Number, Number, Number)(viscous_friction.torque)
-_directional = compiled(Number, Number, Number, Number)(directional_viscous_friction.torque)
-_quadratic = compiled(Number, Number, Number)(quadratic_drag.torque)
-_spring = compiled(Number, Number, Number, Number)(joint_spring.torque)
-_ripple = compiled(Number, Number, Number, Number, Number)(torque_ripple.torque)
-_stribeck = compiled(Number, Number, Number, Number)(stribeck_friction.level_at)
-_extra_share = compiled(Number, Number, Number, Number)(load_stribeck_friction.extra_share)
+_viscous = compiled(Number, Number, Number)(viscous)
+_directional = compiled(Number, Number, Number, Number)(directional)
+_quadratic = compiled(Number, Number, Number)(quadratic)
+_spring = compiled(Number, Number, Number, Number)(spring)
+_ripple = compiled(Number, Number, Number, Number, Number)(ripple)
+_stribeck = compiled(Number, Number, Number, Number)(stribeck_level)
+_extra_share = compiled(Number, Number, Number, Number)(extra_share)
 
 
 @compiled(Nothing, Table, Dense, Row, Row, OutRow, OutRow, counted=False)

@@ -20,7 +20,7 @@ from itertools import product
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.effects.drive.actuation_delay import ActuationDelay
+from wbc.effects.drive import ActuationDelay
 from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.folds import ROWS_PER_SAMPLE, correlated_rows

@@ -12,11 +12,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.effects.friction.coulomb_friction import CoulombFriction
-from wbc.effects.friction.load_friction import LoadFriction
-from wbc.effects.friction.stribeck_friction import StribeckFriction
-from wbc.effects.friction.viscous_friction import ViscousFriction
-from wbc.effects.links.gravity_direction import GravityDirection
+from wbc.effects.friction import CoulombFriction, StribeckFriction, ViscousFriction
+from wbc.effects.gear_losses import LoadFriction
+from wbc.effects.links import GravityDirection
 from wbc.errors import IdentificationError, unknown_name
 from wbc.files import as_json
 from wbc.identification.records.log_checks import require_robot_and_logs

@@ -18,7 +18,7 @@ from wbc.robot.model import BodySurface, ContactPoint, FreeBody, LinkSolid, Roto
 from wbc.robot.motion import Memory, Motion
 from wbc.robot.parameter import Parameter, Usual
 from wbc.robot.robot import Robot, RobotSource
-from wbc.robot.search import Evidence, Quantity, Screen, SearchOffer, small_steps, usual_cost
+from wbc.robot.search import Evidence, Quantity, Screen, SearchOffer, usual_cost
 
 __all__ = [
     "BaseState",
@@ -57,7 +57,6 @@ __all__ = [
     "read_description",
     "robot_names",
     "robots_directory",
-    "small_steps",
     "state_gear",
     "usual_cost",
     "with_gear_numbers",

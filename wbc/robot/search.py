@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.robot.motion import Motion
-from wbc.robot.parameter import Parameter
 
 if TYPE_CHECKING:
     from wbc.robot.effect import Effect
@@ -69,6 +68,25 @@ class Screen:
 
         return cls((chosen,), combine, options, expected=1.0)
 
+    @classmethod
+    def shapes(
+        cls, linear: str, shape: str, tried: Iterable[float], step: float = 1.0
+    ) -> tuple[Screen, ...]:
+        """Return the screens of an effect with two parameters, one per value of its shape.
+
+        Args:
+            linear: name of the parameter in which it is linear.
+            shape: name of the other one.
+            tried: its values.
+            step: the unit of the linear one.
+        """
+
+        def screen(value: float) -> Screen:
+            unit = {linear: step, shape: value}
+            return cls((unit,), lambda c: {linear: step * float(c[0]), shape: value})
+
+        return tuple(screen(float(value)) for value in tried)
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -85,15 +103,13 @@ class Quantity:
     instead: str = ""
 
 
-def small_steps(parameters: Sequence[Parameter], null: Mapping[str, float]) -> tuple[Screen, ...]:
-    """Return the screen of a small step of every parameter that is no shape, none without any.
-
-    Args:
-        parameters: of an effect.
-        null: the values with which it changes nothing.
-    """
+def small_steps(
+    kind: type[Effect], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return the screen of a small step of every parameter that is no shape, none without any."""
+    null = kind.null_values(robot, where)
     steps: dict[str, float] = {}
-    for parameter in parameters:
+    for parameter in kind.at(where, null).parameters:
         if not parameter.shape:
             step = 1e-3 * parameter.scale
             inside = null[parameter.name] + step <= parameter.high
@@ -105,12 +121,6 @@ def small_steps(parameters: Sequence[Parameter], null: Mapping[str, float]) -> t
 
     units = tuple({**null, name: null[name] + step} for name, step in steps.items())
     return (Screen(units, combine),) if units else ()
-
-
-def _screens(
-    kind: type[Effect], robot: Robot, where: str, evidence: Evidence
-) -> tuple[Screen, ...]:
-    return small_steps(kind.parameters, kind.null_values(robot, where))
 
 
 def usual_cost(effect: Effect) -> float:
@@ -164,7 +174,7 @@ class SearchOffer:
     claims: int = 1
     near_rest: bool = False
     inseparable: Mapping[str, str] = field(default_factory=dict)
-    screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = _screens
+    screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
     recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True
     implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = lambda effect, robot, seen: (
         usual_cost(effect)

@@ -14,8 +14,8 @@ from wbc.effects import (
     TorqueConstant,
     load_robot,
 )
-from wbc.effects.links.inertia import add_point_mass
-from wbc.effects.links.pseudo_inertia import lower
+from wbc.effects.link_inertias import lower
+from wbc.effects.links import add_point_mass
 from wbc.identification import diagnose
 from wbc.sim.excitation import record_with
 

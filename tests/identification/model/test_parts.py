@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from tests.recover.plant import Lane, dragging_knee, recorded
 from wbc.effects import load_robot
-from wbc.effects.drive.periodicity import strongest_orders
+from wbc.effects.position_torques import strongest_orders
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.design_matrix import DesignMatrix

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.gear.yielding_gear import YieldingGear
+from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.doubts import absent_ties, disagreements
 from wbc.identification.answer.ranking import Correlation

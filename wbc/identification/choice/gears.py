@@ -8,8 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from wbc.effects.gear.joint_compliance import JointCompliance
-from wbc.effects.gear.yielding_gear import Side, YieldingGear
+from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit

@@ -6,16 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.effects.drive.rotor_inertia import RotorInertia
-from wbc.effects.drive.torque_constant import TorqueConstant
-from wbc.effects.drive.torque_offset import TorqueOffset
-from wbc.effects.friction.coulomb_friction import CoulombFriction
-from wbc.effects.friction.load_friction import LoadFriction
-from wbc.effects.friction.rotor_coulomb_friction import RotorCoulombFriction
-from wbc.effects.friction.rotor_viscous_friction import RotorViscousFriction
-from wbc.effects.friction.viscous_friction import ViscousFriction
-from wbc.effects.links.link_inertia import LinkInertia
-from wbc.effects.links.link_inertias import LinkInertias
+from wbc.effects.drive import RotorInertia, TorqueConstant, TorqueOffset
+from wbc.effects.friction import (
+    CoulombFriction,
+    RotorCoulombFriction,
+    RotorViscousFriction,
+    ViscousFriction,
+)
+from wbc.effects.gear_losses import LoadFriction
+from wbc.effects.link_inertias import LinkInertia, LinkInertias
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
-from wbc.effects.drive.periodicity import strongest_orders
+from wbc.effects.position_torques import strongest_orders
 from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.effects.gear.yielding_gear import Side, YieldingGear
+from wbc.effects.yielding_gear import Side, YieldingGear
 from wbc.identification.drive_times import (
     about_drive_times,
     missed_by_times,

@@ -1,1 +1,0 @@
-"""Torques given as formulas: the effect, and the grammar of its terms."""

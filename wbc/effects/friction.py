@@ -1,0 +1,376 @@
+"""Friction of bearings, seals and grease at a joint, or at a motor that several joints turn."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.effects.joint_effect import GearNumbers, JointEffect
+from wbc.errors import EffectError, unknown_name
+from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
+
+
+def viscous(v: FloatArray, coefficient: float) -> FloatArray:
+    """Return -coefficient * v (...) [N m]."""
+    return -coefficient * v
+
+
+@final
+@dataclass(frozen=True)
+class ViscousFriction(JointEffect):
+    """A torque -coefficient * v at a joint.
+
+    Attributes:
+        coefficient: [N m s/rad], at the joint.
+    """
+
+    coefficient: float
+
+    needs_drive = False
+    name = "viscous_friction"
+    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
+    explanation = (
+        "Lubricant is sheared in bearings and gears: the loss grows in proportion to speed."
+    )
+    experiment = (
+        "Move the joint at several constant speeds in both directions, slow to fast: the "
+        "extra torque lies on a straight line through zero."
+    )
+    search = SearchOffer(expected=2.0)
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return -coefficient * v at the joint, (..., nv) [N m]."""
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, viscous(speed, self.coefficient))
+
+
+def directional(v: FloatArray, positive: float, negative: float) -> FloatArray:
+    """Return -positive * v (...) [N m] where v > 0 and -negative * v where v < 0."""
+    return -(positive * np.maximum(v, 0.0) + negative * np.minimum(v, 0.0))
+
+
+def _directional_recognisable(
+    effect: DirectionalViscousFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the joint moved in both directions: in one alone this is viscous friction."""
+    speeds = np.concatenate([effect.joint_velocity(robot, motion) for motion in motions])
+    return bool(np.min(speeds) < 0.0 < np.max(speeds))
+
+
+@final
+@dataclass(frozen=True)
+class DirectionalViscousFriction(JointEffect):
+    """A torque -positive_direction * v at a joint for v > 0 and -negative_direction * v for v < 0.
+
+    With both equal it is viscous friction.
+
+    Attributes:
+        positive_direction, negative_direction: [N m s/rad], at the joint.
+    """
+
+    positive_direction: float
+    negative_direction: float
+
+    name = "directional_viscous_friction"
+    parameters = (
+        Parameter("positive_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+        Parameter("negative_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+    )
+    explanation = (
+        "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
+        "motion than in the other."
+    )
+    experiment = (
+        "Move the joint at several constant speeds in both directions: the extra torque lies on "
+        "two straight lines through zero, one per direction, of different slope."
+    )
+    search = SearchOffer(
+        claims=2,  # friction, and that it differs by direction
+        recognisable=_directional_recognisable,
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the torque at the joint, (..., nv) [N m]."""
+        v = self.joint_velocity(robot, motion)
+        drag = directional(v, self.positive_direction, self.negative_direction)
+        return self.on_joint(robot, motion, drag)
+
+
+_REFERENCE = 40.0  # [deg C], at which ISO 3448 gives the viscosity of lubricants
+# Oils and greases halve their viscosity every 12 to 45 K near 40 deg C (ASTM D341 for the
+# viscosity indices 0 to 200); a fit goes on between these.
+_RATES = (0.015, 0.03, 0.06)  # [1/K]
+
+
+def _thermal_screens(
+    kind: type[ThermalViscousFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per usual rate; none where no temperature was logged or it stayed."""
+    warmest, coldest = _temperatures(robot, where, evidence.motions)
+    return Screen.shapes("coefficient", "rate", _RATES if warmest > coldest else ())
+
+
+def _thermal_recognisable(
+    effect: ThermalViscousFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the temperature changed: at one temperature this is viscous friction."""
+    warmest, coldest = _temperatures(robot, effect.where, motions)
+    return warmest > coldest
+
+
+@final
+@dataclass(frozen=True)
+class ThermalViscousFriction(JointEffect):
+    """A torque -coefficient * exp(-rate (T - 40 deg C)) * v at a joint (Reynolds' viscosity).
+
+    T is the motor's temperature, the column `<joint>.temperature` of a log. Where no temperature
+    is known, it is taken for 40 deg C and this is viscous friction.
+
+    Attributes:
+        coefficient: [N m s/rad] at 40 deg C, at the joint.
+        rate: share of the friction lost per kelvin [1/K].
+    """
+
+    coefficient: float
+    rate: float
+
+    name = "thermal_viscous_friction"
+    parameters = (
+        Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
+        Parameter("rate", "1/K", 0.03, 0.0, 0.3, 0.01, shape=True),
+    )
+    explanation = (
+        "Cold lubricant is thick: its drag falls as the gear warms up, by half within about "
+        "twenty kelvins."
+    )
+    experiment = (
+        "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
+        "slope of the torque over the speed falls with temperature."
+    )
+    search = SearchOffer(
+        claims=2,  # friction, and that it falls with temperature
+        screens=_thermal_screens,
+        recognisable=_thermal_recognisable,
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the torque at the joint, (..., nv) [N m]."""
+        drag = self.coefficient * self.joint_velocity(robot, motion)
+        if motion.temperature is not None:
+            warm = motion.temperature[..., self.gear(robot)] - _REFERENCE
+            drag = drag * np.exp(-self.rate * warm)
+        return self.on_joint(robot, motion, -drag)
+
+
+def _temperatures(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
+    """Return the highest and lowest temperature [deg C] of a motor, equal where not all know it."""
+    column = robot.transmission.index(where)
+    seen = [motion.temperature for motion in motions]
+    known = [values[..., column] for values in seen if values is not None]
+    if len(known) < len(seen) or not known:
+        return _REFERENCE, _REFERENCE
+    return max(float(t.max()) for t in known), min(float(t.min()) for t in known)
+
+
+def quadratic(v: FloatArray, coefficient: float) -> FloatArray:
+    """Return -coefficient * |v| v (...) [N m]."""
+    return -coefficient * np.abs(v) * v
+
+
+@final
+@dataclass(frozen=True)
+class QuadraticDrag(JointEffect):
+    """A torque -coefficient * |v| v at a joint.
+
+    Attributes:
+        coefficient: [N m s^2/rad^2], at the joint.
+    """
+
+    coefficient: float
+
+    name = "quadratic_drag"
+    parameters = (Parameter("coefficient", "N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05),)
+    explanation = "Air or churned oil is thrown aside: the loss grows with the square of speed."
+    experiment = (
+        "Move the joint at several constant speeds up to the fastest: torque over speed rises "
+        "in a straight line instead of being constant."
+    )
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return -coefficient * |v| v at the joint, (..., nv) [N m]."""
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, quadratic(speed, self.coefficient))
+
+
+@final
+@dataclass(frozen=True)
+class CoulombFriction(JointEffect):
+    """Dry friction at a joint: -level * sgn(v), anything between at rest.
+
+    Attributes:
+        level: [N m], at the joint.
+    """
+
+    level: float
+
+    needs_drive = False
+    name = "coulomb_friction"
+    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
+    explanation = (
+        "Surfaces rub in bearings and seals: a torque of constant size opposes any motion, "
+        "and holds the joint at rest."
+    )
+    experiment = (
+        "Move the joint slowly back and forth through the same positions: the torque of the "
+        "two directions differs by a constant, whatever the load."
+    )
+    search = SearchOffer(expected=2.0)
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the level at the joint, (..., nv) [N m]."""
+        return self.on_joint(robot, motion, self.level)
+
+
+def stribeck_level(v: FloatArray, level: float, speed: float) -> FloatArray:
+    """Return level * exp(-(v/speed)^2) (...) [N m]."""
+    return level * np.exp(-((v / speed) ** 2))
+
+
+def _stribeck_screens(
+    kind: type[StribeckFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
+    row = robot.velocity_index(where)
+    seen = np.concatenate([np.abs(motion.velocity[:, row]) for motion in evidence.motions])
+    usual = float(np.sqrt(np.mean(seen**2)))
+    speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
+    return Screen.shapes("level", "speed", speeds if usual > 0.0 else ())
+
+
+def _stribeck_recognisable(
+    effect: StribeckFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the joint passed twice the Stribeck speed: below it this is Coulomb friction."""
+    fastest = max(np.abs(effect.joint_velocity(robot, motion)).max() for motion in motions)
+    return bool(2.0 * effect.speed < fastest)
+
+
+@final
+@dataclass(frozen=True)
+class StribeckFriction(JointEffect):
+    """Extra dry friction near rest: level * exp(-(v/speed)^2) (Armstrong's form, exponent 2).
+
+    It comes on top of Coulomb friction, which it exceeds only below a few times `speed`.
+
+    Attributes:
+        level: [N m] at zero speed, at the joint.
+        speed: Stribeck speed [rad/s].
+    """
+
+    level: float
+    speed: float
+
+    name = "stribeck_friction"
+    parameters = (
+        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
+        Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
+    )
+    explanation = (
+        "At low speed the lubricant film breaks and metal touches metal: friction falls as "
+        "the joint picks up speed."
+    )
+    experiment = (
+        "Move the joint through standstill very slowly, then at growing speeds: the torque "
+        "first falls with speed, then rises."
+    )
+    search = SearchOffer(
+        near_rest=True, screens=_stribeck_screens, recognisable=_stribeck_recognisable
+    )
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the level at the present speed, (..., nv) [N m]."""
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, stribeck_level(speed, self.level, self.speed))
+
+
+@dataclass(frozen=True)
+class CoupledRotorNumber(GearNumbers, ABC):
+    """Base of the effects whose place is a motor that several joints turn.
+
+    Where a motor turns with its joint alone, what happens at the motor cannot be told from what
+    happens at the joint, and the effects of the joint stand for both; a torque sensor behind the
+    gear tells the two apart.
+    """
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """Every gear that a topology D couples, or with a torque sensor, by its joint's name."""
+        gears = robot.transmission
+        coupled = np.count_nonzero(gears.motor_from_joint, axis=1) > 1
+        coupled[robot.sensed] = True
+        return tuple(joint for joint, yes in zip(gears.joints, coupled, strict=True) if yes)
+
+    def check_place(self, robot: Robot) -> None:
+        """Raise EffectError unless `where` is a driven joint.
+
+        A robot keeps what its sensors showed when it is used without them.
+        """
+        joints = robot.transmission.joints
+        if self.where not in joints:
+            raise EffectError(unknown_name(f"place for {self.name}", self.where, joints))
+
+
+@final
+@dataclass(frozen=True)
+class RotorViscousFriction(CoupledRotorNumber):
+    """Friction in proportion to the motor's speed: -coefficient psi_dot at the motor's output.
+
+    Attributes:
+        coefficient: [N m s/rad], at the motor output (N^2 times that on the rotor); replaces the
+            robot's value.
+    """
+
+    coefficient: float
+
+    name = "rotor_viscous_friction"
+    numbers = (("coefficient", "rotor_viscous_friction", 2),)
+    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
+    explanation = (
+        "Grease is sheared on the motor's side of a coupled gear: a torque grows with the speed of "
+        "the motor, which several joints make together."
+    )
+    experiment = (
+        "Move the joints that share the motor one at a time at several speeds, then against one "
+        "another so that the motor stands still: what drags at the motor falls away."
+    )
+    search = SearchOffer(expected=2.0)
+
+
+@final
+@dataclass(frozen=True)
+class RotorCoulombFriction(CoupledRotorNumber):
+    """Dry friction that follows the motor's speed: -level sgn(psi_dot) at the motor's output.
+
+    Attributes:
+        level: [N m], at the motor output (N times that on the rotor); replaces the robot's value.
+    """
+
+    level: float
+
+    name = "rotor_coulomb_friction"
+    numbers = (("level", "rotor_coulomb_friction", 1),)
+    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
+    explanation = (
+        "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
+        "sign with the speed of the motor, which several joints make together."
+    )
+    experiment = (
+        "Move the joints that share the motor one at a time, then against one another so that the "
+        "motor stands still: what rubs at the motor falls away."
+    )
+    search = SearchOffer(expected=2.0)

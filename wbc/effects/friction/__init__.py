@@ -1,1 +1,0 @@
-"""Torques that oppose motion, as functions of speed and load."""

@@ -1,1 +1,0 @@
-"""Masses, springs and gravity of the links."""

@@ -1,0 +1,393 @@
+"""Losses that build up over a small angle after every reversal: bristles that bend (Dahl's model).
+
+dz/dt = (v - |v| z) / length, with z between -1 and 1 in place of the sign of v. The functions take
+the bristles of several places at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray
+from wbc.effects.gear_losses import TransmissionEfficiency
+from wbc.effects.joint_effect import JointEffect
+from wbc.errors import EffectError
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, SearchOffer
+
+_SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
+# Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the
+# bristle never lets go, and acts as a spring does.
+TRAVELS = 3.0
+
+
+def _screens(
+    kind: type[Presliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length, from a small share to a third of the travel."""
+    travel = travel_of(robot, where, evidence.motions)
+    tried = np.minimum(np.multiply(_SHARES, travel), 10.0) if travel > 0.0 else ()
+    return Screen.shapes("level", "length", tried)
+
+
+def _recognisable(effect: Presliding, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether z came close to its end (else it is a spring) and was seen on its way there.
+
+    A length that the joint passes between two samples is Coulomb friction.
+    """
+    steps = [np.abs(np.diff(effect.joint_position(robot, motion))) for motion in motions]
+    slow = float(np.median(np.concatenate(steps)))
+    travel = travel_of(robot, effect.where, motions)
+    return bool(slow < effect.length < travel / TRAVELS)
+
+
+@final
+@dataclass(frozen=True)
+class Presliding(JointEffect):
+    """Friction -level * z of bristles that bend: dz/dt = (v - |v| z) / length (Dahl's model).
+
+    z lies between -1 and 1. It follows the direction of the motion over `length`; where that goes
+    to zero this is Coulomb friction. The bristles store level * length * z^2 / 2 and lose
+    level * |v| * z^2: just after a reversal they give energy back.
+
+    A simulator carries z from step to step, from z = 0. Along a log, z follows from the series,
+    from z = 0 at its start. Where a single sample is all that is known (a controller), the effect
+    acts as its limit, Coulomb friction of the same level.
+
+    Attributes:
+        level: [N m], after a long way in one direction.
+        length: h [rad], or [m] at a joint that slides: the way over which the friction builds up.
+            A length of zero is Coulomb friction.
+    """
+
+    level: float
+    length: float
+
+    name = "presliding"
+    parameters = (
+        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
+        Parameter("length", "rad", 0.02, 0.0, 10.0, 0.02, shape=True),
+    )
+    explanation = (
+        "Surfaces in contact, seals and preloaded teeth first bend before they slide: after every "
+        "reversal the friction builds up over a small angle."
+    )
+    experiment = (
+        "Move the joint slowly back and forth over ranges from very small to large: the torque "
+        "over the position is a loop whose corners are round, the same at every speed."
+    )
+    search = SearchOffer(screens=_screens, recognisable=_recognisable)
+
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return z, (1,) or (1, k), of bristles that do not bend."""
+        return np.zeros((1, *np.shape(self.level)))
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return z, (1,) or (1, k), at the end of a step."""
+        if motion.memory is None:
+            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
+        return np.array([self._bent(robot, motion, motion.memory)])
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return -level * z at the joint, (..., nv) [N m]; None where z is not known."""
+        if motion.memory is not None:
+            bent = self._bent(robot, motion, motion.memory)
+            return self.on_joint(robot, motion, -self.level * bent)
+        if not self._is_series(motion):
+            return None
+        from wbc.effects.bristle_series import bent_along  # it loads the compiler
+
+        series = bent_along(self.joint_position(robot, motion), self.length)
+        return self.on_joint(robot, motion, -self.level * series)
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return the level (..., nv) [N m] where z is not known: the limit of a short length."""
+        if motion.memory is not None or self._is_series(motion):
+            return None
+        return self.on_joint(robot, motion, self.level)
+
+    def _is_series(self, motion: Motion) -> bool:
+        known = motion.time is not None and motion.velocity.ndim == 2
+        return known and bool(np.all(np.greater(self.length, 0.0)))
+
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return what bristles stored and lost over a step [J]."""
+        if motion.memory is None:
+            return None
+        z, speed = self._bent(robot, motion, motion.memory), self.joint_velocity(robot, motion)
+        bent = np.reshape(motion.memory.value[0], z.shape), z
+        work = self.level * z * speed * motion.memory.step
+        return energy_of_step(bent, (self.level, self.level), self.length, work)
+
+    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> FloatArray:
+        """Return z, () or (k,), at the end of a simulator's step."""
+
+        def inertia() -> FloatArray:
+            return inertia_along(robot, motion, np.eye(robot.model.nv)[self.velocity_row(robot)])
+
+        speed = self.joint_velocity(robot, motion)
+        return stepped(memory, speed, np.asarray(self.level), self.length, inertia)
+
+
+def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
+    """Return the range of positions that a joint passed in one of the motions [rad or m]."""
+    row = robot.position_index(where)
+    return max(float(np.ptp(motion.position[:, row])) for motion in motions)
+
+
+_FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
+_LOAD_SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
+
+
+def _load_freedom(effect: LoadPresliding) -> int:
+    """The length, and the numbers that the efficiencies are."""
+    return 1 + TransmissionEfficiency.search.freedom(effect._efficiencies)
+
+
+def _load_screens(
+    kind: type[LoadPresliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
+    null = kind.null_values(robot, where)
+    travel = travel_of(robot, where, evidence.motions)
+    if travel == 0.0 or null["backward_efficiency"] <= 0.0:
+        return ()
+    _, free = TransmissionEfficiency.search.screens(TransmissionEfficiency, robot, where, evidence)
+    lengths = [min(share * travel, 10.0) for share in _LOAD_SHARES]
+
+    def screen(length: float) -> Screen:
+        units = tuple({**unit, "length": length} for unit in free.units)
+        return Screen(units, lambda c: {**free.combine(c), "length": length})
+
+    found = [screen(length) for length in lengths]
+    if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
+        bent = [{**null, "length": length} for length in lengths]
+        found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
+    return tuple(found)
+
+
+def _load_recognisable(effect: LoadPresliding, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether z came close to its end and was seen on its way there."""
+    steps = [np.abs(np.diff(effect.joint_position(robot, motion))) for motion in motions]
+    slow = float(np.median(np.concatenate(steps)))
+    return bool(slow < effect.length < travel_of(robot, effect.where, motions) / TRAVELS)
+
+
+@final
+@dataclass(frozen=True)
+class LoadPresliding(JointEffect):
+    """Efficiencies of a gear of which the sign of the speed is replaced by a state z.
+
+    t = T + mean |T| z + difference T z^2,  dz/dt = (w - |w| z) / length,
+
+    with t and T the torques into and out of the mesh and w the speed of its output. At z = +-1
+    this is the gear with 1/eta_f = 1 + mean + difference, eta_b = 1 - mean + difference; where the
+    length goes to zero it always is (`TransmissionEfficiency`). Bristles hold
+    mean |T| length z^2 / 2.
+
+    A simulator carries z from step to step, from z = 0, and solves for T and the loss together;
+    in impacts such a gear loses nothing. Along a log, z follows from the series, from z = 0 at its
+    start. Where a single sample is all that is known (a controller), the gear has its efficiencies.
+
+    Attributes:
+        forward_efficiency: eta_f; replaces the robot's value.
+        backward_efficiency: eta_b > 0; likewise.
+        length: h [rad] at the gear's output: the way over which the losses build up.
+    """
+
+    forward_efficiency: float
+    backward_efficiency: float
+    length: float
+
+    name = "load_presliding"
+    parameters = (
+        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
+        Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD),
+        Parameter("length", "rad", 0.0, 0.0, 10.0, 0.02, shape=True),
+    )
+    explanation = (
+        "Teeth and rollers under load first bend before they slide: what the gear loses builds up "
+        "over a small angle after every reversal, in proportion to the load."
+    )
+    experiment = (
+        "Move the joint slowly back and forth over small and large ranges with two known weights: "
+        "the loops of torque over position have round corners and grow with the weight."
+    )
+    search = SearchOffer(
+        claims=2,  # losses, and that they build up
+        freedom=_load_freedom,
+        screens=_load_screens,
+        recognisable=_load_recognisable,
+    )
+
+    @classmethod
+    def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
+        """Return the robot's present efficiencies, without a length."""
+        return {**TransmissionEfficiency.null_values(robot, where), "length": 0.0}
+
+    def change(self, robot: Robot) -> Robot:
+        """Return the robot with these efficiencies, the limit of a short length."""
+        return self._efficiencies.change(robot)
+
+    def meshed(
+        self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
+    ) -> FloatArray:
+        """Return t (..., m) [N m] with this gear's column by z along a log."""
+        if motion.time is None or motion.velocity.ndim != 2 or np.all(self.length == 0.0):
+            return mesh
+        gear = self.gear(robot)
+        turned = motion.position[:, robot.actuated_position] @ self._row(robot).T
+        from wbc.effects.bristle_series import bent_along  # it loads the compiler
+
+        series = bent_along(turned, self.length)
+        result = np.array(mesh)
+        result[:, gear] = output[:, gear] + self._loss(robot, output[:, gear], series)
+        return result
+
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return z of unbent bristles, and the T [N m] that they carry: (2,) or (2, k)."""
+        return np.zeros((2, *np.shape(self.length)))
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return z and T, (2,) or (2, k), at the end of a step."""
+        if motion.memory is None:
+            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
+        return np.array(self._stepped(robot, motion, motion.memory))
+
+    def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
+        """Return what the loss takes from the rotors (m,) in a simulator's step; None elsewhere."""
+        if motion.memory is None:
+            return None
+        z, load = self._stepped(robot, motion, motion.memory)
+        ratio = robot.transmission.gear_ratio[self.gear(robot)]
+        return self.on_rotor(robot, motion, -self._loss(robot, load, z) / ratio)
+
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return what bristles stored and lost over a step [J]."""
+        memory = motion.memory
+        if memory is None:
+            return None
+        z, load = self._stepped(robot, motion, memory)
+        work = self._loss(robot, load, z) * self._speed(robot, motion) * memory.step
+        mean, _ = self._coefficients(robot)
+        before, earlier = (np.reshape(row, z.shape) for row in memory.value)
+        levels = mean * np.abs(earlier), mean * np.abs(load)
+        return energy_of_step((before, z), levels, self.length, work)
+
+    @property
+    def _efficiencies(self) -> TransmissionEfficiency:
+        return TransmissionEfficiency(self.where, self.forward_efficiency, self.backward_efficiency)
+
+    def _coefficients(self, robot: Robot) -> tuple[FloatArray, FloatArray]:
+        """Return mean and difference, of all that the gear loses."""
+        gears, gear = robot.transmission, self.gear(robot)
+        inverse, backward = 1.0 / gears.forward_efficiency[gear], gears.backward_efficiency[gear]
+        return 0.5 * (inverse - backward), 0.5 * (inverse + backward) - 1.0
+
+    def _loss(self, robot: Robot, load: FloatArray, bent: FloatArray) -> FloatArray:
+        """Return t - T (...) [N m] for T and z (...)."""
+        mean, difference = self._coefficients(robot)
+        return np.asarray(mean * np.abs(load) * bent + difference * load * bent**2)
+
+    def _row(self, robot: Robot) -> FloatArray:
+        """Return (m,) or (k, m) how the gear's output turns with the driven joints."""
+        return np.asarray(robot.transmission.motor_from_joint[self.gear(robot)])
+
+    def _speed(self, robot: Robot, motion: Motion) -> FloatArray:
+        return np.asarray(self._row(robot) @ motion.velocity[robot.actuated])
+
+    def _stepped(
+        self, robot: Robot, motion: Motion, memory: Memory
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return z, () or (k,), at the end of a simulator's step, and T [N m] during it."""
+        speed = self._speed(robot, motion)
+        load = np.reshape(memory.value[1], speed.shape)
+        if motion.mesh_torque is not None:
+            load = np.asarray(motion.mesh_torque[self.gear(robot)])
+        mean, _ = self._coefficients(robot)
+
+        def inertia() -> FloatArray:
+            direction = np.zeros((*speed.shape, robot.model.nv))
+            direction[..., robot.actuated] = self._row(robot)
+            return inertia_along(robot, motion, direction)
+
+        return stepped(memory, speed, mean * np.abs(load), self.length, inertia), load
+
+
+def bent_after(before: FloatArray, way: FloatArray, length: FloatArray) -> FloatArray:
+    """Return z (...) after a way [rad] in one direction from z = `before`: exact."""
+    end = np.sign(way)
+    # Where the length is zero the bristle follows at once.
+    gone = np.abs(way) / np.where(length > 0.0, length, np.finfo(np.float64).tiny)
+    return np.asarray(np.where(end == 0.0, before, end + (before - end) * np.exp(-gone)))
+
+
+def stepped(
+    memory: Memory,
+    speed: FloatArray,
+    level: FloatArray,
+    length: ArrayLike,
+    inertia: Callable[[], FloatArray],
+) -> FloatArray:
+    """Return z (...) at the end of a simulator's step.
+
+    dz/dt is solved exactly for the step's speed, so z stays within -1 and 1 for any step. The
+    torque is that of this z, so bristles act as a spring of stiffness level / length does in
+    semi-implicit Euler: stable up to 4 inertia / step^2. Bristles stiffer than a quarter of that
+    are replaced by the stiffest that the step can carry; smaller steps take them back.
+
+    Args:
+        memory: z first in its value.
+        speed: (...) [rad/s], the step's.
+        level: (...) [N m] of the friction at z = 1.
+        length: (...) [rad].
+        inertia: returns (...) [kg m^2] that the friction acts on; asked where something bends.
+    """
+    before = np.reshape(memory.value[0], np.shape(speed))
+    bends = (level != 0.0) & (speed != 0.0)
+    if not np.any(bends):
+        return before
+    softest = np.maximum(length, level * memory.step**2 / inertia())
+    return np.where(bends, bent_after(before, speed * memory.step, softest), before)
+
+
+def inertia_along(robot: Robot, motion: Motion, direction: FloatArray) -> FloatArray:
+    """Return the inertia (...) [kg m^2] that a torque along `direction` (..., nv) accelerates.
+
+    The torque acts alone.
+    """
+    model, gears = robot.model, robot.transmission
+    inertia = pin.crba(model, model.createData(), motion.position, pin.Convention.WORLD)
+    inertia = np.triu(inertia) + np.triu(inertia, 1).T
+    rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
+    inertia[np.ix_(robot.actuated, robot.actuated)] += rotors
+    moved = np.linalg.solve(inertia, direction.T).T
+    return np.asarray(1.0 / np.sum(direction * moved, axis=-1))
+
+
+def energy_of_step(
+    bent: tuple[FloatArray, FloatArray],
+    level: tuple[ArrayLike, ArrayLike],
+    length: ArrayLike,
+    work: FloatArray,
+) -> MemoryEnergy:
+    """Return where `work` (...) [J] went that bristles took over a step, all of them together.
+
+    They store level * length * z^2 / 2: by bending, and where the level changes under them.
+
+    Args:
+        bent: z (...) before and after.
+        level: (...) [N m] before and after.
+        length: (...) [rad].
+        work: friction torque times way [J].
+    """
+    reloaded = 0.5 * np.multiply(length, np.subtract(level[1], level[0])) * bent[0] ** 2
+    bending = 0.5 * np.multiply(length, level[1]) * (bent[1] ** 2 - bent[0] ** 2)
+    lost = np.maximum(work - bending, 0.0)
+    sums = (float(np.sum(part)) for part in (bending + reloaded, reloaded, lost))
+    return MemoryEnergy(*sums)

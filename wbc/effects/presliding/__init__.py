@@ -1,1 +1,0 @@
-"""Friction that remembers: bristles that bend before a joint slides."""

@@ -1,1 +1,0 @@
-"""Sensors that report something else than what is true."""
