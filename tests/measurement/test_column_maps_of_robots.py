@@ -19,7 +19,7 @@ from wbc.measurement import (
     load_logs,
     low_pass,
 )
-from wbc.robot.loading.library import robots_directory
+from wbc.robot.library import robots_directory
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
 

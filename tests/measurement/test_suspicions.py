@@ -25,7 +25,7 @@ from wbc.measurement import (
     together,
 )
 from wbc.robot import Motion, Robot
-from wbc.robot.loading.library import robots_directory
+from wbc.robot.library import robots_directory
 
 LEG = load_robot("planar_leg_fixed").lossless()
 RECORDED = {

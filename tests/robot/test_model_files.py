@@ -12,7 +12,7 @@ from wbc.control import Controller, PostureTask, RotorTorqueLimit
 from wbc.control import JointLimit as Limit
 from wbc.errors import RobotError
 from wbc.robot import Motion
-from wbc.robot.loading.model_file import read_model
+from wbc.robot.model_file import read_model
 from wbc.sim import Plant
 
 _LINK = (

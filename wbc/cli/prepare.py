@@ -32,7 +32,7 @@ from wbc.measurement.guess import (
     write_robot,
 )
 from wbc.measurement.robot_checks import told_by_rows
-from wbc.robot.loading.model_file import left_out
+from wbc.robot.model_file import left_out
 from wbc.view.rows import clock_rows, joint_rows, short_label
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")

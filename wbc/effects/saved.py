@@ -22,8 +22,8 @@ from wbc.robot import (
     read_description,
     with_gear_numbers,
 )
-from wbc.robot.loading.table import to_si
 from wbc.robot.robot import RobotSource
+from wbc.robot.table import number_in
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")
 
@@ -71,18 +71,16 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
             raise RobotError(f"{path}: an entry of [[effects]] lacks the key '{key}'.")
     kind, where = effect_class(str(entry["effect"])), str(entry["where"])
     units = {parameter.name: parameter.unit for parameter in kind.parameters}
-    values = {
-        name: _value(number, units.get(name), f"{path}: {kind.name} at '{where}': {name}")
-        for name, number in entry.get("parameters", {}).items()
-    }
+    place, own, values = f"{path}: {kind.name} at '{where}'", {}, {}
+    for name, number in entry.get("parameters", {}).items():
+        if name not in units and isinstance(number, Mapping):  # the effect will know
+            number, own[name] = {**number, "unit": "1"}, number.get("unit")
+        values[name] = number_in(number, units.get(name, "1"), f"{place}: {name}")
     effect = _with_constants(kind.at(where, values), entry, path)
-    for parameter in effect.parameters:
-        number = entry.get("parameters", {}).get(parameter.name)
-        stated = number.get("unit", parameter.unit) if isinstance(number, Mapping) else None
-        if parameter.name not in units and stated not in (None, parameter.unit):
+    for p in effect.parameters:
+        if own.get(p.name) not in (None, p.unit):
             raise RobotError(
-                f"{path}: {kind.name} at '{where}': {parameter.name}: unit '{stated}' stands where "
-                f"[{parameter.unit}] is expected."
+                f"{place}: {p.name}: unit '{own[p.name]}' stands where [{p.unit}] is expected."
             )
     return effect
 
@@ -123,18 +121,6 @@ def _with_constants(effect: Effect, entry: Mapping[str, Any], path: Path) -> Eff
     if side is not None and side not in SIDES:
         raise RobotError(f"{place}: friction_side '{side}' is none of {', '.join(SIDES)}.")
     return replace(effect, **given) if given else effect
-
-
-def _value(number: Any, unit: str | None, place: str) -> float:
-    """Return a parameter in SI; an unknown parameter (no unit) is left for the effect to name."""
-    value, stated = number, unit
-    if isinstance(number, Mapping):
-        if "value" not in number:
-            raise RobotError(f"{place}: the key 'value' is missing.")
-        value, stated = number["value"], number.get("unit", unit)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise RobotError(f"{place}: {value!r} is not a number.")
-    return float(value) if unit is None else to_si(float(value), str(stated), unit, place)
 
 
 def save_robot(

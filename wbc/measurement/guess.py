@@ -31,7 +31,7 @@ from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
 from wbc.measurement.tables import Table
 from wbc.measurement.torque import REPORTED
 from wbc.robot import Robot
-from wbc.robot.loading.model_file import driven_joints, read_model
+from wbc.robot.model_file import driven_joints, read_model
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another

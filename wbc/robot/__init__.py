@@ -1,10 +1,13 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
-from wbc.robot.body_contacts import body_contacts, body_surfaces
-from wbc.robot.effect import ContactForces, Effect, Hook, MemoryEnergy
-from wbc.robot.hulls import Hull, ground_box, hull_of
-from wbc.robot.joint_map import BaseState, JointMap
-from wbc.robot.loading.description import (
+from wbc.robot.body_contacts import (
+    PlacedGeometry,
+    body_contacts,
+    body_surfaces,
+    collision_solids,
+    placed_geometry,
+)
+from wbc.robot.description import (
     RobotDescription,
     bare_robot,
     build_robot,
@@ -12,11 +15,20 @@ from wbc.robot.loading.description import (
     state_gear,
     with_gear_numbers,
 )
-from wbc.robot.loading.library import find_description, robot_names, robots_directory
-from wbc.robot.loading.solids import PlacedGeometry, collision_solids, placed_geometry
+from wbc.robot.effect import (
+    ContactForces,
+    Effect,
+    Hook,
+    Memory,
+    MemoryEnergy,
+    Motion,
+    Parameter,
+    Usual,
+)
+from wbc.robot.hulls import Hull, ground_box, hull_of
+from wbc.robot.joint_map import BaseState, JointMap
+from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.model import BodySurface, ContactPoint, FreeBody, LinkSolid, RotorMounting
-from wbc.robot.motion import Memory, Motion
-from wbc.robot.parameter import Parameter, Usual
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.search import Evidence, Quantity, Screen, SearchOffer, usual_cost
 

@@ -11,12 +11,110 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import EffectError, unknown_name
-from wbc.robot.parameter import Parameter
 from wbc.robot.search import SearchOffer
 
 if TYPE_CHECKING:
-    from wbc.robot.motion import Motion
     from wbc.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Usual:
+    """How the numbers of machines spread: a density that is flat and falls off at both ends.
+
+    Attributes:
+        low, high: range that machines usually have.
+        spread: standard deviation of what lies outside it, of the logarithm if `factor`.
+        factor: whether numbers are compared by their ratio.
+    """
+
+    low: float
+    high: float
+    spread: float
+    factor: bool = False
+
+    def departure(self, value: float) -> float:
+        """Return how many standard deviations a number lies outside the range."""
+        nearest = min(max(value, self.low), self.high)
+        off = float(np.log(value / nearest)) if self.factor else value - nearest
+        return off / self.spread
+
+    def cost(self, value: float) -> float:
+        """Return by how much less likely a number is than one in the range [nats]."""
+        return 0.5 * self.departure(value) ** 2
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: attribute of the effect that holds it.
+        unit: SI unit, "1" for a pure number.
+        null: value at which the effect is not there.
+        low, high: bounds that physics allows and a fit searches.
+        scale: a typical size, also the step of finite differences times 1e-4.
+        shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
+        doubt: share of the number that its model is off by, however long the logs are.
+        usual: what machines have of it, None where any size is as likely.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    scale: float
+    shape: bool = False
+    doubt: float = 0.0
+    usual: Usual | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Memory:
+    """An effect's own state in one step of a simulator.
+
+    Attributes:
+        value: the state at the start of the step, laid out by the effect.
+        step: length of the step [s]; the motion's sample is its middle.
+    """
+
+    value: FloatArray
+    step: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Positions, velocities and what else was known at the same instants.
+
+    Leading axes are free: one sample is (nq,) and (nv,), a whole log is (N, nq) and (N, nv).
+
+    Attributes:
+        position: q (..., nq), pinocchio's configuration vector [m, rad, quaternion].
+        velocity: v (..., nv) [m/s, rad/s].
+        acceleration: a (..., nv), or None where it is not known yet (a simulator's step).
+        time: (...) [s], or None.
+        temperature: (..., m) of the motors [deg C], or None.
+        supply_voltage: (..., m) [V] at the motor drives, or None.
+        feedback_torque: (..., m) on the rotors [N m]: what position drives command because of the
+            motion they measure, not of their target; None where no drive follows a target.
+        mesh_torque: T (..., m) [N m] that the gears give, where a simulator solves for it.
+        memory: own state of the effect that is asked, where a simulator carries it; else None.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray | None = None
+    time: FloatArray | None = None
+    temperature: FloatArray | None = None
+    supply_voltage: FloatArray | None = None
+    feedback_torque: FloatArray | None = None
+    mesh_torque: FloatArray | None = None
+    memory: Memory | None = None
+
+    def replace(self, **changes: Any) -> Motion:
+        """Return a copy with some fields changed."""
+        return replace(self, **changes)
+
 
 Hook = Literal[
     "change",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.errors import RobotError
-from wbc.robot.motion import Motion
+from wbc.robot.effect import Motion
 from wbc.robot.robot import Robot
 
 

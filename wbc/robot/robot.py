@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
 from wbc.errors import RobotError, unknown_name
-from wbc.robot.effect import Effect
+from wbc.robot.effect import Effect, Motion
 from wbc.robot.model import (
     BodySurface,
     ContactPoint,
@@ -24,7 +24,6 @@ from wbc.robot.model import (
     require_sound,
     rotor_mounting,
 )
-from wbc.robot.motion import Motion
 from wbc.transmission import Transmission
 
 _UNMOVED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # q of a free-flyer at the origin

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.robot.motion import Motion
 
 if TYPE_CHECKING:
-    from wbc.robot.effect import Effect
+    from wbc.robot.effect import Effect, Motion
     from wbc.robot.robot import Robot
 
 

@@ -25,7 +25,7 @@ from wbc.control.qp.problem import QPStatus
 from wbc.control.qp.solvers import solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
-from wbc.robot.loading.library import robot_names
+from wbc.robot.library import robot_names
 
 SETTINGS = ControllerSettings()
 

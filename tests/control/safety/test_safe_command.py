@@ -16,7 +16,7 @@ from wbc.control import (
 )
 from wbc.effects import load_robot
 from wbc.robot import Motion
-from wbc.robot.loading.library import robot_names
+from wbc.robot.library import robot_names
 from wbc.sim import Plant
 
 DT = 1e-3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,11 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import RobotError, unknown_name
 from wbc.files import take_schema
-from wbc.robot.loading.library import find_description, find_model, robot_names
-from wbc.robot.loading.model_file import closed_loops, driven_joints, read_model
-from wbc.robot.loading.table import check_keys, number_in, numbers_in, table_in
+from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model import BodySurface, ContactPoint
+from wbc.robot.model_file import closed_loops, driven_joints, read_model
 from wbc.robot.robot import Robot, RobotSource
+from wbc.robot.table import check_keys, flag_in, number_in, numbers_in, table_in
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
 GEAR_UNITS = {
@@ -58,20 +58,7 @@ _TOP_LEVEL = (
     "bodies",
     "poses",
 )
-_LEFT_OUT = {
-    "gear_ratio": 1.0,
-    "forward_efficiency": 1.0,
-    "torque_limit": np.inf,
-    "speed_limit": np.inf,
-    "stiffness": np.inf,
-    "torque_constant": np.nan,
-    "resistance": np.nan,
-    "kp": np.nan,
-    "duty_gain": np.nan,
-    "supply_voltage": np.nan,
-    "target_delay": np.nan,
-    "velocity_lag": np.nan,
-}
+_LEFT_OUT = Transmission(("any",), np.ones(1), np.zeros(1))  # what stands for numbers not given
 _SENSOR = "torque_sensor"  # of a gear: a sensor behind it measures joint_torque
 _ALL = "*"  # [gears."*"]: every joint that a gear can drive
 _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
@@ -147,23 +134,19 @@ def build_robot(description: RobotDescription) -> Robot:
         gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")
         model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
     settings = table_in(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
-    coupling = settings.get("rotor_coupling", False)
-    if not isinstance(coupling, bool):
-        raise RobotError(f"{path}: rotor_coupling: true or false expected, got {coupling!r}.")
-    cut = table.get("cut_loops", False)
-    if not isinstance(cut, bool):
-        raise RobotError(f"{path}: cut_loops: true or false expected, got {cut!r}.")
-    gears = _each(table.get("gears", {}), model)
+    cut = flag_in(table, "cut_loops", f"{path}")
+    gears = _gears(table.get("gears", {}), model, path)
+    only = tuple(j for j, gear in gears.items() if gear.get(_SENSOR) and "gear_ratio" not in gear)
     robot = Robot(
         name=str(table.get("name", path.resolve().parent.name)),
         model=model,
-        transmission=_transmission(gears, settings.get("topology"), path),
+        transmission=_transmission(gears, only, settings.get("topology"), path),
         contacts=_contacts(table.get("contacts", []), path),
-        rotors_turn_with_links=coupling,
+        rotors_turn_with_links=flag_in(settings, "rotor_coupling", f"{path}"),
         source=RobotSource(_source_name(path)),
         notes=notes,
         loops=() if cut or "topology" in settings else closed_loops(file),
-        sensor_only=_sensor_only(gears),
+        sensor_only=only,
         surface=_surface(table.get("bodies", {}), f"{path}: bodies"),
     )
     return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
@@ -176,13 +159,10 @@ def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
         RobotError: a joint, number or unit that does not exist; the message names the place.
         TransmissionError: a number outside its range.
     """
-    if not isinstance(gears, Mapping):
-        raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
     changed = robot.transmission
-    for joint, gear in gears.items():
-        place = f"{path}: gear of '{joint}'"
-        for key in table_in(gear, tuple(GEAR_UNITS), place):
-            value = _gear_number(gear, key, place)
+    for joint, gear in _gear_tables(gears, (), path).items():
+        for key in gear:
+            value = _gear_number(gear, key, f"{path}: gear of '{joint}'")
             changed = changed.with_value(_FIELDS.get(key, key), joint, value)
     return robot.with_transmission(changed)
 
@@ -195,17 +175,34 @@ def _source_name(path: Path) -> str:
     return str(path.resolve())
 
 
-def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
-    if not isinstance(gears, Mapping):
+def _gear_tables(entry: Any, more: tuple[str, ...], path: Path) -> dict[str, Mapping[str, Any]]:
+    """Return the tables [gears.JOINT], with keys that there are: numbers of a gear, and `more`."""
+    if not isinstance(entry, Mapping):
         raise RobotError(f"{path}: gears: one table per driven joint expected, [gears.JOINT].")
-    only = _sensor_only(gears)
+    keys = (*GEAR_UNITS, *more)
+    return {j: table_in(gear, keys, f"{path}: gear of '{j}'") for j, gear in entry.items()}
+
+
+def _gears(entry: Any, model: pin.Model, path: Path) -> dict[str, Mapping[str, Any]]:
+    """Return one table per driven joint: [gears."*"] is that of all joints with one degree.
+
+    The table of a joint of its own adds to it, or replaces its numbers.
+    """
+    own = _gear_tables(entry, ("housing", _SENSOR), path)
+    shared = own.pop(_ALL, None)
+    if shared is not None:
+        own = {joint: {**shared, **own.pop(joint, {})} for joint in driven_joints(model)} | own
+    return own
+
+
+def _transmission(
+    gears: Mapping[str, Mapping[str, Any]], sensor_only: Sequence[str], topology: Any, path: Path
+) -> Transmission:
     for joint, gear in gears.items():
         place = f"{path}: gear of '{joint}'"
-        table_in(gear, (*GEAR_UNITS, "housing", _SENSOR), place)
-        if not isinstance(gear.get(_SENSOR, False), bool):
-            raise RobotError(f"{place}: {_SENSOR}: true or false expected, got {gear[_SENSOR]!r}.")
+        flag_in(gear, _SENSOR, place)
         for key in ("gear_ratio", "rotor_inertia"):
-            if key not in gear and joint not in only:
+            if key not in gear and joint not in sensor_only:
                 raise RobotError(
                     f"{place}: the key '{key}' is missing. Where logs hold nothing but a torque "
                     f"sensor behind the gear, {_SENSOR} = true stands in place of both."
@@ -222,55 +219,31 @@ def _transmission(gears: Any, topology: Any, path: Path) -> Transmission:
     return Transmission(joints=tuple(gears), housings=housings, **arrays)
 
 
-def _each(gears: Any, model: pin.Model) -> Any:
-    """Return one table per driven joint: [gears."*"] is that of all joints with one degree.
-
-    The table of a joint of its own adds to it, or replaces its numbers.
-    """
-    if not isinstance(gears, Mapping) or _ALL not in gears:
-        return gears
-    own = {joint: table for joint, table in gears.items() if joint != _ALL}
-    if not isinstance(gears[_ALL], Mapping):
-        return gears
-    return {joint: {**gears[_ALL], **own.pop(joint, {})} for joint in driven_joints(model)} | own
-
-
-def _sensor_only(gears: Any) -> tuple[str, ...]:
-    """Return the joints of whose drives nothing but a torque sensor behind the gear is known."""
-    if not isinstance(gears, Mapping):
-        return ()
-    return tuple(
-        joint
-        for joint, gear in gears.items()
-        if isinstance(gear, Mapping) and gear.get(_SENSOR) is True and "gear_ratio" not in gear
-    )
-
-
 def _gear_number(gear: Mapping[str, Any], key: str, place: str) -> float:
     """Return a gear's number in SI, or what stands for a key that is left out."""
     if key in gear:
         return number_in(gear[key], GEAR_UNITS[key], f"{place}: {key}")
     if key == "backward_efficiency":
         return float(wedge_backward_efficiency(_gear_number(gear, "forward_efficiency", place)))
-    return _LEFT_OUT.get(key, 0.0)
+    return float(getattr(_LEFT_OUT, _FIELDS.get(key, key))[0])
 
 
 def _contacts(entries: Any, path: Path) -> tuple[ContactPoint, ...]:
     if not isinstance(entries, list):
         raise RobotError(f"{path}: contacts: a list of tables expected, [[contacts]].")
-    return tuple(_contact(entry, path) for entry in entries)
-
-
-def _contact(entry: Any, path: Path) -> ContactPoint:
-    table_in(entry, _CONTACT_KEYS, f"{path}: contact")
-    for key in ("name", "frame"):
-        if key not in entry:
-            raise RobotError(f"{path}: a contact lacks the key '{key}'.")
-    place = f"{path}: contact '{entry['name']}'"
-    offset = numbers_in(entry.get("offset", {"value": [0.0, 0.0, 0.0], "unit": "m"}), "m", place)
-    friction = number_in(entry.get("friction", {"value": 0.7, "unit": "1"}), "1", place)
-    radius = number_in(entry.get("radius", {"value": 0.0, "unit": "m"}), "m", place)
-    return ContactPoint(str(entry["name"]), str(entry["frame"]), offset, friction, radius)
+    found = []
+    for entry in entries:
+        table_in(entry, _CONTACT_KEYS, f"{path}: contact")
+        for key in ("name", "frame"):
+            if key not in entry:
+                raise RobotError(f"{path}: a contact lacks the key '{key}'.")
+        name, frame = str(entry["name"]), str(entry["frame"])
+        place = f"{path}: contact '{name}'"
+        offset = numbers_in(entry.get("offset", [0.0, 0.0, 0.0]), "m", place)
+        friction = number_in(entry.get("friction", 0.7), "1", place)
+        radius = number_in(entry.get("radius", 0.0), "m", place)
+        found.append(ContactPoint(name, frame, offset, friction, radius))
+    return tuple(found)
 
 
 def _surface(entry: Any, place: str) -> BodySurface:

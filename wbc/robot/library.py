@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.errors import RobotError, unknown_name
 
-_PACKAGE = Path(__file__).resolve().parents[2]
+_PACKAGE = Path(__file__).resolve().parents[1]
 _SOURCES = (_PACKAGE / "_robots", _PACKAGE.parent / "robots")
 
 

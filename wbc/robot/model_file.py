@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
-from wbc.robot.loading.inertias import check_inertias
 
 _BASES = ("fixed", "free_flyer")
 _ENDLESS = 1e9  # limits where there are none, while a file is parsed that must state numbers
@@ -131,10 +131,18 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
     model.lowerDryFrictionLimit = np.zeros(model.nv)
     # The URDF parser stores the speed limit with the same sign on both sides.
     model.lowerVelocityLimit = -np.abs(model.upperVelocityLimit)
-    tag = "<transmission" if path.suffix == ".urdf" else "<actuator"
-    if tag in path.read_text(encoding="utf-8", errors="replace"):
-        notes.append(f"{path.name}: {tag}> was ignored; gears stand in robot.toml.")
+    tag = "transmission" if path.suffix == ".urdf" else "actuator"
+    if _root(path).find(f".//{tag}") is not None:
+        notes.append(f"{path.name}: <{tag}> was ignored; gears stand in robot.toml.")
     return (*notes, *left_out(path))
+
+
+def _root(path: Path) -> ET.Element:
+    """Return the root of a file, an empty one of a file that is no XML."""
+    try:
+        return ET.parse(path).getroot()
+    except ET.ParseError:
+        return ET.Element("none")
 
 
 _LOOPS = ("connect", "weld")
@@ -147,10 +155,7 @@ def left_out(path: Path) -> tuple[str, ...]:
         path: a `.urdf` or MJCF `.xml` file that could be read; parts that an MJCF includes from
             other files are not looked at.
     """
-    try:
-        root = ET.parse(path).getroot()
-    except ET.ParseError:
-        return ()
+    root = _root(path)
     found = _of_urdf(root) if path.suffix == ".urdf" else _of_mjcf(root)
     return tuple(f"{path.name}: {text}" for text in found)
 
@@ -159,8 +164,7 @@ def closed_loops(path: Path) -> tuple[str, ...]:
     """Return the loops that an MJCF file closes, by what closes them and the bodies or sites."""
     if path.suffix != ".xml":
         return ()
-    root = ET.parse(path).getroot()
-    items = [item for equality in root.iter("equality") for item in equality]
+    items = [item for equality in _root(path).iter("equality") for item in equality]
     return tuple(f"{item.tag} of {_between(item)}" for item in items if item.tag in _LOOPS)
 
 
@@ -216,3 +220,54 @@ def _of_mjcf(root: ET.Element) -> list[str]:
     if keys:
         notes.append(f"keyframes ({', '.join(keys)}) were left out; give them as [poses].")
     return notes
+
+
+_PRINTED = 1e-6  # of the largest principal value: digits of a printed matrix
+_AXES = "xyz"
+
+
+def check_inertias(path: Path) -> tuple[str, ...]:
+    """Check the inertias about the centre of mass that a URDF or MJCF file states.
+
+    Returns:
+        Notes on links whose largest principal value is more than the sum of the others, which no
+        distribution of mass has, though a controller can live with it.
+
+    Raises:
+        RobotError: an inertia that is not positive definite; a link would gain energy by turning.
+    """
+    notes = []
+    for link, inertia in _stated(path):
+        values, axes = np.linalg.eigh(inertia)
+        limit = _PRINTED * float(np.abs(values).max())
+        principal = ", ".join(f"{value:.4g}" for value in values)
+        if values[0] < -limit:
+            axis = axes[:, 0] * np.sign(axes[np.argmax(np.abs(axes[:, 0])), 0])
+            along = ", ".join(f"{part:.2f}" for part in axis)
+            raise RobotError(
+                f"{path}: the inertia of link '{link}' is not positive definite: its principal "
+                f"values are {principal} kg m^2, the negative one about the axis ({along}). "
+                "Correct its six numbers: a sign, the frame, or a product of inertia too large."
+            )
+        if values[2] > values[0] + values[1] + limit:
+            notes.append(
+                f"{path.name}: the inertia of link '{link}' is that of no body: of its principal "
+                f"values {principal} kg m^2 the largest exceeds the sum of the others."
+            )
+    return tuple(notes)
+
+
+def _stated(path: Path) -> Iterator[tuple[str, FloatArray]]:
+    """Yield (link, inertia (3, 3)) of a file; parts that an MJCF includes are not looked at."""
+    for link in _root(path).iter("link" if path.suffix == ".urdf" else "body"):
+        for element in link.findall("inertial"):
+            stated = element.find("inertia") if path.suffix == ".urdf" else element
+            if stated is None:
+                continue
+            inertia = np.zeros((3, 3))
+            full = [float(number) for number in stated.get("fullinertia", "").split()]
+            for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+                key = f"i{_AXES[i]}{_AXES[j]}"
+                value = full[k] if len(full) == 6 else float(stated.get(key, 0.0))
+                inertia[i, j] = inertia[j, i] = value
+            yield link.get("name", ""), inertia

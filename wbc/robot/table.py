@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
 
-_NUMBER_KEYS = ("value", "unit", "source", "note")
+_NUMBER_KEYS = ("value", "unit", "source", "note", "low", "high")
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> None:
@@ -27,6 +27,14 @@ def table_in(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
         raise RobotError(f"{place}: a table expected, got {entry!r}.")
     check_keys(entry, known, place)
     return entry
+
+
+def flag_in(table: Mapping[str, Any], key: str, place: str) -> bool:
+    """Return the true or false that a table holds, false where the key is left out."""
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        raise RobotError(f"{place}: {key}: true or false expected, got {value!r}.")
+    return value
 
 
 def number_in(entry: Any, unit: str, place: str) -> float:

@@ -1,1 +1,0 @@
-"""From `robot.toml` and a model file to a robot: tables, units, poses, solids."""
