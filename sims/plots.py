@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from wbc.view import LIGHT, Theme
-from wbc.view.plots import DASHES, drawing, new_figure, write_figure
+from wbc.view.plots import DASHES, drawing, panel_figure, write_figure
 from wbc.view.study_figures import plain_decades
 
 Curves = Mapping[str, tuple[ArrayLike, ArrayLike]]
@@ -41,11 +41,9 @@ class Panel:
 
 def sweep_figure(panels: Sequence[Panel], columns: int = 3, theme: Theme = LIGHT) -> Figure:
     """Return the panels side by side, `columns` in a row."""
-    rows = -(-len(panels) // columns)
     with drawing(theme):
-        figure, grid = new_figure(rows, columns, 3.7 * columns, 3.2 * rows)
-        axes = [ax for row in grid for ax in row]
-        for ax, panel in zip(axes, panels, strict=False):
+        figure, axes = panel_figure(len(panels), columns, 3.7, 3.2)
+        for ax, panel in zip(axes, panels, strict=True):
             _draw(ax, panel, theme)
             ax.set(title=panel.title, xlabel=panel.across, ylabel=panel.up)
             if panel.log:
@@ -53,8 +51,6 @@ def sweep_figure(panels: Sequence[Panel], columns: int = 3, theme: Theme = LIGHT
                 plain_decades(ax.yaxis)
             if ax.get_legend_handles_labels()[0]:
                 ax.legend()
-        for ax in axes[len(panels) :]:
-            ax.set_visible(False)
     return figure
 
 

@@ -13,7 +13,7 @@ with needs("view", "drawing plots"):
         standing_figure,
     )
     from wbc.view.study_figures import design_map, pareto_figure, trend_figure
-    from wbc.view.style import DASHES, drawing, new_figure, write_figure
+    from wbc.view.style import DASHES, drawing, new_figure, panel_figure, write_figure
 
 __all__ = [
     "DASHES",
@@ -25,6 +25,7 @@ __all__ = [
     "impact_figure",
     "leg_figure",
     "new_figure",
+    "panel_figure",
     "pareto_figure",
     "power_figure",
     "standing_figure",

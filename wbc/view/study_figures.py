@@ -17,7 +17,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.trend import Drift, Trend
 from wbc.view.palette import LIGHT, Theme
-from wbc.view.style import DASHES, drawing, legend_above, new_figure
+from wbc.view.style import DASHES, drawing, legend_above, new_figure, panel_figure
 
 MAPPED = (
     "lift",
@@ -66,12 +66,9 @@ def design_map(
     """
     wanted = columns or [name for name in MAPPED if name in table]
     shown = [name for name in wanted if _varies(table[name])] or list(wanted)[:1]
-    wide = min(3, len(shown))
-    rows = -(-len(shown) // wide)
     with drawing(theme):
-        figure, grid = new_figure(rows, wide, 3.9 * wide, 3.1 * rows)
-        axes = [ax for row in grid for ax in row]
-        for ax, name in zip(axes, shown, strict=False):
+        figure, axes = panel_figure(len(shown), min(3, len(shown)), 3.9, 3.1)
+        for ax, name in zip(axes, shown, strict=True):
             if len(varied) == 1:
                 _line(ax, table, varied[0], name, theme)
             else:
@@ -82,8 +79,6 @@ def design_map(
                 ylabel=_label(varied[1], units) if len(varied) > 1 else _label(name, units),
             )
             _scales(ax, varied, logarithmic)
-        for ax in axes[len(shown) :]:
-            ax.set_visible(False)
     return figure
 
 
@@ -267,16 +262,12 @@ def trend_figure(trend: Trend, theme: Theme = LIGHT) -> Figure:
     """
     quantities = list(dict.fromkeys(drift.quantity for drift in _ordered(trend)))
     machines = list(dict.fromkeys(session.machine for session in trend.sessions))
-    rows = -(-len(quantities) // _COLUMNS)
     with drawing(theme):
         columns = min(_COLUMNS, len(quantities))
-        figure, grid = new_figure(rows, columns, 5.2 * columns, 2.5 * rows + 0.4)
-        axes = [ax for row in grid for ax in row]
-        for ax, quantity in zip(axes, quantities, strict=False):
+        figure, axes = panel_figure(len(quantities), columns, 5.2, 2.5, more=0.4)
+        for ax, quantity in zip(axes, quantities, strict=True):
             drifts = {d.machine: d for d in trend.drifts if d.quantity == quantity}
             _panel(ax, trend, drifts, machines, theme)
-        for ax in axes[len(quantities) :]:
-            ax.set_visible(False)
     return figure
 
 

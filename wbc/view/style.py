@@ -86,6 +86,24 @@ def new_figure(
     return figure, [list(row) for row in np.asarray(axes)]
 
 
+def panel_figure(
+    count: int, columns: int, width: float, height: float, more: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with `count` panels of `width` x `height` inches, `columns` in a row.
+
+    Args:
+        count, columns: of panels.
+        width, height: of each [inch].
+        more: height for what stands above all [inch].
+    """
+    rows = -(-count // columns)
+    figure, grid = new_figure(rows, columns, width * columns, height * rows + more)
+    axes = [ax for row in grid for ax in row]
+    for ax in axes[count:]:
+        ax.set_visible(False)
+    return figure, axes[:count]
+
+
 def write_figure(path: str | Path, figure: Figure, resolution: float = 160.0) -> Path:
     """Write a figure; the ending of `path` (png, pdf, svg) decides the format.
 
