@@ -71,7 +71,7 @@ def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> Non
     assert usual[0] == "verdict: named (these logs tell which effects the model lacks)"
     # One effect at many places is said once: it was a headline of seventeen lines.
     assert usual[1].startswith(
-        "Missing in the model: Coulomb friction at 12 places (0.50 N m). That explains"
+        "Missing in the model: Coulomb friction at 12 places (0.50 N m). The corrected"
     )
     assert len(usual) < 57  # and three files written: below 60
     assert "not shown: the rest of what was found, what is left" in "\n".join(usual)

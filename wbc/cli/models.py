@@ -154,10 +154,23 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
         raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
     candidates = _candidates(options.add)
     robot, logs = robot_and_logs(options)
+    if guessed := ", ".join(guessed_numbers(options.robot)):
+        console.print(
+            f"{guessed} in {options.robot} are still guesses of `wbc init`. Wrong gears look like "
+            "many causes: the search may take long.",
+            soft_wrap=True,
+        )
     with working(console, "diagnosing") as progress:
         left = begun + options.budget - time.monotonic()
         diagnosis = diagnose(robot, logs, candidates, progress, left)
-    diagnosis = _with_guesses(diagnosis, options.robot)
+    if guessed:
+        first = f"Look up {guessed} in {options.robot}: every answer rests on these guesses."
+        # What to do now is printed for every verdict, but for these two it is not the experiment.
+        if diagnosis.verdict in ("named", "none"):
+            diagnosis = replace(diagnosis, warnings=(first, *diagnosis.warnings))
+        else:
+            asked = f"{first} {diagnosis.next_experiment}"
+            diagnosis = replace(diagnosis, next_experiment=asked)
     if options.save and not options.discover:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
@@ -197,21 +210,6 @@ def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -
         "command": command_line(),
     }
     save_robot(robot, path, intervals, facts)
-
-
-def _with_guesses(diagnosis: Diagnosis, robot: str) -> Diagnosis:
-    """Return a diagnosis that says which numbers of the robot nobody has looked up yet."""
-    guessed = guessed_numbers(robot)
-    if not guessed:
-        return diagnosis
-    first = (
-        f"Look up {', '.join(guessed)} in {robot}: they are still guesses of `wbc init`, and every "
-        "answer rests on them."
-    )
-    # What to do now is printed for every verdict, but for these two it is not the next experiment.
-    if diagnosis.verdict in ("named", "none"):
-        return replace(diagnosis, warnings=(first, *diagnosis.warnings))
-    return replace(diagnosis, next_experiment=f"{first} {diagnosis.next_experiment}")
 
 
 def _candidates(choice: str) -> list[type[Effect]] | None:

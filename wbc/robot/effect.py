@@ -247,8 +247,9 @@ class Effect(ABC):
         name, listed = spoken(self.name), []
         for p in self.parameters:
             stated = (units or {}).get(p.name, p.unit)
-            unit = "" if stated == "1" else f" {stated}"
-            listed.append((spoken(p.name), f"{float(f'{self.values[p.name]:.2g}'):g}{unit}"))
+            # A ratio may be 1.01: two digits would say that it is 1.
+            unit, digits = ("", 3) if stated == "1" else (f" {stated}", 2)
+            listed.append((spoken(p.name), f"{float(f'{self.values[p.name]:.{digits}g}'):g}{unit}"))
         if len(listed) == 1 and self.parameters[0].unit != "1":
             return f"{name} of {listed[0][1]} at {self.where}"
         few = listed if len(listed) <= 3 else []  # more are for a table

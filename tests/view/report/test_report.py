@@ -93,9 +93,9 @@ def page(
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert verdict_sentence(diagnosis) == (
-        "It would be enough to add viscous friction of 0.4 N m s/rad at knee. That explains more "
-        "than 99 % of the squared error: 4.0 -> 0.10 N m at knee. But these logs cannot tell "
-        "viscous friction from Coulomb friction."
+        "It would be enough to add viscous friction of 0.4 N m s/rad at knee. But these logs "
+        "cannot tell viscous friction from Coulomb friction. The corrected model explains more "
+        "than 99 % of the squared error: 4.0 -> 0.10 N m at knee."
     )
     named = replace(diagnosis, verdict="named")
     assert verdict_sentence(named).startswith(
@@ -114,7 +114,7 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert "turn the knee at several constant speeds." in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
     said = verdict_sentence(replace(unknown, remainder="knee: 0.3 N m left."))
-    assert said.startswith("Something is missing in the model, and no cause of it is certain.")
+    assert said.startswith("Certainly missing in the model: viscous friction")
     assert said.endswith("No known effect explains the rest: 0.10 N m are left at knee.")
     assert "No known effect" not in verdict_sentence(replace(unknown, remainder=""))
     empty = replace(unknown, findings=())
@@ -122,7 +122,10 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     doubted = replace(diagnosis.findings[0].support, odds=0.1, group=0.1)
     tiny = tuple(replace(finding, support=doubted) for finding in diagnosis.findings)
     several = replace(unknown, findings=tiny, trait="0.5 N m at knee, which follows speed (80 %)")
-    assert "Together they add 0.5 N m at knee, which follows speed" in verdict_sentence(several)
+    said = verdict_sentence(several)
+    assert said.startswith("Something is missing in the model, and no cause of it is certain.")
+    assert "Together they add 0.5 N m at knee, which follows speed" in said
+    assert re.search("at knee +0.400 +N m s/rad +doubtful\n +left", str(several))
     apart = OutputLevel("knee", "N m", 0.5, 0.5, 0.5, 0.42, excess=6.1)
     torn = replace(diagnosis, verdict="not_repeatable", outputs=(*diagnosis.outputs, apart))
     assert verdict_sentence(torn) == (
@@ -130,7 +133,9 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
         "their sensors explains. So nothing can be named from these logs."
     )
     said = str(diagnosis)
-    assert re.search(r"viscous_friction at knee +0.400 .*60 % sure\n +or coulomb_friction", said)
+    assert re.search(
+        r"viscous_friction at knee +0.400 .*60 % sure\n +or coulomb_friction +> 99 %", said
+    )
     assert re.search(r"knee +4.0 +0.10 +0.10 +0.10 +N m", said)
 
 
@@ -177,10 +182,10 @@ def test_a_sentence_holds_no_more_than_four_causes_the_certain_first(diagnosis: 
     said = verdict_sentence(replace(diagnosis, verdict="named", findings=findings))
     assert said.startswith("Missing in the model: quadratic drag")
     assert "rotor inertia of" in said
-    assert " and 2 more causes. That explains" in said
-    four = verdict_sentence(replace(diagnosis, verdict="named", findings=findings[:4]))
-    assert four.index("rotor inertia") < four.index("Coulomb friction")
-    assert "more causes" not in four
+    assert " at knee. Likely: Coulomb friction of" in said
+    both = verdict_sentence(replace(diagnosis, verdict="ambiguous", findings=findings))
+    assert both.index("rotor inertia") < both.index(" and 2 more causes.")
+    assert "more causes" not in said
 
 
 def test_a_drive_that_was_set_aside_is_not_the_measure_of_an_answer(diagnosis: Diagnosis) -> None:
@@ -189,7 +194,9 @@ def test_a_drive_that_was_set_aside_is_not_the_measure_of_an_answer(diagnosis: D
     arm = OutputLevel("arm", "N m", 5.0, 1.2, 1.1, 0.6)
     wrist = OutputLevel("wrist", "N m", 9.0, 8.9, 1.0, 0.6)
     found = replace(diagnosis, verdict="partial", outputs=(torso, wrist, arm))
-    assert ": 5.0 -> 1.2 N m at arm. More is missing" in verdict_sentence(found)
+    assert ": 5.0 -> 1.2 N m at arm. One cause that is in no list" in verdict_sentence(found)
+    rest = replace(found, remainder="wrist: 8.9 N m left.")
+    assert "at arm. No known effect explains the rest: 8.9 N m" in verdict_sentence(rest)
     unknown = replace(found, verdict="unknown", findings=())
     assert "(8.9 N m are left at wrist)" in verdict_sentence(unknown)
     assert re.search(r"torso +181 +181 +181 +0\.094 +N, set aside", str(found))
@@ -204,7 +211,7 @@ def test_a_drawing_without_a_number_that_is_told_shows_none(diagnosis: Diagnosis
     wrong = Finding(drawn, numbers, Support(1.0, 1.0, 0.0, 0.0, explained=True))
     one = replace(diagnosis, verdict="named", findings=(wrong,))
     assert verdict_sentence(one).startswith(
-        "Missing in the model: link inertias at robot. That explains"
+        "Missing in the model: link inertias at robot. The corrected model explains"
     )
     assert "alpha" not in str(one)
 

@@ -32,7 +32,7 @@ from wbc.identification.answer.remainder import (
 from wbc.identification.answer.shown import series_of
 from wbc.identification.answer.words import joined, only_noise
 from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
-from wbc.identification.choice.evidence import Hypothesis
+from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.find_causes import (
     INTERRUPTED,
     SearchResult,
@@ -127,12 +127,10 @@ def diagnose(
     trials = found.trials
     problem, first = trials.problem, trials.nothing
     final, odds, support = answer.hypothesis, answer.odds, answer.support
-    verdict = verdict_of(problem, first, final, list(support.values()), answer.more)
+    verdict = verdict_of(problem, first, final, support, answer.more)
     fit = trials.fit(final)
-    alternatives = [answer.rivals[key] if verdict != "unknown" else () for key in final.keys]
     left = remainders(problem, fit) if answer.more else ()
-    correlation = correlation_of(problem, fit)
-    findings = describe_findings(problem, fit, support, alternatives, correlation, classes)
+    findings = describe_findings(trials, answer, classes)
     doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
     several = len({name for name, _ in doubtful}) > 1
     known = {c.name: c for c in classes}
@@ -154,7 +152,7 @@ def diagnose(
         robot=fit.robot,
         warnings=tuple(warnings),
         ranking=with_covariances(rank_hypotheses(odds, final), trials),
-        correlation=correlation,
+        correlation=correlation_of(problem, fit),
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),
         sources=tuple(log.source for log in logs),
@@ -251,7 +249,7 @@ def verdict_of(
     problem: EstimationProblem,
     first: Hypothesis,
     final: Hypothesis,
-    support: Sequence[Support],
+    support: Mapping[Key, Support],
     more: bool,
 ) -> Verdict:
     """Return the verdict.
@@ -263,20 +261,21 @@ def verdict_of(
         problem: the logs.
         first: the robot as given.
         final: what was found.
-        support: of its causes, in their order.
+        support: of its causes, and of what is named beside it.
         more: whether something is left that nothing found explains.
     """
     if more:
-        certain = any(s.group_probability >= CERTAIN for s in support)
+        certain = any(s.group_probability >= CERTAIN for s in support.values())
         return "partial" if certain and _substantial(first, final) else "unknown"
-    if not final.effects:
+    if not support:
         return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
-    likely = [s for s in support if s.group_probability >= EVEN]
+    likely = [s for s in support.values() if s.group_probability >= EVEN]
     if not likely:
-        return "unknown"
+        # What drives that are late by times of their own do as well may be nothing else.
+        late = all(s.belief >= EVEN for s in support.values())
+        return "none" if late else "unknown"
     certain = any(s.group_probability >= CERTAIN for s in likely)
-    pairs = zip(final.effects, support, strict=True)
-    open_names = {e.name for e, s in pairs if EVEN <= s.group_probability < CERTAIN}
+    open_names = {name for (name, _), s in support.items() if EVEN <= s.group_probability < CERTAIN}
     if certain and len(open_names) >= _SEVERAL:
         return "partial"
     return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"

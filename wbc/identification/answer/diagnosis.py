@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,7 +24,7 @@ from wbc.identification.answer.shown import (
     with_interval,
 )
 from wbc.identification.answer.words import MEANINGS, verdict_sentence, what_to_do
-from wbc.identification.choice.certainty import Support
+from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
 from wbc.tables import TextTable
@@ -42,6 +42,8 @@ class Estimate:
     """A number that was found: value with the ends of its 90 % interval, in `unit`.
 
     `given` is what the robot as given has in its place, None where it has nothing of the kind.
+    `used` is what the model to use has in its place where that lies outside the interval: there a
+    doubtful cause does a part of the work.
     """
 
     value: float
@@ -49,6 +51,7 @@ class Estimate:
     low: float
     high: float
     given: float | None = None
+    used: float | None = None
 
     @property
     def cells(self) -> tuple[str, str, str]:
@@ -74,7 +77,7 @@ class Finding:
     """One effect that the logs show.
 
     Attributes:
-        effect: the effect with its fitted parameters.
+        effect: the effect with its parameters, of the hypothesis in which it is believed.
         parameters: estimates by parameter name.
         support: what speaks for it.
         alternatives: the effects it cannot be told from on these logs.
@@ -105,6 +108,16 @@ class Finding:
     def probability(self) -> float:
         """That the effect is there."""
         return self.support.probability
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is, alone or with what it cannot be told from."""
+        return self.support.group_probability >= CERTAIN
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it stands in the model for its torque, whatever its name."""
+        return self.support.group_probability < EVEN
 
     @property
     def rivals(self) -> tuple[str, ...]:
@@ -213,21 +226,14 @@ class Diagnosis:
     trait: str = ""
 
     def effect_rows(self) -> TextTable:
-        """Return the effects found; one with a single number takes a single line."""
-        cells: list[tuple[str, ...]] = []
+        """Return the effects found, the doubtful last, each kind of them in one line."""
+        sure_ones = [f for f in self.findings if not f.doubtful]
+        doubtful: dict[str, list[Finding]] = {}
         for finding in self.findings:
-            name = f"{finding.effect.name} at {finding.effect.where}"
-            certainty, alone = sure(finding.probability), len(finding.numbers) == 1
-            if not alone:
-                cells.append((name, "", "", "", certainty))
-            for number, e in finding.numbers.items():
-                first = (name, certainty) if alone else (f"  {number}", "")
-                cells.append((first[0], *e.cells, first[1]))
-                if e.given is not None:
-                    cells.append(("  as given" if alone else "    as given", plain(e.given)))
-            if finding.alternatives:
-                cells.append(("  or " + ", or ".join(finding.rivals),))
-            cells += [(f"  warning: {warning}",) for warning in finding.warnings]
+            if finding.doubtful:
+                doubtful.setdefault(finding.effect.name, []).append(finding)
+        cells = [row for finding in sure_ones for row in _finding_cells(finding)]
+        cells += [_doubtful_cells(alike) for alike in doubtful.values()]
         return TextTable.of("~effect at place|>value|90 % interval|unit|is it there?", cells)
 
     def left_rows(self) -> TextTable:
@@ -334,16 +340,20 @@ class Diagnosis:
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects found, with fitted parameters."""
+        """The effects found; `robot` has those of the model to use, with the numbers it uses."""
         return tuple(finding.effect for finding in self.findings)
 
     def intervals(self) -> dict[tuple[str, str, str], tuple[float, float]]:
-        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them."""
-        return {
-            (f.effect.name, f.effect.where, name): (estimate.low, estimate.high)
-            for f in self.findings
-            for name, estimate in f.parameters.items()
-        }
+        """Return (effect, where, parameter) -> (low, high), as `save_robot` takes them.
+
+        They hold what the model to use has, too.
+        """
+        ends = {}
+        for f in self.findings:
+            for name, e in f.parameters.items():
+                span = (e.low, e.high, e.low if e.used is None else e.used)
+                ends[f.effect.name, f.effect.where, name] = (min(span), max(span))
+        return ends
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries with the keys of the log format."""
@@ -385,3 +395,29 @@ class Diagnosis:
             "provenance": provenance(self.sources),
         }
         return dict(as_json(told))
+
+
+def _finding_cells(finding: Finding) -> list[tuple[str, ...]]:
+    """Return the lines of an effect in a table: one where it has a single number."""
+    name, numbers = f"{finding.effect.name} at {finding.effect.where}", finding.numbers
+    certainty, alone = sure(finding.probability), len(numbers) == 1
+    cells: list[tuple[str, ...]] = [] if alone else [(name, "", "", "", certainty)]
+    indent = "  " if alone else "    "
+    for number, e in numbers.items():
+        first, last = (name, certainty) if alone else (f"  {number}", "")
+        cells.append((first, *e.cells, last))
+        beside = {"as given": e.given, "in the model to use": e.used}
+        cells += [(indent + k, plain(v)) for k, v in beside.items() if v is not None]
+    if finding.alternatives:
+        one = sure(finding.support.group_probability)
+        cells.append(("  or " + ", or ".join(finding.rivals), "", "", "", f"{one} of one"))
+    return [*cells, *((f"  warning: {warning}",) for warning in finding.warnings)]
+
+
+def _doubtful_cells(alike: Sequence[Finding]) -> tuple[str, ...]:
+    """Return the line of a doubtful effect at its places; with its number if it has only one."""
+    first = alike[0]
+    place = first.effect.where if len(alike) == 1 else f"{len(alike)} places"
+    numbers = [e.cells for finding in alike for e in finding.numbers.values()]
+    value, unit = (numbers[0][0], numbers[0][2]) if len(numbers) == 1 else ("", "")
+    return (f"{first.effect.name} at {place}", value, "", unit, "doubtful")

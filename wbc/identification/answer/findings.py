@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,10 +11,11 @@ from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.doubts import absent_ties, disagreements
-from wbc.identification.answer.ranking import Correlation
+from wbc.identification.answer.model_to_use import Answer
+from wbc.identification.answer.ranking import Correlation, correlation_of
 from wbc.identification.answer.shown import with_unit
-from wbc.identification.choice.certainty import Support
 from wbc.identification.choice.evidence import Key
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others, scaled
@@ -29,67 +31,118 @@ _MOTOR_SIDE = (
     "{} of this joint rubs at the motor, before this gear: it follows the motor's speed and does "
     "not slow the link. A simulation would have it at the link"
 )
+_ABSENT = "the model to use predicts better without it"
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STEP = 1e-4  # of a scale, by which parameters are varied
 
 
 def describe_findings(
-    problem: EstimationProblem,
-    fit: Fit,
-    support: Mapping[Key, Support],
-    alternatives: Sequence[Sequence[Key]],
-    correlation: Correlation,
-    classes: Sequence[type[Effect]] = (),
+    trials: Trials, answer: Answer, classes: Sequence[type[Effect]] = ()
 ) -> tuple[Finding, ...]:
-    """Return the effects of a model with intervals, alternatives and warnings.
+    """Return the effects found with intervals, alternatives and warnings.
+
+    A name that is believed has the numbers of the hypothesis in which it is believed: in the model
+    to use, a doubtful cause may do a part of its work. What that model holds in place of a number
+    is said where it lies outside the interval. Doubtful causes have the numbers of that model.
+
+    Args:
+        trials: of the search.
+        answer: the model to use, and what is believed.
+        classes: the candidates, of which some may be tied to what was found.
+    """
+    used, named = answer.hypothesis, answer.named
+    believed = _believed(trials, answer, classes)
+    if used is named:
+        return tuple(believed.values())
+    fit, values = trials.fit(used), {effect.key: effect.values for effect in used.effects}
+    estimates = estimates_of(trials.problem, fit)
+    found = {
+        effect.key: Finding(effect, own, answer.support[effect.key])
+        for effect, own in zip(fit.effects, estimates, strict=True)
+    }
+    for key, finding in believed.items():
+        found[key] = _beside_the_model(finding, values.get(key))
+    return tuple(found.values())
+
+
+def _beside_the_model(finding: Finding, values: Mapping[str, float] | None) -> Finding:
+    """Return a finding that says where the model to use has another number, or lacks the cause."""
+    if values is None:
+        return replace(finding, warnings=(_ABSENT, *finding.warnings))
+    estimates = {
+        name: e if e.low <= values[name] <= e.high else replace(e, used=values[name])
+        for name, e in finding.parameters.items()
+    }
+    return replace(finding, parameters=estimates)
+
+
+def _believed(
+    trials: Trials, answer: Answer, classes: Sequence[type[Effect]]
+) -> dict[Key, Finding]:
+    """Return what is believed, with all that must be said beside it, see `describe_findings`."""
+    problem, fit = trials.problem, trials.fit(answer.named)
+    related = _moving_together(fit, correlation_of(problem, fit))
+    stray = disagreements(problem.records, fit)
+    tied = absent_ties(problem, fit, classes)
+    findings = {}
+    distortion = problem.distortion(fit)
+    for k, estimates in enumerate(estimates_of(problem, fit, distortion)):
+        effect = fit.effects[k]
+        quantities, about = quantities_of(problem, fit, k, distortion)
+        # Where quantities are told, nobody checks the parameters.
+        warnings = [*(about or _vague(effect, estimates))]
+        warnings += [*effect.search.remarks(effect, problem.robot)]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k], *stray[k]]
+        rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
+        own = answer.support[effect.key]
+        findings[effect.key] = Finding(effect, estimates, own, rivals, tuple(warnings), quantities)
+    return findings
+
+
+def estimates_of(
+    problem: EstimationProblem, fit: Fit, distortion: FloatArray | None = None
+) -> list[dict[str, Estimate]]:
+    """Return the parameters of every effect of a fit with their intervals, by name.
 
     Args:
         problem: the logs.
-        fit: of the hypothesis chosen.
-        support: of its causes.
-        alternatives: for each effect, names and places of what it cannot be told from.
-        correlation: of the parameters.
-        classes: the candidates, of which some may be tied to what was found.
+        fit: to them.
+        distortion: (p,) see `EstimationProblem.distortion`; computed where it is not given.
     """
-    distortion = problem.distortion(fit)
-    bounds = interval_bounds(fit, problem.blocks, distortion)
-    related = _moving_together(fit, correlation)
-    stray = disagreements(problem.records, fit)
-    tied = absent_ties(problem, fit, classes)
-    findings = []
-    for k, effect in enumerate(fit.effects):
-        estimates: dict[str, Estimate] = {}
-        warnings = []
+    found: list[dict[str, Estimate]] = [{} for _ in fit.effects]
+    moved = problem.distortion(fit) if distortion is None else distortion
+    bounds = interval_bounds(fit, problem.blocks, moved)
+    for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
+        effect = fit.effects[k]
         given = effect.null_values(problem.robot, effect.where)
-        for row, (owner, parameter) in enumerate(fit.parameters):
-            if owner != k:
-                continue
-            value = effect.values[parameter.name]
-            unit = unit_at(problem.robot, effect.where, parameter.unit)
-            low, high = (float(x) for x in bounds[row])
-            estimates[parameter.name] = Estimate(
-                value, unit, low, high, _of_the_robot(parameter, given)
-            )
-            size = max(
-                abs(effect.values[p.name]) for p in effect.parameters if p.unit == parameter.unit
-            )
-            if (low, high) == (parameter.low, parameter.high):
-                stays = with_unit(value, unit)
-                warnings.append(f"these logs do not tell {parameter.name}: it stays at {stays}")
-            elif value in (parameter.low, parameter.high):
-                warnings.append(f"{parameter.name} is at the bound {with_unit(value, unit)}")
-            elif high - low > 2.0 * _VAGUE * size:
-                span = f"{low:.3g} to {with_unit(high, unit)}"
-                warnings.append(f"{parameter.name} is hardly identifiable here: {span}")
-        quantities, about = quantities_of(problem, fit, k, distortion)
-        if about:
-            warnings = []  # they are about parameters that nobody checks
-        warnings += [*about, *effect.search.remarks(effect, problem.robot)]
-        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k], *stray[k]]
-        rivals = tuple(Alternative(*key) for key in alternatives[k])
-        own = support[effect.key]
-        findings.append(Finding(effect, estimates, own, rivals, tuple(warnings), quantities))
-    return tuple(findings)
+        found[k][parameter.name] = Estimate(
+            effect.values[parameter.name],
+            unit_at(problem.robot, effect.where, parameter.unit),
+            float(low),
+            float(high),
+            _of_the_robot(parameter, given),
+        )
+    return found
+
+
+def _vague(effect: Effect, estimates: Mapping[str, Estimate]) -> list[str]:
+    """Return a sentence per parameter that the logs hardly tell, or that is at its bound."""
+    texts = []
+    sizes: dict[str, float] = {}
+    for p in effect.parameters:
+        sizes[p.unit] = max(sizes.get(p.unit, 0.0), abs(effect.values[p.name]))
+    for p in effect.parameters:
+        if (e := estimates.get(p.name)) is None:
+            continue
+        if (e.low, e.high) == (p.low, p.high):
+            stays = with_unit(e.value, e.unit)
+            texts.append(f"these logs do not tell {p.name}: it stays at {stays}")
+        elif e.value in (p.low, p.high):
+            texts.append(f"{p.name} is at the bound {with_unit(e.value, e.unit)}")
+        elif e.high - e.low > 2.0 * _VAGUE * sizes[p.unit]:
+            span = f"{e.low:.3g} to {with_unit(e.high, e.unit)}"
+            texts.append(f"{p.name} is hardly identifiable here: {span}")
+    return texts
 
 
 def _of_the_robot(parameter: Parameter, given: Mapping[str, float]) -> float | None:

@@ -48,9 +48,10 @@ class Answer:
         hypothesis: the causes with their fit.
         odds: of all that was tried beside it.
         level: what it leaves, and how much of that any model could explain.
-        support: what speaks for each cause.
+        support: what speaks for each cause, and for each that is named.
         rivals: what could stand in the place of each.
         more: whether more must be missing.
+        named: the hypothesis in which its names are believed: their numbers are read there.
     """
 
     hypothesis: Hypothesis
@@ -59,11 +60,12 @@ class Answer:
     support: dict[Key, Support]
     rivals: dict[Key, tuple[Key, ...]]
     more: bool
+    named: Hypothesis
 
     @property
     def doubted(self) -> Key | None:
         """The least believed cause, None where every one is more probable than not."""
-        return least_believed({key: s.group_probability for key, s in self.support.items()})
+        return least_believed({key: s.belief for key, s in self.support.items()})
 
 
 def believed(found: SearchResult) -> Answer:
@@ -109,7 +111,7 @@ def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
     more = unexplained(trials.nothing.error, h, level.excess)
     support = support_of(trials, h, odds, level.excess, not more)
     rivals = dict(zip(h.keys, odds.rivals(h), strict=True))
-    return Answer(h, odds, level, support, rivals, more)
+    return Answer(h, odds, level, support, rivals, more, h)
 
 
 def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypothesis:
@@ -222,9 +224,9 @@ def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
         own = answer.support[key]
         alone = float(EVEN / (1.0 + np.exp(np.clip(gain - loss, -500.0, 500.0))))
         doubted = replace(own, odds=min(own.odds, alone), group=min(own.group, alone))
-        support[key] = names.support.get(key, doubted)
-    rivals = {key: names.rivals.get(key, ()) for key in h.keys}
-    return replace(answer, support=support, rivals=rivals)
+        support[key] = doubted
+    rivals = dict.fromkeys(h.keys, ()) | names.rivals
+    return replace(answer, support=support | names.support, rivals=rivals, named=names.hypothesis)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wbc.identification.answer.shown import plain
-from wbc.identification.choice.certainty import CERTAIN, EVEN
 from wbc.robot.effect import spoken
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ MEANINGS = {
     "named": "these logs tell which effects the model lacks",
     "ambiguous": "what these logs point to is likely, but its name is not certain",
     "partial": "some missing effects are certain, and more is missing",
-    "unknown": "something is missing, and no cause of it is certain",
+    "unknown": "something is missing that nothing certain explains",
     "none": "the model explains these logs as far as their noise allows",
     "not_repeatable": "repeated runs disagree, so nothing can be named",
 }
@@ -51,78 +51,68 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
-    """Return what a diagnosis says: which causes, how far the error falls, what is doubtful."""
-    doubtful = [f for f in diagnosis.findings if f.support.group_probability < EVEN]
-    doubt = _doubt(doubtful, diagnosis.trait)
-    return " ".join(part for part in (_verdict_sentence(diagnosis), doubt) if part)
+    """Return what is certain, what is likely, how good the model is, what is left and doubtful."""
+    noise = only_noise(diagnosis.silent)
+    if diagnosis.verdict == "none":
+        floors = plain(diagnosis.error.after, 2)
+        nothing = (
+            "Nothing is missing in the model: it explains these logs as far as their noise "
+            f"lets it ({_left(diagnosis)}, {floors} noise floors)."
+        )
+        return f"{nothing} {_doubt(diagnosis)}".rstrip()
+    if diagnosis.verdict == "not_repeatable":
+        return (
+            f"Runs that repeat one another disagree{_scatter(diagnosis)}. So nothing can be "
+            "named from these logs."
+        )
+    if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
+        return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
+    if diagnosis.findings:
+        said = [*_names(diagnosis), _progress(diagnosis), _rest(diagnosis), _doubt(diagnosis)]
+    else:
+        said = [f"Something is missing that no known effect explains ({_left(diagnosis)})."]
+    return " ".join([*filter(None, said), *([f"{noise}."] if noise else [])])
 
 
-def _doubt(findings: Sequence[Finding], trait: str) -> str:
+def _names(diagnosis: Diagnosis) -> list[str]:
+    """Say which causes are certain, and which are likely."""
+    certain = [f for f in diagnosis.findings if f.certain]
+    likely = [f for f in diagnosis.findings if not (f.certain or f.doubtful)]
+    if diagnosis.verdict == "ambiguous":
+        found, rivals = _sum_up([*certain, *likely]), _rivals(diagnosis.findings)
+        if not rivals:
+            return [f"Likely missing in the model: {found}."]
+        return [f"It would be enough to add {found}.", f"But these logs cannot tell {rivals}."]
+    if certain:
+        what = "missing or different" if _replaced(certain) else "missing"
+        what = what if diagnosis.verdict == "named" else f"certainly {what}"
+        said = [f"{what[0].upper()}{what[1:]} in the model: {_sum_up(certain)}."]
+    else:
+        said = ["Something is missing in the model, and no cause of it is certain."]
+    return [*said, *([f"Likely: {_sum_up(likely)}."] if likely else [])]
+
+
+def _rest(diagnosis: Diagnosis) -> str:
+    """Say what no cause in the list explains; empty where little is left."""
+    if diagnosis.remainder:
+        return f"No known effect explains the rest: {_left(diagnosis)}."
+    if diagnosis.verdict == "partial":
+        return "One cause that is in no list may stand behind several of these."
+    return ""
+
+
+def _doubt(diagnosis: Diagnosis) -> str:
     """Say which causes are in the model for their torque, whatever their name; empty for none."""
-    if not findings:
+    places = Counter(f.effect.name for f in diagnosis.findings if f.doubtful)
+    if not places:
         return ""
-    places = {f.effect.name: 0 for f in findings}
-    for finding in findings:
-        places[finding.effect.name] += 1
     said = joined([spoken(n) + (f" at {k} places" if k > 1 else "") for n, k in places.items()])
+    trait = diagnosis.trait
     together = f" Together they add {trait}: one other cause may do all of it." if trait else ""
     return (
         f"Doubtful: {said}. The model predicts better with this torque, but the name may stand in "
         f"for something else.{together}"
     )
-
-
-def _verdict_sentence(diagnosis: Diagnosis) -> str:
-    likely = [f for f in diagnosis.findings if f.support.group_probability >= EVEN]
-    found = _sum_up(likely)
-    match diagnosis.verdict:
-        case "none":
-            floors = plain(diagnosis.error.after, 2)
-            return (
-                "Nothing is missing in the model: it explains these logs as far as their noise "
-                f"lets it ({_left(diagnosis)}, {floors} noise floors)."
-            )
-        case "named":
-            what = "Missing or different" if _replaced(diagnosis.findings) else "Missing"
-            return f"{what} in the model: {found}. {_progress(diagnosis)}."
-        case "ambiguous":
-            rivals = _rivals(diagnosis.findings)
-            if not rivals:
-                return f"Likely missing in the model: {found}. {_progress(diagnosis)}. Not certain."
-            enough = f"It would be enough to add {found}. {_progress(diagnosis)}."
-            return f"{enough} But these logs cannot tell {rivals}."
-        case "partial":
-            sure = certain_findings(diagnosis)
-            certain = _sum_up(sure)
-            what = "missing or different" if _replaced(sure) else "missing"
-            others = _sum_up([f for f in likely if f not in sure])
-            rest = f"Likely, or in place of something else: {others}. " if others else ""
-            more = (
-                "More is missing that no known effect explains."
-                if diagnosis.remainder or not others
-                else "One cause that is in no list may stand behind several of these."
-            )
-            return f"Certainly {what} in the model: {certain}. {_progress(diagnosis)}. {rest}{more}"
-        case "unknown":
-            noise = only_noise(diagnosis.silent)
-            if noise and {o.output for o in _judged(diagnosis)} <= set(diagnosis.silent):
-                return f"These logs cannot tell what is missing: {noise[0].lower()}{noise[1:]}."
-            if not diagnosis.findings:
-                said = [f"Something is missing that no known effect explains ({_left(diagnosis)})."]
-            else:
-                said = ["Something is missing in the model, and no cause of it is certain."]
-                said += [f"Likely: {found}."] if found else []
-                said.append(
-                    f"The model found predicts better all the same. {_progress(diagnosis)}."
-                )
-                rest = f"No known effect explains the rest: {_left(diagnosis)}."
-                said += [rest] if diagnosis.remainder else []
-            return " ".join([*said, f"{noise}."] if noise else said)
-        case "not_repeatable":
-            return (
-                f"Runs that repeat one another disagree{_scatter(diagnosis)}. So nothing can be "
-                "named from these logs."
-            )
 
 
 def only_noise(joints: Sequence[str]) -> str:
@@ -133,11 +123,6 @@ def only_noise(joints: Sequence[str]) -> str:
     return f"{drives} {joined(joints)} {'reports' if len(joints) == 1 else 'report'} only noise"
 
 
-def certain_findings(diagnosis: Diagnosis) -> tuple[Finding, ...]:
-    """Return the findings that are certain, each alone or with what it cannot be told from."""
-    return tuple(f for f in diagnosis.findings if f.support.group_probability >= CERTAIN)
-
-
 def _progress(diagnosis: Diagnosis) -> str:
     """Return how far the error falls where the most of it is explained, beside the floor.
 
@@ -145,15 +130,15 @@ def _progress(diagnosis: Diagnosis) -> str:
     floor: the limit from which on the verdict takes the rest for a missing cause.
     """
     worst = max(_judged(diagnosis), key=_explained, default=None)
-    share = f"That explains {_percent(diagnosis.explained)} of the squared error"
+    share = f"The corrected model explains {_percent(diagnosis.explained)} of the squared error"
     if worst is None:
-        return share
+        return f"{share}."
     before, after = plain(worst.before, 2), plain(worst.after, 2)
     said = f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
     if worst.after**2 - worst.attainable**2 <= worst.floor**2:
-        return said
+        return f"{said}."
     least = f"{plain(worst.attainable, 2)} {worst.unit}"
-    return f"{said}, where the best model of the motion would leave {least}"
+    return f"{said}, where the best model of the motion would leave {least}."
 
 
 def _percent(share: float) -> str:
@@ -194,7 +179,7 @@ def _noise(output: OutputLevel) -> float:
 def _sum_up(findings: Sequence[Finding]) -> str:
     """Return the effects at their places, the certain first; many places are said once."""
     effects: dict[str, list[Finding]] = {}
-    for finding in sorted(findings, key=lambda f: f.support.group_probability < CERTAIN):
+    for finding in sorted(findings, key=lambda f: not f.certain):
         effects.setdefault(finding.effect.name, []).append(finding)
     said = []
     for alike in effects.values():
