@@ -91,18 +91,28 @@ def about_drive_times(robot: Robot) -> list[str]:
 
 
 def missed_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (m + b,) mean squares that two times may leave of what they explain [N m squared].
+    """Return (2, m + b) mean squares that two times may leave of what they explain [N m squared].
+
+    First what all drives miss alike. Then what each may miss by itself: it takes its target at an
+    instant of its own between two samples of the log, and misses as large a share of that length.
 
     Args:
         robot: with times of its drives.
         records: of its links alone.
     """
     gears = robot.transmission
-    missed = np.zeros(records[0].weight.shape[1])
-    each = np.nan_to_num(np.stack([gears.target_delay, gears.velocity_lag], axis=1))
-    if each.any():
-        own = np.concatenate([np.sum(_columns(r)[:, :, :2] * each, axis=2) for r in records])
-        missed[: gears.size] = _MISSED**2 * np.mean(own**2, axis=0)
+    missed = np.zeros((2, records[0].weight.shape[1]))
+    followed = np.isfinite(gears.target_delay)
+    if followed.any():
+        times = np.nan_to_num(np.stack([gears.target_delay, gears.velocity_lag], axis=1))
+        own: list[list[FloatArray]] = [[], []]
+        for record in records:
+            sample = np.outer(followed, (1.0 / record.rate, 0.0))
+            columns = _columns(record)[:, :, :2]
+            for parts, each in zip(own, (times, times + sample), strict=True):
+                parts.append(np.sum(columns * each, axis=2))
+        squares = [np.mean(np.concatenate(parts) ** 2, axis=0) for parts in own]
+        missed[:, : gears.size] = _MISSED**2 * np.stack(squares)
     return missed
 
 

@@ -51,12 +51,14 @@ def _lanes() -> list[Lane]:
     return [Lane(dict(flaws), k, noise=k) for flaws in machines for k in range(LOGS)]
 
 
-def target_log(lane: Lane, table: dict[str, np.ndarray]) -> Log:
-    """Return targets, positions and velocities; no torque."""
+def target_log(
+    lane: Lane, table: dict[str, np.ndarray], late: tuple[float, float] = (0.0, 0.0)
+) -> Log:
+    """Return targets, which each drive follows some time [s] later, and motion; no torque."""
     columns = {name: values for name, values in table.items() if name.endswith("ity")}
     columns |= {name: values for name, values in table.items() if name.endswith(".position")}
-    wanted = _reference(lane)(table["time"])
     for j, joint in enumerate(JOINTS):
+        wanted = _reference(lane)(table["time"] + late[j])
         columns[f"{joint}.goal_position"] = wanted[0][j]
         columns[f"{joint}.target_velocity"] = wanted[1][j]
     return Log(table["time"], columns)
@@ -149,6 +151,13 @@ def test_true_gains_leave_noise_only(logs: list[Log]) -> None:
     found = diagnose(with_gains(), logs[:LOGS])
     assert found.verdict == "none"
     assert max(joint.rms for joint in compare(with_gains(), logs[:LOGS]).outputs) < 0.02
+
+
+def test_drives_that_are_not_late_alike_are_late_and_nothing_else(tables: Tables) -> None:
+    """Rotor inertias of what the times miss were certain beside the two delays."""
+    log = target_log(_lanes()[0], tables[0], late=(0.004, 0.0046))
+    found = diagnose(with_gains(), [log])
+    assert {f.effect.name for f in found.findings if f.certain} <= {"actuation_delay"}
 
 
 def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> None:

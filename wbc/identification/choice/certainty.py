@@ -40,6 +40,11 @@ EVEN = 0.5
 """Probability below which a cause stands for its torque only: it may be something else."""
 CERTAIN = 0.95
 """Probability from which on a cause is certain."""
+# Log odds of a drive's own time over a cause that explains nothing beyond what such a time may do:
+# causes are believed to be as large as what a sample and the times explain, of which a drive misses
+# 5 %. On two generated arms that follow targets, viscous frictions of 0.1 to 0.2 ms times kp were
+# certain at five joints; they have 0.05 to 0.07, the true frictions still 0.9999.
+_MISTIMED = 3.0
 # Share (rms) of what a larger cause explains that a smaller one may only make up for. Causes of the
 # list, fitted well, leave 2 to 4.4 %, stand-ins 6 to 28 % (84 generated logs). Wind on an arm of
 # another simulator was a tilt and, at 0.999 each, two springs and a friction of a third of a floor
@@ -65,6 +70,8 @@ class Support:
             without this one where it is one of several tiny causes.
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
+        mistimed: what a drive whose times are its own may leave over what the cause explains (rms),
+            at the outputs that it explains.
     """
 
     odds: float
@@ -74,6 +81,7 @@ class Support:
     explained: bool
     expected: float = 0.0
     implausible: float = 0.0
+    mistimed: float = 0.0
 
     @property
     def probability(self) -> float:
@@ -81,14 +89,27 @@ class Support:
 
         What is outside the list can be approached by what is in it, and then leaves a remainder
         at the same outputs, or asks for numbers that no machine has. One cause outside the list
-        does not imitate one effect at several joints, unless it is in every joint itself.
+        does not imitate one effect at several joints, unless it is in every joint itself. A drive
+        that is late by another time than the others does: its target acts like viscous friction.
         """
-        return self.odds * self._no_stand_in
+        return self.odds * self._no_stand_in * self._not_late
 
     @property
     def group_probability(self) -> float:
         """The same for the cause or one that these logs do not tell from it."""
+        return self.belief * self._not_late
+
+    @property
+    def belief(self) -> float:
+        """The same for the cause or a drive that is late by a time of its own.
+
+        Either way its torque is there while others are judged.
+        """
         return self.group * self._no_stand_in
+
+    @property
+    def _not_late(self) -> float:
+        return float(1.0 / (1.0 + np.exp(_MISTIMED - 0.5 / max(self.mistimed, _NONE) ** 2)))
 
     @property
     def _no_stand_in(self) -> float:
@@ -165,6 +186,7 @@ def _supports(
             explained=explained and not small,
             expected=effect.search.expected,
             implausible=implausible,
+            mistimed=_remainder(np.maximum(gain, 0.0), trials.problem.late),
         )
         result.append(support)
     return result
@@ -204,7 +226,7 @@ def beliefs(trials: Trials, h: Hypothesis) -> dict[Key, float]:
         return {}
     gained = gains(problem, trials.fit(h), [(effect,) for effect in h.effects])
     each = _supports(trials, h, gained, excess, explained=False)
-    return {key: one.probability for key, one in zip(h.keys, each, strict=True)}
+    return {key: one.belief for key, one in zip(h.keys, each, strict=True)}
 
 
 def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
@@ -222,7 +244,7 @@ def least_believed(chances: Mapping[Key, float]) -> Key | None:
 
 
 def _remainder(share: FloatArray, left: FloatArray) -> float:
-    """Return what is left over what a cause explains (rms), both (outputs,) shares of the first.
+    """Return what is left over what a cause explains (rms), both (outputs,) in the same unit.
 
     Where it explains nothing, the share of what it explains that no remainder undercuts says how
     much more is left.

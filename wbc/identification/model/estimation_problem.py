@@ -74,7 +74,8 @@ class EstimationProblem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) resampled together.
-        mistimed: (m + b,) mean squares in floors that the times of the drives may leave.
+        mistimed: (2, m + b) mean squares in floors that the times of the drives may leave: what all
+            drives miss alike, and each by itself, see `missed_by_times`.
         warnings: about the logs.
     """
 
@@ -231,7 +232,12 @@ class EstimationProblem:
 
     @property
     def _mistimed(self) -> FloatArray:
-        return np.delete(self.mistimed, self.floor.aside)
+        return np.delete(self.mistimed[0], self.floor.aside)
+
+    @property
+    def late(self) -> FloatArray:
+        """(outputs,) mean squares in floors that a drive may leave whose times are its own."""
+        return np.delete(self.mistimed[1], self.floor.aside)
 
     def block_means(self, values: FloatArray) -> FloatArray:
         """Return the mean (B,) of `values` (rows,) in every block."""
