@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.friction import CoulombFriction, StribeckFriction, ViscousFriction
 from wbc.effects.gear_losses import LoadFriction
 from wbc.effects.links import GravityDirection
-from wbc.errors import IdentificationError, unknown_name
+from wbc.errors import IdentificationError
 from wbc.files import as_json
 from wbc.identification.records.log_checks import require_robot_and_logs
 from wbc.measurement import Log
@@ -276,7 +275,7 @@ def fit_rollouts(
             subsets,
             firsts(numbers, found[-1].fit.values if found else None),
             _ITERATIONS,
-            dict.fromkeys(numbers, _HOLD),
+            _HOLD,
         )
         errors = [
             np.mean(fit.error([runs[k] for k in out], _STEP))
@@ -394,7 +393,7 @@ def fit_servos(
     subsets: Sequence[Sequence[int]],
     starts: Sequence[Mapping[str, float]] = ({},),
     iterations: int = 40,
-    hold: Mapping[str, float] = MappingProxyType({}),
+    hold: float = 0.0,
 ) -> list[ServoFit]:
     """Return one fit for each subset of the runs.
 
@@ -410,18 +409,15 @@ def fit_servos(
         subsets: rows of `runs` that each fit sees.
         starts: overrides of the starts; the best fit of all is returned.
         iterations: of one fit, at most.
-        hold: name -> how strongly the number is held to its start in `spans`: doubling it costs
-            as much as a single residual of hold [rad]. It only decides what the runs leave open
-            (friction against back-EMF, say).
+        hold: how strongly each number is held to its start in `spans`: doubling it costs as much as
+            a single residual of hold [rad]. It only decides what the runs leave open (friction
+            against back-EMF, say).
 
     Raises:
-        IdentificationError: nothing to fit, no run, or a held number that is not fitted.
+        IdentificationError: nothing to fit, or no run.
     """
     if not spans or not subsets or any(len(subset) == 0 for subset in subsets):
         raise IdentificationError("fitting a servo needs at least one number and one run.")
-    for name in hold:
-        if name not in spans:
-            raise IdentificationError(unknown_name("number of the fit", name, spans))
     names, table = list(spans), np.array([tuple(span) for span in spans.values()])
     low, center, high = table.T
     scale = np.maximum(np.abs(center), 0.02 * (high - low))
@@ -430,18 +426,22 @@ def fit_servos(
     seen = np.array([np.isin(range(len(runs)), subset) for subset in subsets for _ in firsts])
 
     def residuals(points: FloatArray, tasks: Sequence[int]) -> FloatArray:
-        """Return the errors (V, rows) of V variants, thinned, runs one after another."""
+        """Return the errors (V, rows) of V variants, thinned, run after run, then what holds."""
         servos = [build(dict(zip(names, map(float, p), strict=True))) for p in points]
         positions = servo_rollout(servos, runs, step, seen[list(tasks)])
         parts = [
             positions[: run.position.size : _EVERY, :, k] - run.position[::_EVERY, None]
             for k, run in enumerate(runs)
         ]
-        return np.concatenate(parts).T
+        return np.hstack([np.concatenate(parts).T, hold / scale * (points - center)])
 
-    tasks = [FitStart(first, np.isin(row_of, subset)) for subset in subsets for first in firsts]
-    pull = np.array([hold.get(name, 0.0) for name in names]) / scale
-    found = lockstep_fit(residuals, tasks, (low, high), scale, (pull, center), _SOFT, iterations)
+    held = np.ones(len(names), dtype=bool)
+    tasks = [
+        FitStart(first, np.concatenate([np.isin(row_of, subset), held]))
+        for subset in subsets
+        for first in firsts
+    ]
+    found = lockstep_fit(residuals, tasks, (low, high), scale, _SOFT, iterations)
     best = []
     for k in range(len(subsets)):
         x, cost = min(found[k * len(firsts) : (k + 1) * len(firsts)], key=lambda one: one[1])
@@ -465,7 +465,7 @@ class FitStart(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """Numbers of a fit, its residual (with the pull) and cost there."""
+    """Numbers of a fit, the residual that it sees and its cost there."""
 
     x: FloatArray
     residual: FloatArray
@@ -477,16 +477,15 @@ def lockstep_fit(
     tasks: Sequence[FitStart],
     bounds: tuple[FloatArray, FloatArray],
     scale: FloatArray,
-    pull: tuple[FloatArray, FloatArray],
     soft: float,
     iterations: int,
 ) -> list[tuple[FloatArray, float]]:
     """Return (numbers (n,), cost) of each task, by Levenberg-Marquardt steps taken together.
 
-    The cost is the sum of soft^2 (sqrt(1 + (r / soft)^2) - 1) over the residuals r of a task and
-    over pull (x - centre); a number whose bound the cost pushes against is kept there (gradient
-    projection). Several dampings are tried at once, so that hardly an iteration is lost to a step
-    that jumps (dry friction makes such costs rough).
+    The cost is the sum of soft^2 (sqrt(1 + (r / soft)^2) - 1) over the residuals r of a task; a
+    number whose bound the cost pushes against is kept there (gradient projection). Several
+    dampings are tried at once, so that hardly an iteration is lost to a step that jumps (dry
+    friction makes such costs rough).
 
     Args:
         residuals: (V, n) numbers and the task (V,) of each -> (V, R) residuals; rows that the
@@ -494,7 +493,6 @@ def lockstep_fit(
         tasks: the fits.
         bounds: low and high, (n,) each.
         scale: typical sizes of the numbers, (n,), > 0.
-        pull: weight and centre, (n,) each, of residuals that hold the numbers.
         soft: residual from which on it counts linearly.
         iterations: at most.
     """
@@ -504,12 +502,9 @@ def lockstep_fit(
 
     def points(xs: FloatArray, of: Sequence[int]) -> list[_Point]:
         table = residuals(xs, of)
-        result = []
-        for x, row, k in zip(xs, table, of, strict=True):
-            full = np.concatenate([row[tasks[k].rows], pull[0] * (x - pull[1])])
-            loss = soft**2 * np.sum(np.sqrt(1.0 + (full / soft) ** 2) - 1.0)
-            result.append(_Point(x, full, float(loss)))
-        return result
+        seen = [row[tasks[k].rows] for row, k in zip(table, of, strict=True)]
+        losses = [soft**2 * np.sum(np.sqrt(1.0 + (r / soft) ** 2) - 1.0) for r in seen]
+        return [_Point(x, r, float(c)) for x, r, c in zip(xs, seen, losses, strict=True)]
 
     at = points(np.stack([np.clip(t.first, low, high) for t in tasks]), range(len(tasks)))
     for _ in range(iterations):

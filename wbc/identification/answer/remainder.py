@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -84,12 +84,15 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
         records: the logs.
         residuals: (rows, m + b) condensed residual of each.
     """
+    robot, stacked = records[0].robot, np.concatenate(residuals)
     found = []
-    robot = records[0].robot
-    outputs = output_names(robot)
-    stacked = np.concatenate(residuals)
-    for column, output in enumerate(outputs):
-        for variable, unit, values in _variables(records, column):
+    for column, output in enumerate(output_names(robot)):
+        each = [_quantities(record, column) for record in records]
+        for variable, (unit, _) in each[0].items():
+            if any(variable not in own for own in each):
+                continue
+            pairs = zip(records, each, strict=True)
+            values = np.concatenate([record.thinned(own[variable][1]) for record, own in pairs])
             if np.ptp(values) > 0.0:
                 stated = unit_at(robot, output, unit)
                 found.append(binned(output, variable, stated, values, stacked[:, column]))
@@ -111,62 +114,37 @@ def binned(
     return Breakdown(output, variable, unit, center, mean, np.sqrt(power), share)
 
 
-def _variables(records: Sequence[Record], column: int) -> list[tuple[str, str, FloatArray]]:
-    """Return (name, unit, values (rows,)) for one output."""
-    robot = records[0].robot
+def _quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]:
+    """Return unit and values (N,) of what the torque at one output may depend on, by name."""
+    robot, motion = record.robot, record.motion
     row, gear = output_row(robot, column), output_gear(robot, column)
-    speed = _rows(records, lambda r: r.motion.velocity[:, row])
-    acceleration = _rows(records, lambda r: _accelerations(r)[:, row])
-    load = _rows(records, lambda r: r.load[:, row])
-    found = [
-        ("speed", "rad/s", speed),
-        ("acceleration", "rad/s^2", acceleration),
-        ("load", "N m", load),
-        ("time", "s", np.concatenate([record.time for record in records])),
-    ]
+    speed, load = motion.velocity[:, row], record.load[:, row]
+    time = np.arange(len(speed)) / record.rate
+    seen = {
+        "speed": ("rad/s", speed),
+        "acceleration": ("rad/s^2", np.asarray(motion.acceleration)[:, row]),
+        "load": ("N m", load),
+        "time": ("s", time),
+    }
     if gear is not None:
-        position = _rows(records, lambda r: r.motion.position[:, robot.actuated_position[gear]])
-        ratio = float(robot.transmission.gear_ratio[gear])
-        found += [
-            ("position", "rad", position),
-            ("rotor angle", "rad", np.mod(position * ratio, 2.0 * np.pi)),
-            ("mesh power", "W", load * speed),
-            ("direction", "1", np.sign(speed)),
-            ("load against direction", "N m", np.abs(load) * np.sign(speed)),
-            ("time since reversal", "s", np.concatenate([_since(r, row) for r in records])),
-        ]
-        if all(record.motion.temperature is not None for record in records):
-            found.append(
-                ("temperature", "deg C", _rows(records, lambda r: _temperatures(r)[:, gear]))
-            )
-    for name in records[0].forces:
-        force = [record.thinned(np.linalg.norm(record.forces[name], axis=1)) for record in records]
-        found.append((f"force at {name}", "N", np.concatenate(force)))
-    return found
-
-
-def _rows(records: Sequence[Record], read: Callable[[Record], FloatArray]) -> FloatArray:
-    return np.concatenate([record.thinned(read(record)) for record in records])
-
-
-def _accelerations(record: Record) -> FloatArray:
-    values = record.motion.acceleration
-    return np.zeros_like(record.motion.velocity) if values is None else values
-
-
-def _temperatures(record: Record) -> FloatArray:
-    values = record.motion.temperature
-    return np.zeros_like(record.torque) if values is None else values
-
-
-def _since(record: Record, row: int) -> FloatArray:
-    """Return the time since the joint last changed direction, (rows,) [s]."""
-    sign = np.sign(record.motion.velocity[:, row])
-    changed = np.flatnonzero(np.diff(sign) != 0.0) + 1
-    index = np.arange(len(sign))
-    last = np.zeros(len(sign))
-    last[changed] = changed
-    return record.thinned((index - np.maximum.accumulate(last)) / record.rate)
+        position = motion.position[:, robot.actuated_position[gear]]
+        turned = np.mod(position * float(robot.transmission.gear_ratio[gear]), 2.0 * np.pi)
+        way = np.sign(speed)
+        # When the joint last changed direction.
+        changed = np.where(np.diff(way, prepend=way[:1]) != 0.0, time, 0.0)
+        seen |= {
+            "position": ("rad", position),
+            "rotor angle": ("rad", turned),
+            "mesh power": ("W", load * speed),
+            "direction": ("1", way),
+            "load against direction": ("N m", np.abs(load) * way),
+            "time since reversal": ("s", time - np.maximum.accumulate(changed)),
+        }
+        if motion.temperature is not None:
+            seen["temperature"] = ("deg C", motion.temperature[:, gear])
+    for name, force in record.forces.items():
+        seen[f"force at {name}"] = ("N", np.linalg.norm(force, axis=1))
+    return seen
 
 
 @dataclass(frozen=True)
@@ -198,11 +176,9 @@ class Remainder:
     @property
     def text(self) -> str:
         """One sentence."""
-        said = [f"{name} ({100.0 * share:.0f} %)" for name, share in self.clues]
-        text = f"{self.output}: {self.size:.2g} {self.unit} left, "
-        many = self.floors > _MANY
-        text += f"{'more than 100' if many else plain(self.floors, 2)} times the noise floor"
-        text += f", follows {', '.join(said)}" if said else ", follows no single variable"
+        many = "more than 100" if self.floors > _MANY else plain(self.floors, 2)
+        text = f"{self.output}: {self.size:.2g} {self.unit} left, {many} times the noise floor, "
+        text += _follows(self.clues)
         if self.growth > 1.5:
             text += f", grows {self.growth:.1f}-fold during a log"
         if self.memory:
@@ -245,8 +221,7 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
             continue
         own = [b for b in found if b.output == name and b.share > _DEPENDS]
         other = _elsewhere(records, values, column, own)
-        clues = [(b.variable, b.share) for b in own]
-        clues += [(other.variable, other.share)] if other else []
+        clues = [(b.variable, b.share) for b in (*own, *([other] if other else []))]
         speeds = [_speed(record, column) for record in records]
         result.append(
             Remainder(
@@ -264,6 +239,12 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
             )
         )
     return tuple(result)
+
+
+def _follows(clues: Sequence[tuple[str, float]]) -> str:
+    """Return on which variables a torque depends, in words."""
+    said = [f"{name} ({100.0 * share:.0f} %)" for name, share in clues]
+    return f"follows {', '.join(said)}" if said else "follows no single variable"
 
 
 def describe(left: Sequence[Remainder]) -> str:
@@ -294,8 +275,7 @@ def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) ->
     worst = int(np.argmax(floors))
     name = output_names(robot)[worst]
     own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
-    clues = [f"{b.variable} ({100.0 * b.share:.0f} %)" for b in own[:_CLUES]]
-    follows = f"follows {', '.join(clues)}" if clues else "follows no single variable"
+    follows = _follows([(b.variable, b.share) for b in own[:_CLUES]])
     return (
         f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
     )
@@ -448,21 +428,18 @@ def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> fl
 
 def _features(record: Record, output: int) -> FloatArray:
     """Return (rows, F) what the torque at one output may depend on, in the residual's band."""
-    robot = record.robot
+    robot, seen = record.robot, _quantities(record, output)
     row, gear = output_row(robot, output), output_gear(robot, output)
-    velocity = record.motion.velocity
-    acceleration = record.motion.acceleration
-    a = np.zeros_like(velocity) if acceleration is None else acceleration
-    load = record.load[:, row]
-    time = np.linspace(-1.0, 1.0, len(load))
-    own = [_scaled(x) for x in (velocity[:, row], a[:, row], load, time)]
-    columns: list[FloatArray] = [np.ones(len(load)), *own]
+    velocity, a = record.motion.velocity, np.asarray(record.motion.acceleration)
+    time = np.linspace(-1.0, 1.0, len(velocity))
+    own = [_scaled(seen[name][1]) for name in ("speed", "acceleration", "load")] + [_scaled(time)]
+    columns: list[FloatArray] = [np.ones(len(time)), *own]
     columns += [x * y for k, x in enumerate(own) for y in own[k:]]
     columns += [bend for x in own[:3] for bend in _bends(x)]
     ways = [np.tanh(own[0] / slow) for slow in _SLOW]
     if gear is not None:
-        position = record.motion.position[:, robot.actuated_position[gear]]
-        columns += _over_travel(position, own[0], ways, robot.transmission.gear_ratio[gear])
+        ratio = float(robot.transmission.gear_ratio[gear])
+        columns += _over_travel(seen["position"][1], own[0], ways, ratio)
     for way in ways:
         columns += [
             way,

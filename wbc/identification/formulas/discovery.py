@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.effects import CustomTorque, TorqueTerm
 from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
+from wbc.identification.answer.findings import estimates_of
 from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.choice.evidence import Hypothesis, log_densities
@@ -23,7 +24,6 @@ from wbc.identification.formulas.formula import (
 from wbc.identification.formulas.term_table import term_table, torque_terms
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import interval_bounds
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import without_torque_sensors
 from wbc.identification.records.record import output_names, output_units
@@ -266,15 +266,13 @@ def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt
 def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str], Estimate]:
     """Return every parameter with its interval, by effect, place and name."""
     sliding = {name for name in problem.robot.single_joints if slides(problem.robot, name)}
-    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
     result = {}
-    for (number, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
-        effect, unit = fit.effects[number], parameter.unit
-        if isinstance(effect, CustomTorque):
-            unit = TorqueTerm.parse(parameter.name).unit(sliding, at_slide=effect.where in sliding)
-        value = effect.values[parameter.name]
-        key = (effect.name, effect.where, parameter.name)
-        result[key] = Estimate(value, unit, float(low), float(high))
+    for effect, own in zip(fit.effects, estimates_of(problem, fit), strict=True):
+        for name, e in own.items():
+            if isinstance(effect, CustomTorque):
+                unit = TorqueTerm.parse(name).unit(sliding, at_slide=effect.where in sliding)
+                e = replace(e, unit=unit)
+            result[effect.name, effect.where, name] = e
     return result
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from wbc.effects import effect_class, load_robot
-from wbc.errors import IdentificationError, failure_text
+from wbc.errors import failure_text
 from wbc.identification.answer.diagnose import diagnose
 from wbc.identification.answer.diagnosis import Diagnosis
 from wbc.identification.answer.words import verdict_sentence
@@ -21,14 +21,13 @@ from wbc.identification.records.record import output_names, output_units
 from wbc.identification.trend.sessions import (
     Run,
     Session,
+    in_table,
     lines_of,
     robot_and_logs,
     sessions_of,
-    work_key,
-    work_names,
 )
 from wbc.progress import Watch
-from wbc.results import Column, ResultTable, fill_table, read_results
+from wbc.results import Column, read_results
 
 _READ = ("machine", "date", "logs", "verdict", "sentence", "causes", "failure")
 """Columns that `FleetDiagnosis` holds; the diagnoses, 12 kB each, stay in the file."""
@@ -136,18 +135,10 @@ def diagnose_fleet(
         ParallelError: workers is 0, or no cluster at the address.
     """
     sessions = sessions_of(robot, runs, columns, lossless)
-    if not sessions:
-        raise IdentificationError("no log was given.")
     names = None if candidates is None else tuple(effect_class(name).name for name in candidates)
-    table = ResultTable(
-        Path(out),
-        work_key("diagnose", sessions, candidates=names and list(names)),
-        _columns(robot),
-        len(sessions),
-        work_names(sessions),
-    )
-    work = partial(diagnosed_row, names)
-    path = fill_table(table, work, sessions, workers=workers, cluster=cluster, watch=watch)
+    work, settings = partial(diagnosed_row, names), {"candidates": names and list(names)}
+    how: dict[str, Any] = {"workers": workers, "cluster": cluster, "watch": watch}
+    path = in_table(Path(out), "diagnose", work, sessions, _columns(robot), settings, **how)
     return FleetDiagnosis(_stored(read_results(path, _READ)), path)
 
 

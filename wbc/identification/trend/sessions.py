@@ -6,7 +6,7 @@ import csv
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.metadata import version
@@ -14,24 +14,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from wbc.effects import load_robot
-from wbc.errors import LogError, failure_text
+from wbc.errors import IdentificationError, LogError, failure_text
 from wbc.identification.answer.diagnosis import Estimate
+from wbc.identification.answer.findings import estimates_of
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.intervals import interval_bounds
+from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, load_logs
-from wbc.results import Column
+from wbc.results import Column, ResultTable, fill_table
 from wbc.robot import Robot
-from wbc.robot.coordinates import unit_at
 from wbc.robot.fingerprint import fingerprint
-
-LEVEL = 0.9
-"""Share of the intervals that hold the truth."""
-DEVIATIONS = float(norm.ppf(0.5 + 0.5 * LEVEL))
-"""Standard deviations from the value to the ends of such an interval."""
 
 Quantity = tuple[str, str, str]
 """(effect, place, parameter); the effect is empty for the error of an output."""
@@ -99,7 +93,13 @@ class SessionResult:
 def sessions_of(
     robot: str, runs: Sequence[Run], columns: str | None, lossless: bool
 ) -> list[Session]:
-    """Return the sessions of logs, in order of machine and date."""
+    """Return the sessions of logs, in order of machine and date.
+
+    Raises:
+        IdentificationError: no log.
+    """
+    if not runs:
+        raise IdentificationError("no log was given.")
     grouped: dict[tuple[str, datetime], list[str]] = {}
     for run in runs:
         grouped.setdefault((run.machine, run.date), []).append(run.path)
@@ -136,15 +136,8 @@ def _measured(
     if robot.effects:
         bare = EstimationProblem.from_logs(robot.without_effects(), logs)
         fit = bare.fit(robot.effects)
-        bounds = interval_bounds(fit, bare.blocks, bare.distortion(fit), LEVEL)
-        for (k, parameter), (low, high) in zip(fit.parameters, bounds, strict=True):
-            effect = fit.effects[k]
-            values[(effect.name, effect.where, parameter.name)] = Estimate(
-                effect.values[parameter.name],
-                unit_at(robot, effect.where, parameter.unit),
-                float(low),
-                float(high),
-            )
+        for effect, own in zip(fit.effects, estimates_of(bare, fit), strict=True):
+            values |= {(effect.name, effect.where, name): e for name, e in own.items()}
     return values, problem.warnings
 
 
@@ -154,7 +147,7 @@ def _errors(problem: EstimationProblem) -> dict[Quantity, Estimate]:
     for column, name in enumerate(output_names(problem.robot)):
         blocks = problem.block_means(problem.residual[:, column] ** 2)
         mean = float(np.mean(blocks))
-        spread = DEVIATIONS * float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
+        spread = TAIL * float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
         low, high = np.sqrt(max(mean - spread, 0.0)), np.sqrt(mean + spread)
         rms = float(np.sqrt(np.mean(problem.residual[:, column] ** 2)))
         found[("", name, "rms error")] = Estimate(rms, units[column], float(low), float(high))
@@ -250,32 +243,44 @@ def _listed(row: dict[str, str], place: Path, line: int) -> Run:
     return Run(str(place.parent / row["log"].strip()), row["machine"].strip(), date)
 
 
-def work_key(work: str, sessions: Sequence[Session], **settings: Any) -> dict[str, Any]:
-    """Return what the results of all sessions depend on; see `work_names` for their logs.
+def in_table(
+    path: Path,
+    name: str,
+    work: Callable[[Session], dict[str, Any]],
+    sessions: Sequence[Session],
+    columns: Mapping[str, Column],
+    settings: Mapping[str, Any],
+    **how: Any,
+) -> Path:
+    """Work on every session, and return the path of the table of the results, see `fill_table`.
 
-    The column map enters by path, size and time of the last change.
+    The column map and the logs count by path, size and time of the last change, not by content:
+    reading all logs of a fleet would take as long as the work.
+
+    Args:
+        path: of the table.
+        name: of the work.
+        work: returns the rows of a session; what a worker runs.
+        sessions: one or more.
+        columns: of the table.
+        settings: on which the results depend beside robot and column map.
+        **how: workers, cluster and watch.
     """
     first = sessions[0]
-    return {
-        "work": work,
+    key = {
+        "work": name,
         "robot": fingerprint(load_robot(first.robot)),
         "lossless": first.lossless,
         "columns": _stamp(first.columns) if first.columns else None,
         "version": version("wbc"),
         **settings,
     }
-
-
-def work_names(sessions: Sequence[Session]) -> tuple[str, ...]:
-    """Return a name for the part of every session: which one it is, and of which logs.
-
-    Logs enter by path, size and time of the last change, not by content: reading all logs of a
-    fleet would take as long as the work.
-    """
-    return tuple(
+    parts = tuple(
         f"{_digest([s.machine, s.date])}-{_digest([_stamp(path) for path in s.paths])}"
         for s in sessions
     )
+    table = ResultTable(path, key, columns, len(sessions), parts)
+    return fill_table(table, work, sessions, **how)
 
 
 def _digest(what: Sequence[Any]) -> str:

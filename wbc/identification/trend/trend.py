@@ -24,20 +24,19 @@ from wbc.errors import IdentificationError
 from wbc.files import as_json
 from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.answer.shown import data_frame
+from wbc.identification.model.intervals import TAIL
 from wbc.identification.trend.sessions import (
-    DEVIATIONS,
     SESSION_COLUMNS,
     Quantity,
     Run,
     SessionResult,
+    in_table,
     measured_rows,
     sessions_of,
     stored_sessions,
-    work_key,
-    work_names,
 )
 from wbc.progress import Watch
-from wbc.results import ResultTable, fill_table, read_results
+from wbc.results import read_results
 from wbc.robot.effect import spoken
 
 WRONG = 0.05
@@ -286,14 +285,10 @@ def follow(
         ParallelError: workers is 0, or no cluster at the address.
     """
     sessions = sessions_of(robot, runs, columns, lossless)
-    if not sessions:
-        raise IdentificationError("no log was given.")
     with TemporaryDirectory() as folder:
         path = Path(out) if out else Path(folder) / "sessions.parquet"
-        key, names = work_key("trend", sessions), work_names(sessions)
-        table = ResultTable(path, key, SESSION_COLUMNS, len(sessions), names)
         how: dict[str, Any] = {"workers": workers, "cluster": cluster, "watch": watch}
-        fill_table(table, measured_rows, sessions, **how)
+        in_table(path, "trend", measured_rows, sessions, SESSION_COLUMNS, {}, **how)
         results = stored_sessions(read_results(path), sessions)
     if all(result.failure for result in results):
         raise IdentificationError(f"no session can be measured; the first: {results[0].failure}")
@@ -339,7 +334,7 @@ def _points(results: Sequence[SessionResult], quantity: Quantity) -> Points:
     return Points(
         days_of(results),
         np.array([e.value for e in estimates]),
-        np.array([(e.high - e.low) / (2.0 * DEVIATIONS) for e in estimates]),
+        np.array([(e.high - e.low) / (2.0 * TAIL) for e in estimates]),
     )
 
 
