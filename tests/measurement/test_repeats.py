@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.outside import outside
+from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.measurement import (
     Log,
@@ -106,6 +107,14 @@ def test_short_pieces_are_left_out_and_many_holes_refused(swing: Log) -> None:
     holes = [(start, start + 20) for start in range(300, 2000, 300)]
     with pytest.raises(LogError, match=r"run.csv: samples are missing in 6 places.*only 0 of"):
         cut_at_gaps([_without(swing, *holes)])
+
+
+def test_a_piece_in_which_nothing_changes_is_told_by_the_check(swing: Log) -> None:
+    """The diagnosis refuses it, and the check looked at the whole log."""
+    dead = {n: np.where(swing.time < 1.9, v, v[-1]) for n, v in swing.columns.items()}
+    log = _without(swing.with_columns(dead), (800, 1000))
+    found = check_log(log, load_robot("planar_leg_fixed")).of_kind("constant_log")
+    assert [finding.severity for finding in found] == ["error"]
 
 
 def test_single_lost_samples_and_slow_clocks_are_no_reason_to_cut(swing: Log) -> None:

@@ -56,13 +56,24 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
         logs: logs said to be of one robot, at least one.
         robot: as for `check_log`.
     """
-    suspected = find_suspicions(logs, robot)
+    pieces = [_pieces(log) for log in logs]
+    used = [piece for own in pieces for piece in own]
+    told = iter(find_suspicions(used, robot))
+    suspected = [list({f.text: f for _ in own for f in next(told)}.values()) for own in pieces]
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
     together = check_set(logs)
-    if robot is not None and (still := motionless(robot, logs)) is not None:
+    if robot is not None and (still := motionless(robot, used)) is not None:
         together.append(still)
     each[0] = replace(each[0], findings=by_severity([*each[0].findings, *together]))
     return tuple(each)
+
+
+def _pieces(log: Log) -> list[Log]:
+    """Return the pieces of a log that a diagnosis uses; the whole where it uses none."""
+    try:
+        return cut_at_gaps([log])[0]
+    except LogError:
+        return [log]
 
 
 def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import nnls
+from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.measurement.evidence import (
@@ -146,15 +147,30 @@ def other_zeros(logs: Sequence[LogRows]) -> list[tuple[int, float, float, tuple[
         if slides(robot, joint):
             continue
         each = np.array([_on_circle(rows, i) for rows in logs])
-        whole = each.sum(axis=0) + _MOVED
-        best = int(np.argmax(whole))
-        if best and abs(_ZEROS[best]) > _DRAWN_OFF:
-            found.append((i, float(_ZEROS[best]), float(_MOVED[best]), every))
+        whole = each.sum(axis=0)
+        shared, prior, stands = _likeliest(whole)
+        if stands and abs(_ZEROS[shared]) > _DRAWN_OFF:
+            found.append((i, float(_ZEROS[shared]), prior, every))
         for k, one in enumerate(each if len(logs) > 1 else ()):
-            own = int(np.argmax(one + _MOVED))
-            if one[own] + _MOVED[own] > one[best]:
-                found.append((i, float(_ZEROS[own]), float(_MOVED[own]), (k,)))
+            own, prior, _ = _likeliest(one)
+            if one[own] + prior > one[stands]:
+                found.append((i, float(_ZEROS[own]), prior, (k,)))
     return found
+
+
+def _likeliest(at: FloatArray) -> tuple[int, float, int]:
+    """Return another zero, its log prior, and the likeliest zero of all, by number.
+
+    Which degree it is costs no more than the logs tell: the prior is that of all zeros that they
+    allow beside the likeliest.
+
+    Args:
+        at: (360,) log likelihood.
+    """
+    odds = at + _MOVED
+    other = int(np.argmax(odds[1:])) + 1
+    prior = float(logsumexp(odds[1:]) - at[other])
+    return other, prior, other if at[other] + prior > at[0] else 0
 
 
 def _on_circle(rows: LogRows, single: int) -> FloatArray:
