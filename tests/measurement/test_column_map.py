@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wbc import load_robot
 from wbc.errors import LogError
 from wbc.measurement import (
+    check_robot,
     load_log,
     load_logs,
     merged,
     parse_column_map,
+    read_logs,
     write_map,
 )
 from wbc.measurement.findings import lines, read_table
@@ -246,6 +249,25 @@ def test_holes_are_refused_only_in_columns_that_are_needed(tmp_path: Path) -> No
     text = 'columns."hip.temperature" = { missing = "error" }'
     with pytest.raises(LogError, match="holds nan at row 1"):
         load_log(*_write(tmp_path, text, rows))
+
+
+def test_channels_recorded_at_times_of_their_own_are_bridged(tmp_path: Path) -> None:
+    """As PlotJuggler writes topics side by side: no row holds all of them."""
+    rows = "time,slide.position,slide.motor_torque\n" + "".join(
+        f"{0.01 * k:.3f},{k},\n{0.01 * k + 0.004:.3f},,{k + 0.4}\n" for k in range(20)
+    )
+    path = _write(tmp_path, "", rows)[0]
+    with pytest.raises(LogError, match=r"'slide\.position' holds nan at row 1"):
+        load_log(path)
+    log = read_logs([path])[0]
+    with pytest.raises(LogError, match='missing = "bridge"'):
+        log.column("slide.motor_torque")
+    (finding,) = check_robot(log, load_robot("emps"))
+    assert finding.kind == "missing"
+    log = load_log(path, parse_column_map(finding.mend))
+    np.testing.assert_allclose(log.time, 0.01 * np.arange(1, 20))
+    np.testing.assert_allclose(log.column("slide.position"), np.arange(1, 20))
+    np.testing.assert_allclose(log.column("slide.motor_torque"), np.arange(1, 20))
 
 
 def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:

@@ -107,6 +107,27 @@ def test_bad_files_say_what_is_wrong(
         assert word in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "%time,field.position0,field.name0\n",  # `rostopic echo -p`
+        "# run 7\n# time field.position0 field.name0\n",
+        "time,field,field\n,position0,name0\n",  # pandas, columns with two levels
+        "joint,field,field\nkind,position0,name0\ntime,,\n",  # ... and a named index
+        "time,field,field\n,position0,name0\ns,rad,\n",
+    ],
+)
+def test_names_stand_in_comments_or_in_several_lines(head: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(head + "0,1.5,hip\n0.1,1.6,hip\n0.2,1.7,hip\n")
+    columns = tmp_path / "map.toml"
+    name = "field.position0" if "field.position0" in head else "field position0"
+    columns.write_text(f'columns."hip.position" = "{name}"')
+    log = load_log(path, columns)
+    np.testing.assert_array_equal(log.time, [0.0, 0.1, 0.2])
+    np.testing.assert_array_equal(log.column("hip.position"), [1.5, 1.6, 1.7])
+
+
 def test_a_missing_file_and_a_plain_folder_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no log at"):
         load_log(tmp_path / "none.csv")

@@ -293,6 +293,44 @@ def test_the_zero_of_a_last_joint_is_asked_and_not_mended(
     assert "the zero of elbow.position is off by" in finding.text
 
 
+def test_what_logs_show_with_other_numbers_is_mended_once() -> None:
+    """Two logs turned the sign twice, and the printed map changed nothing."""
+    logs = load_logs([outside(f"practice_leg/case00{letter}.csv") for letter in "ac"])
+    sizes = ({"hip": -1.0, "knee": -1.0}, {"hip": -1.001})
+    wrong = [
+        log.with_columns({f"{j}.velocity": s * log.column(f"{j}.velocity") for j, s in own.items()})
+        for log, own in zip(logs, sizes, strict=True)
+    ]
+    with pytest.raises(SuspiciousLogError) as caught:
+        suspicions(LEG, wrong)
+    for joint in ("hip", "knee"):
+        assert f'columns."{joint}.velocity" = {{ sign = -1 }}' in str(caught.value)
+
+
+def test_positions_in_turns_are_named(arm: tuple[Robot, tuple[Log, ...]]) -> None:
+    """As moteus and ODrive report them: that the torques were 6.3 times the need was all."""
+    robot, logs = arm
+    turn = {f"{joint}.position": {"scale": 0.5 / np.pi} for joint in JOINTS}
+    wrong = [mended(log, {"columns": turn}) for log in logs]
+    (finding,) = find_suspicions(wrong, robot)[0]
+    assert (finding.kind, finding.severity) == ("degrees", "error")
+    assert {entry["unit"] for entry in finding.mend["columns"].values()} == {"turn"}
+
+
+@pytest.mark.parametrize(("name", "number"), [("14_z1_ripple", 2), ("24_kinova_outside_wind", 1)])
+def test_a_zero_that_is_another_in_one_log_is_told_at_all_joints(name: str, number: int) -> None:
+    """The last of an arm, and one beside a joint whose torque follows no need."""
+    folder = outside(f"foreign/{name}")
+    robot = load_robot(folder / "robot.toml")
+    logs = read_logs([folder / f"run{k}.csv" for k in (1, 2, 3)], folder / "columns.toml")
+    column = f"{robot.transmission.joints[number]}.position"
+    off = logs[1].with_columns({column: logs[1].column(column) + 0.3})
+    before, (finding,), after = find_suspicions([logs[0], off, logs[2]], robot)
+    assert before == after == []
+    assert (finding.kind, finding.probability > 0.9) == ("position_zero", True)
+    assert f"the zero of {column} is off by" in finding.text
+
+
 def test_three_wrists_in_a_wrong_order_are_put_back() -> None:
     """One exchange was found, and the check approved the rest: exchanged wrists explain 99 %."""
     folder = outside("foreign/27_ur5_null")

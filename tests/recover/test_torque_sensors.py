@@ -161,6 +161,10 @@ def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_
     assert not any("torque constant" in text for text in found.warnings)
     with pytest.raises(LogError, match=r"needs 'hip\.joint_torque'"):
         diagnose(robot, blind(logs))
+    # The check says so first, also where the drive reports something.
+    drives = [log.select(n for n in log.names if "joint_torque" not in n) for log in sensed]
+    for quality in check_logs(drives, robot):
+        assert ["hip.joint_torque" in f.text for f in quality.of_kind("no_torque")] == [True]
 
 
 BENCH = """

@@ -30,7 +30,7 @@ Keys of a column: `from` (one name or several with `weights`; default the entry'
 `scale`, `sign`, `side` and `gear_ratio`, `offset` (added last, in the unit of the log), `unwrap`
 (period of the jumps, in the foreign unit), `sign_bit` (of counts whose sign is a bit: 15), `lag`
 (by how much the column is late [s]), `empty` (a number that stands for no measurement), `missing`
-(when_needed, error, omit, drop_rows), `optional`.
+(when_needed, error, omit, drop_rows, bridge), `optional`.
 
 The same without headings, one line for each entry, is how `wbc init` and `--fix` write maps:
 `time.unit = "ms"`, `columns."hip.velocity" = { sign = -1 }`.
@@ -50,7 +50,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.findings import ENCODER_UNITS, RULE_KEYS, column_entries, read_table
+from wbc.measurement.findings import ENCODER_RATES, RULE_KEYS, column_entries, read_table
 from wbc.measurement.schema import (
     TIME,
     column_units,
@@ -62,10 +62,10 @@ from wbc.measurement.schema import (
 ROW_KEYS = ("split", "where", "between", "topic", "header")
 TIME_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
 _REPEATED = ("error", "first", "spread")
-_MISSING = ("when_needed", "error", "omit", "drop_rows")
+_MISSING = ("when_needed", "error", "omit", "drop_rows", "bridge")
 SECTIONS = ("rows", "time", "columns", "trusted")
 _SIDES = ("rotor", "motor", "joint")
-_AFTER = (*ENCODER_UNITS, "goal_position")
+_AFTER = (*ENCODER_RATES, "goal_position")
 _POWERS = {
     **dict.fromkeys(_AFTER, -1),
     **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
@@ -90,7 +90,8 @@ class ColumnRule:
         lag: by how much the channel is late [s].
         empty: number of the sources that stands for no measurement; None for none.
         missing: what to do with NaN: leave the channel out and refuse it `when_needed`, refuse the
-            file (`error`), `omit` the channel if it is NaN throughout, or `drop_rows`.
+            file (`error`), `omit` the channel if it is NaN throughout, `drop_rows`, or `bridge`
+            them by straight lines.
         optional: whether the file may lack the sources (the channel is then left out).
         implied: whether the map named no source, so that the file's own column of the target's
             name is meant.

@@ -12,7 +12,6 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -88,8 +87,22 @@ def merged(first: Mend, second: Mend) -> dict[str, Any]:
 
 
 def together(mends: Iterable[Mend]) -> dict[str, Any]:
-    """Return one mend that holds all of several."""
-    return reduce(merged, mends, {})
+    """Return one mend that holds all of several; what several logs say alike is done once."""
+    result: dict[str, Any] = {}
+    said: set[str] = set()
+    for mend in mends:
+        new: dict[str, Any] = {}
+        for section, content in mend.items():
+            if not isinstance(content, Mapping):
+                new[section] = content
+                continue
+            once = {
+                key: own for key, own in content.items() if f"{section} {key} {own}" not in said
+            }
+            said |= {f"{section} {key} {own}" for key, own in once.items()}
+            new |= {section: once} if once else {}
+        result = merged(result, new)
+    return result
 
 
 def column_entries(table: Mapping[str, Any], label: str = "column map") -> dict[str, Any]:
@@ -197,27 +210,27 @@ def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Pa
     return write_text(path, "\n".join([*head, *body]) + "\n")
 
 
-def in_degrees(names: Iterable[str], joints: Iterable[str]) -> Mend:
-    """Return the mend of joints whose encoder columns, among `names`, are in degrees."""
-    known, units = set(names), ENCODER_UNITS
+def in_degrees(names: Iterable[str], joints: Iterable[str], unit: str = "deg") -> Mend:
+    """Return the mend of joints whose encoder columns, among `names`, are in degrees or turns."""
+    known = set(names)
     return {
         "columns": {
-            f"{joint}.{quantity}": {"unit": unit}
+            f"{joint}.{quantity}": {"unit": f"{unit}{rate}"}
             for joint in joints
-            for quantity, unit in units.items()
+            for quantity, rate in ENCODER_RATES.items()
             if f"{joint}.{quantity}" in known
         }
     }
 
 
-ENCODER_UNITS = {
-    "position": "deg",
-    "velocity": "deg/s",
-    "acceleration": "deg/s^2",
-    "target_position": "deg",
-    "target_velocity": "deg/s",
+ENCODER_RATES = {
+    "position": "",
+    "velocity": "/s",
+    "acceleration": "/s^2",
+    "target_position": "",
+    "target_velocity": "/s",
 }
-"""Quantities that turn with the encoder of a joint -> their unit where it counts degrees."""
+"""Quantities that turn with the encoder of a joint -> what their unit has more than its."""
 
 
 def _key(key: str) -> str:

@@ -124,6 +124,12 @@ def guess_names(
         )
     named = joints_of(owners, joints)
     named |= _by_cells(table, owners, joints)
+    # What is recorded elsewhere is called otherwise; a joint's name or number tells whose it is.
+    others = list(dict.fromkeys(g.owner for g in guesses if g.quantity in REPORTED))
+    more = joints_of([owner for owner in others if owner not in named], joints)
+    more = {owner: one for owner, one in more.items() if one[1] != "by its place in the file"}
+    guesses.sort(key=lambda guess: guess.owner in more)
+    named |= more
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
     ]
@@ -156,6 +162,9 @@ def guess_names(
     driven = tuple(joint for joint, quantities in held.items() if quantities & set(REPORTED))
     targets = [joint for joint, quantities in held.items() if "target_position" in quantities]
     followed = tuple(joint for joint in targets if joint not in driven)
+    passive = [joint for joint in held if driven and joint not in (*driven, *followed)]
+    if passive:
+        reasons.append(f"{', '.join(passive)}: no torque or current, so taken for without a drive")
     unseen = tuple(joint for joint in joints if (place or "position") not in held.get(joint, ()))
     return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 

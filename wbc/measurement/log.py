@@ -42,6 +42,7 @@ class LogSource:
         ignored: columns of the file that were not read because no name of the schema fits them.
         notes: what else was changed while reading (rows dropped, columns left out).
         unusable: channels that were left out because they hold NaN -> where, and the way out.
+        holes: the same channels -> what a map says of `missing` so that they can be used.
         trusted: whether the user vouches for the columns, so that suspicions only warn.
     """
 
@@ -52,6 +53,7 @@ class LogSource:
     ignored: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     unusable: Mapping[str, str] = field(default_factory=dict)
+    holes: Mapping[str, str] = field(default_factory=dict)
     trusted: bool = False
 
     @property

@@ -204,8 +204,9 @@ POSSIBLE = 0.5
 """Probability of any mistake from which logs leave open whether they are right. Of ten right logs
 of 5 to 10 s (seven of a recorded double pendulum, three of the sample leg) none is above 0.04."""
 # Share of a report's power left, from which its column may be another joint's where there are many
-# joints or follows none, and from which gravity and zeros are asked about. Of 2114 true reports of generated robots
-# with hidden causes 2 % leave more than 0.13, 8 % more than 0.015; exchanged wrists leave less.
+# joints or follows none, and from which gravity and zeros are asked about. Of 2114 true reports
+# of generated robots with hidden causes 2 % leave more than 0.13, 8 % more than 0.015; exchanged
+# wrists leave less.
 _LOST, _DOUBTFUL = 0.3, 0.015
 _TIED = 2.0  # nats: odds of seven to one
 _PAIRS = 7  # driven joints up to which any may be exchanged: half a second per log

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wbc.measurement.findings import Mend, say_so
-from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, split_column
+from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, named_unit, split_column
 
 _KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}
 _NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
@@ -25,7 +25,7 @@ _QUANTITIES = {
         "position": "q qpos pos position th theta phi angle ang winkel",
         "velocity": "v dq qd qvel vel velocity w om omega speed qdot geschwindigkeit",
         "motor_torque": "tau torque trq eff effort force moment drehmoment",
-        "current": "i cur current amp amps strom",
+        "current": "i iq cur current amp amps strom",
         "temperature": "temp temperature",
     }.items()
 }
@@ -40,12 +40,10 @@ _OF_KINDS = {
 _VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
 _TARGETS |= {"control", "setpoint"}
+_OF_OTHERS = {"ext", "external"}  # torques that no drive makes
+_MEASURED = {"meas", "measured", "act", "actual", "reported"}
 _FILL = {
-    "meas",
-    "measured",
-    "act",
-    "actual",
-    "reported",
+    *_MEASURED,
     "joint",
     "j",
     "motor",
@@ -87,7 +85,9 @@ def guess_name(name: str) -> NameGuess:
     if unit and not _fits(quantity, unit):
         unit = ""  # a word that only looks like one: the v of hip_v
         quantity, rest = _quantity(_words(said))
-    if quantity and _TARGETS & set(rest):
+    if quantity and _OF_OTHERS & set(rest):
+        quantity = ""
+    if quantity and _TARGETS & set(rest) and not _MEASURED & set(rest):
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
     owner = _owner(rest)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
@@ -223,10 +223,13 @@ def _words(name: str) -> list[str]:
 
 
 def _unit(name: str) -> tuple[str, list[str]]:
-    """Return (unit, the other words); a unit stands at the end.
+    """Return (unit, the other words); a unit stands in brackets, or at the end.
 
     The capital of `mNm` or `mA` begins no word.
     """
+    for bracket in re.finditer(r"[\[(]([^\])]+)[\])]", name):
+        if (unit := named_unit(bracket[1])) in _NAMED:
+            return unit, _words(name[: bracket.start()] + " " + name[bracket.end() :])
     for found in (list(re.finditer(r"[A-Za-z]+|[0-9]+", name)), None):
         words = [match[0].lower() for match in found] if found else _words(name)
         for count in (3, 2, 1):

@@ -33,6 +33,7 @@ from wbc.measurement.tables import Table
 _EFFORT = ".effort"
 _CLOCK: Mend = {"time": {"from": "CLOCK"}}
 _RATE: Mend = {"time": {"rate": 100}}
+_MOST_DROPPED = 0.9  # of the rows of a file; where more lack something, no row is whole by chance
 _SHOWN = 8  # combinations of values that a message lists
 
 
@@ -79,6 +80,8 @@ def load_logs(
     """
     logs = read_logs(paths, columns, gear_ratios)
     for log in logs:
+        if log.source.unusable and not log.columns:
+            raise LogError(f"{log.source.label}: " + next(iter(log.source.unusable.values())))
         require_plausible_units(log)
     return logs
 
@@ -171,37 +174,62 @@ def _log(
     first, last = rules.rows.between
     kept = (time >= first) & (time <= last)
     for rule in rules.rules:
-        if rule.missing == "drop_rows":
+        if rule.missing == "bridge":
+            values[rule.target] = _bridged(time, values[rule.target])
+        if rule.missing in ("bridge", "drop_rows"):
             kept &= ~np.isnan(values[rule.target])
     if not kept.any():
         raise LogError(f"{label}: no rows ({count} read, {count} dropped).")
     block = {name: column[kept] for name, column in values.items()}
     time, apart = advancing(time[kept], block, rules.time.repeated, rows[kept], label)
     notes, columns = list(source.notes), {}
-    unusable: dict[str, str] = {}
+    unusable: dict[str, FloatArray] = {}
     for rule in rules.rules:
         column = block[rule.target][apart]
         if rule.missing == "omit" and np.isnan(column).all():
             notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
         elif rule.missing == "when_needed" and not np.isfinite(column).all():
-            unusable[rule.target] = _holes(rule.target, column)
+            unusable[rule.target] = column
         else:
             columns[rule.target] = column
-    if unusable and not columns:
-        raise LogError(f"{label}: " + next(iter(unusable.values())))
     if dropped := count - int(np.count_nonzero(apart)):
         notes.append(f"{dropped} of {count} rows dropped by the column map.")
-    source = replace(source, notes=tuple(notes), unusable=unusable)
+    holes = _holes(unusable)
+    told = {name: _hole(name, column, holes[name]) for name, column in unusable.items()}
+    source = replace(source, notes=tuple(notes), unusable=told, holes=holes)
     return _shifted(Log(time, columns, source), rules)
 
 
-def _holes(target: str, values: FloatArray) -> str:
+def _bridged(time: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values with straight lines over their NaN, but for those at the ends."""
+    known = np.isfinite(values)
+    if not known.any():
+        return values
+    return np.asarray(np.interp(time, time[known], values[known], left=np.nan, right=np.nan))
+
+
+def _holes(unusable: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Return what a map says of channels with holes, so that all of them can be used.
+
+    Rows with holes are dropped. Where few rows would be left, channels came at times of their own:
+    the rows of the first position stay, and those of other times are bridged.
+    """
+    lacking = {name: ~np.isfinite(values) for name, values in unusable.items()}
+    if not lacking or np.mean(np.any(list(lacking.values()), axis=0)) < _MOST_DROPPED:
+        return dict.fromkeys(lacking, "drop_rows")
+    first = next((name for name in lacking if name.endswith(".position")), next(iter(lacking)))
+    same = {name: np.array_equal(own, lacking[first]) for name, own in lacking.items()}
+    return {name: "drop_rows" if same[name] else "bridge" for name in lacking}
+
+
+def _hole(target: str, values: FloatArray, missing: str) -> str:
     """Return the message for a channel that cannot be used, and how it can."""
     bad = np.flatnonzero(~np.isfinite(values))
-    drop = say_so({"columns": {target: {"missing": "drop_rows"}}}, "drop these rows")
+    what = "drop these rows" if missing == "drop_rows" else "lay straight lines over them"
     return (
         f"column '{target}' holds {values[bad[0]]} at row {int(bad[0])} ({bad.size} such rows of "
-        f"{values.size}). Repair the file, or {drop}"
+        f"{values.size}). Repair the file, or "
+        + say_so({"columns": {target: {"missing": missing}}}, what)
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, product
 from math import degrees, inf, pi
 from math import log as ln
 from typing import Any, TypeAlias
@@ -18,9 +18,10 @@ import numpy as np
 from wbc.arrays import BoolArray
 from wbc.measurement.clocks import ENCODER_BITS
 from wbc.measurement.column_map import parse_column_map
-from wbc.measurement.findings import ENCODER_UNITS, Mend, in_degrees, listed
+from wbc.measurement.findings import ENCODER_RATES, Mend, in_degrees, listed
 from wbc.measurement.log import Log
 from wbc.measurement.log_rows import LogRows
+from wbc.measurement.schema import LOG_UNITS
 from wbc.robot.coordinates import slides
 
 # How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a
@@ -200,12 +201,14 @@ def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
             yield _mended("counts", text, prior, {name: {"scale": worth} for name in counted})
         return
     turning = [joint for joint in rows.robot.single_joints if not slides(rows.robot, joint)]
-    for joints in _all_or_one(turning) if turning else []:
+    for joints, unit in product(_all_or_one(turning) if turning else [], ("deg", "turn")):
         # One excitation moves all joints: their travels are one observation.
-        travels = float(np.mean([_travels(log, joint, pi / 180.0) for joint in joints]))
-        text = f"{_holds([f'{joint}.position' for joint in joints])} degrees"
+        worth = LOG_UNITS[unit][1]
+        travels = float(np.mean([_travels(log, joint, worth) for joint in joints]))
+        name = "degrees" if unit == "deg" else "turns"
+        text = f"{_holds([f'{joint}.position' for joint in joints])} {name}"
         prior = (EVERYWHERE if joints == turning else _RARE) + travels
-        yield Reading("degrees", text, prior, in_degrees(log.columns, joints))
+        yield Reading("degrees", text, prior, in_degrees(log.columns, joints, unit))
 
 
 def _travels(log: Log, joint: str, factor: float) -> float:
@@ -306,4 +309,4 @@ def _hold(names: Sequence[str]) -> str:
 
 def encoder_columns(log: Log, joint: str) -> list[str]:
     """Return the columns of a joint that turn with its encoder."""
-    return [name for q in ENCODER_UNITS if (name := f"{joint}.{q}") in log.columns]
+    return [name for q in ENCODER_RATES if (name := f"{joint}.{q}") in log.columns]

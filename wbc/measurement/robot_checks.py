@@ -112,16 +112,18 @@ def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
     """Return what to do about channels that the robot needs and that hold NaN."""
     needed = [f"{joint}.position" for joint in robot.single_joints]
     for joint in robot.transmission.joints:
-        names = [f"{joint}.{quantity}" for quantity in _TORQUES]
+        quantities = ("joint_torque",) if joint in robot.sensor_only else _TORQUES
+        names = [f"{joint}.{quantity}" for quantity in quantities]
         if not any(log.has(name) for name in names):
             needed += names
     held = [name for name in needed if name in log.source.unusable]
     if not held:
         return []
-    mend: Mend = {"columns": {name: {"missing": "drop_rows"} for name in held}}
+    mend: Mend = {"columns": {name: {"missing": log.source.holes[name]} for name in held}}
     rows = log.source.unusable[held[0]].partition(". ")[0]
     text = f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} needed, and {rows}."
-    way = say_so(mend, "To drop these rows, say so")
+    bridged = "bridge" in [log.source.holes[name] for name in held]
+    way = say_so(mend, f"To {'bridge' if bridged else 'drop'} these rows, say so")
     return [LogFinding("error", "missing", held[0], text, way, mend)]
 
 
@@ -228,7 +230,16 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
     found: list[LogFinding] = []
     lacking, silent = [], []
+    bare = [j for j in robot.sensor_only if not log.recorded(f"{j}.joint_torque")]
+    if bare:
+        names = ", ".join(f"{joint}.joint_torque" for joint in bare)
+        text = f"'{robot.name}' describes no gear of {', '.join(bare)} but a torque sensor, so "
+        text += f"{names} {'is' if len(bare) == 1 else 'are'} needed."
+        way = "Record it, or describe the gear in robot.toml with gear_ratio and rotor_inertia."
+        found.append(LogFinding("error", "no_torque", "", text, way))
     for k, (joint, made) in enumerate(zip(gears.joints, makes_torque(log, gears), strict=True)):
+        if joint in bare:
+            continue
         told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
         target = f"{joint}.target_position"
         if told == ["current"] and not np.isfinite(gears.torque_constant[k]):

@@ -127,6 +127,7 @@ _TURN = 2.0 * pi
 LOG_UNITS: dict[str, tuple[str, float]] = {
     **SI_UNITS,
     "turn": ("rad", _TURN),
+    "rev": ("rad", _TURN),
     "mrad": ("rad", 1e-3),
     "um": ("m", 1e-6),
     "mm/s": ("m/s", 1e-3),
@@ -134,8 +135,10 @@ LOG_UNITS: dict[str, tuple[str, float]] = {
     "mrad/s": ("rad/s", 1e-3),
     "deg/s": ("rad/s", pi / 180.0),
     "turn/s": ("rad/s", _TURN),
+    "rev/s": ("rad/s", _TURN),
     "rad/s^2": ("rad/s^2", 1.0),
     "deg/s^2": ("rad/s^2", pi / 180.0),
+    "turn/s^2": ("rad/s^2", _TURN),
     "mm/s^2": ("m/s^2", 1e-3),
     "kN": ("N", 1e3),
     "mN": ("N", 1e-3),

@@ -16,7 +16,7 @@ from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -218,6 +218,7 @@ _HEAD_LINES = 200
 _SNIFFED = 40  # lines that tell what stands between cells
 _EMPTY = ("", "nan", "null", "na", "n/a", "none")
 _GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
+_LIST = re.compile(r"\s*[\[(]\s*[-+.\d]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 _ZIPPED = 8  # how many times larger a zipped file of numbers becomes
 
@@ -245,12 +246,21 @@ class _Layout:
             return False
         return True
 
+    def holds_number(self, cell: str) -> bool:
+        return bool(cell.strip()) and (self.is_number(cell) or bool(_LIST.match(cell)))
+
+    @property
+    def first_is_a_row(self) -> bool:
+        """Whether the first line holds numbers where the next one does."""
+        told = [[self.holds_number(cell) for cell in row] for row in (self.first, *self.below[:1])]
+        return any(told[0]) and told[0] == told[-1]
+
     @property
     def score(self) -> float:
         """How much of the head is numbers in columns of equal length."""
         rows = [row for row in self.below if len(row) == self.width]
         cells = [cell for row in rows for cell in row]
-        numbers = sum(self.is_number(c) or c.strip()[:1] in ("[", "(") for c in cells)
+        numbers = sum(not c.strip() or self.holds_number(c) for c in cells)
         whole = len(rows) / max(len(self.below), 1) * numbers / max(len(cells), 1)
         fits = abs(len(self.first) - self.width) <= 1
         return (whole + 1e-6 * self.width) * (1.0 if fits else 0.5) * (self.width > 1 or 0.5)
@@ -274,15 +284,15 @@ def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
     if first == len(lines):
         raise LogError(f"'{path}' is empty; a header line with column names is expected.")
     layout = _layout([line for line in lines[first:] if _says(line)][:_SNIFFED])
-    names = _names(path, layout, lines[:first], tuple(header))
-    skipped = int(not all(map(layout.is_number, layout.first)))
+    names, skipped = _names(path, layout, lines[:first], tuple(header))
     units: dict[str, str] = {}
-    if skipped and layout.below and _are_units(layout.below[0], layout):
-        skipped = 2
-        cells = [cell.strip() for cell in layout.below[0]]
+    if _units_line(layout, skipped):
+        cells = [cell.strip() for cell in layout.below[skipped - 2]]
         units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
-        line = next(k for k in range(first + 1, len(lines)) if _says(lines[k]))
+        line = [k for k in range(first, len(lines)) if _says(lines[k])][skipped - 1]
         notes.append(f"line {line + 1} gives units ({', '.join(c for c in cells if c)}).")
+    if skipped > 1 + bool(units):
+        notes.append(f"names stand in {skipped - bool(units)} lines, one above the other.")
     if layout.mark == " ":
         notes.append("blanks stand between the columns.")
     if layout.decimal == ",":
@@ -344,36 +354,62 @@ def _layout(lines: Sequence[str]) -> _Layout:
 
 def _names(
     path: Path, layout: _Layout, above: Sequence[str], given: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return the names of the columns: given, of the header line, or of a comment above."""
+) -> tuple[tuple[str, ...], int]:
+    """Return the names of the columns, and the lines that hold them.
+
+    They are given, in a comment above the rows, or in the first lines.
+    """
     cells = [cell.strip() for cell in layout.first]
+    named = not all(map(layout.is_number, cells))
     if given and len(given) != len(cells):
         raise LogError(
             f"'{path}' has {len(cells)} columns, rows.header of the column map names {len(given)}."
         )
     if given:
-        return given
-    if not all(map(layout.is_number, cells)):
-        if layout.width == len(cells) + 1 and not any(row[-1].strip() for row in layout.below):
-            cells.append("")
-        names = tuple(cell or f"column_{k}" for k, cell in enumerate(cells, 1))
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            apart = [f"{n}_{k}" if n in twice else n for k, n in enumerate(names, 1)]
-            way = say_so({"rows": {"header": apart}}, "Give each a name of its own")
-            raise LogError(f"'{path}' has more than one column called '{twice[0]}'. {way}")
-        return names
+        return given, _head_lines(layout) if named else 0
     said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
-    for mark in (layout.mark, *_MARKS):
+    for mark in dict.fromkeys((layout.mark, *_MARKS)) if layout.first_is_a_row else ():
         words = [word.strip() for word in _split(said, mark)]
         if len(words) == len(cells) and len(set(words)) == len(words):
-            return tuple(words)
-    wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
-    named = say_so({"rows": {"header": wanted}}, "give their true names")
-    raise LogError(
-        f"'{path}' has no header line: its first line holds numbers ({', '.join(cells)}). Write a "
-        f"line with the names of the {len(cells)} columns above them, or {named}"
-    )
+            return tuple(words), 0
+    if not named:
+        wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
+        way = say_so({"rows": {"header": wanted}}, "give their true names")
+        raise LogError(
+            f"'{path}' has no header line: its first line holds numbers ({', '.join(cells)}). "
+            f"Write a line with the names of the {len(cells)} columns above them, or {way}"
+        )
+    count = _head_lines(layout)
+    for row in layout.below[: count - 1 - _units_line(layout, count)]:
+        pairs = list(zip_longest(cells, (cell.strip() for cell in row), fillvalue=""))
+        index = not any(below for _, below in pairs[1:])  # of a table with one: its name alone
+        cells = [above if index else " ".join(filter(None, (above, x))) for above, x in pairs]
+        cells[0] = pairs[0][1] if index else cells[0]
+    if layout.width == len(cells) + 1 and not any(row[-1].strip() for row in layout.below):
+        cells.append("")
+    return _once(path, [cell or f"column_{k}" for k, cell in enumerate(cells, 1)]), count
+
+
+def _once(path: Path, names: Sequence[str]) -> tuple[str, ...]:
+    """Return names after checking that none stands twice."""
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        apart = [f"{n}_{k}" if n in twice else n for k, n in enumerate(names, 1)]
+        way = say_so({"rows": {"header": apart}}, "Give each a name of its own")
+        raise LogError(f"'{path}' has more than one column called '{twice[0]}'. {way}")
+    return tuple(names)
+
+
+def _head_lines(layout: _Layout) -> int:
+    """Return how many lines stand above the first one with a number."""
+    empty = [not any(map(str.strip, row)) for row in layout.below]
+    numbers = [any(map(layout.holds_number, row)) for row in layout.below]
+    return next((k for k, row in enumerate(zip(empty, numbers, strict=True), 1) if any(row)), 1)
+
+
+def _units_line(layout: _Layout, count: int) -> bool:
+    """Whether the last of the lines above the numbers names units."""
+    return count > 1 and _are_units(layout.below[count - 2], layout)
 
 
 def _are_units(cells: Sequence[str], layout: _Layout) -> bool:
