@@ -78,7 +78,7 @@ def own_method(ours):
     """Return what solves the program that stands in a controller, from nothing."""
     alone = search.ProgramSolver(ours._level.program, (), (TOLERANCE, MOST), guesses=True)
     alone.forget()
-    return lambda: alone.solve(confirms=False)
+    return lambda: alone.solve()
 
 
 def judge(problem, own, found):

@@ -75,3 +75,18 @@ class GearLaw:
 def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return the `Direction` of each gear (m,): STUCK unless it surely turns under load."""
     return np.where(np.abs(sigma) >= 1.0, np.sign(output * sigma), float(Direction.STUCK))
+
+
+def consistent(
+    output: FloatArray, mesh_input: FloatArray, sigma: FloatArray, slopes: FloatArray
+) -> bool:
+    """Whether the mesh law allows t and T (m,) in the directions that gears turn.
+
+    FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all within
+    1e-6 of the largest torque. `slopes` (2, m) are 1/eta_f and eta_b.
+    """
+    directions, ends = gear_directions(output, sigma), slopes * output
+    low = np.where(directions > 0.0, ends[0], np.where(directions < 0.0, ends[1], ends.min(0)))
+    high = np.where(directions > 0.0, ends[0], np.where(directions < 0.0, ends[1], ends.max(0)))
+    slack = 1e-6 * (1.0 + np.abs(output).max(initial=0.0))
+    return bool(((low - slack <= mesh_input) & (mesh_input <= high + slack)).all())

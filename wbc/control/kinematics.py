@@ -186,10 +186,6 @@ class Kinematics:
         """Return dJ_com/dt v (3,) [m/s^2], world axes."""
         return np.asarray(self.tree.com_drift)
 
-    def momentum_matrix(self) -> FloatArray:
-        """Return A_g (6, nv): h_g = A_g v, linear over angular, about the centre of mass."""
-        return np.asarray(self.tree.momentum)
-
     def momentum_drift(self) -> FloatArray:
         """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
         return np.asarray(self.tree.momentum_drift)

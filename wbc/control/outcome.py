@@ -11,8 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Status
 from wbc.control.drivetrain import GearModel, joint_targets
-from wbc.control.gears import gear_directions
-from wbc.control.qp.gear_rows import allowed
+from wbc.control.gears import consistent
 from wbc.control.qp.level import SolvedLevel
 from wbc.control.qp.problem import QPSolution
 from wbc.control.tick import DRIVE, MESH, OUTPUT, SIGMA, TORQUE_ROW, TURNING
@@ -65,8 +64,7 @@ class ExpectedProspect(NamedTuple):
         """Whether the mesh law allows the torques."""
         if self.slopes is None:
             return True
-        output, mesh = self.output_torque, self.mesh_torque
-        return allowed(gear_directions(output, self.certainty), output, mesh, *self.slopes)
+        return consistent(self.output_torque, self.mesh_torque, self.certainty, self.slopes)
 
     @property
     def solution(self) -> QPSolution:

@@ -34,7 +34,8 @@ class ControllerSettings:
             it.
         tolerance: absolute tolerance of the solver on every residual.
         max_iterations: iterations that solvers may take in one tick.
-        max_rounds: programs solved at most in one tick while directions are revised.
+        max_rounds: programs solved at most in one tick while directions are revised, a third of
+            them at most after the first solution, for a better one.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
             towards a shared load; far below 1e-5 it drowns in the solver's tolerance, and how

@@ -14,12 +14,13 @@ settle in a few rounds, the bounds that bind are found one by one (`climb`).
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.compiled import (
     Count,
     Flag,
@@ -41,7 +42,11 @@ ROUNDS = 4
 """Systems that are solved at most to correct the rows that bound the last solution."""
 UNSETTLED, CONTRADICTION = -1, -2
 """What `settle` returns where it finds no solution."""
+_ALL = 1e-16  # of a squared length, which rounding takes
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
+# Share of a squared length by which such a row misses its bound in a proof. What the others leave
+# would have to carry x a million times as far: accelerations of 1e6 and forces of 1e4 weights.
+_MISSED = 1e-6
 STEPS = 60
 """Steps of the dual method at most, before a solver is asked."""
 
@@ -102,12 +107,17 @@ def _try_rows(solver: Any, first: int, known: int, base: int, size: int, x: Floa
     G, right, free, force = solver.rows[first:], solver.right[first:], solver.free, solver.force
     left, scaled, factor, n = solver.left, solver.scaled, solver.system, len(x)
     if not _factorise(solver, first, known, size):
-        return False
+        # to rounding the others may decide the last row, whose part along them is known
+        if size == base or not _factorise(solver, first, known, size - 1):
+            return False
+        factor[size - 1, size - 1] = 0.0
     for i in range(known, size):
         half, whole = right[i], solver.softness[first + i]
         for j in range(n):
             half -= G[i, j] * free[j]
             whole += scaled[i, j] * G[i, j]
+        if factor[i, i] == 0.0:
+            factor[i, i] = 1.0 / sqrt(_ALL * whole)
         for k in range(i):
             half -= factor[i, k] * left[k]
         left[i] = half * factor[i, i]
@@ -305,6 +315,22 @@ def _give_way(solver: Any, base: int, size: int, push: FloatArray) -> int:
     return leaving
 
 
+@compiled(Flag, SOLVER.kind, Count, Count)
+def _proves(solver: Any, base: int, size: int) -> bool:
+    """Whether the last row, which others decide and none gives way to, is far from its bound.
+
+    With multipliers of the right signs these rows then add up to all but nothing, and their bounds
+    to less than nothing (Farkas). `left` holds by how much the row is missed, times the inverse of
+    what is left of its length; zero where the others themselves have no solution.
+    """
+    last, factor = size - 1, solver.system
+    length, miss = factor[last, last] ** -2, solver.left[last] / factor[last, last]
+    for k in range(last):
+        length += factor[last, k] ** 2
+    outwards: bool = miss * solver.taken[solver.active[last - base]] < 0.0
+    return outwards and miss * miss > _MISSED * length
+
+
 @compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, OutRow)
 def climb(
     solver: Any, first: int, last: int, bounds: tuple[int, int], tolerance: float, x: FloatArray
@@ -341,12 +367,14 @@ def climb(
             known = size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
             size = _place_bound(solver, first, size, row)
+        solver.left[size - 1] = 0.0
         met = _try_rows(solver, first, known, base, size, trial)
         leaving = _go_on(solver, base, size, push) if met else _give_way(solver, base, size, push)
         fresh = met and leaving < 0
         if leaving < 0 and not met:
+            found = CONTRADICTION if _proves(solver, base, size) else UNSETTLED
             active[0], taken[:] = row, 0
-            return CONTRADICTION
+            return found
         known = size - size % 2
         if fresh:
             x[:] = trial
@@ -436,10 +464,3 @@ def place_multipliers(
     z[:] = 0.0
     for k in range(size - base):
         z[solver.active[k]] = -solver.force[base + k]
-
-
-@compiled(Nothing, Row, Number, OutPlaces)
-def place_pushing(z: FloatArray, least: float, taken: IntArray) -> None:
-    """Write the signs (r,) of multipliers z (r,), 0 for those of size `least` or less."""
-    for i in range(len(taken)):
-        taken[i] = (1 if z[i] > 0.0 else -1) if abs(z[i]) > least else 0

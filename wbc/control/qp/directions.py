@@ -14,7 +14,6 @@ from wbc.control.qp.active_set import (
     CONTRADICTION,
     UNSETTLED,
     place_multipliers,
-    place_pushing,
     settle,
 )
 from wbc.control.qp.gear_rows import (
@@ -32,6 +31,10 @@ from wbc.control.qp.solvers import solve
 from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_efforts
 
 _ACTIVE = 1e-6
+# Share of the rounds in which a better solution than the first is looked for: of 259 hostile ticks
+# of Solo12 that have one all keep their torques with 3 rounds in place of 7, and the longest takes
+# 1.6 in place of 2.1 ms.
+_BETTER = 3
 _NONE: IntArray = np.zeros(0, dtype=np.int_)
 _EMPTY = np.zeros(0)
 CONTRADICTORY = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.INFEASIBLE, 0)
@@ -98,32 +101,25 @@ class ProgramSolver:
         """Whether the iterations are spent."""
         return self.iterations >= self._most
 
-    def solve(
-        self, *, directed: bool = False, starts_over: bool = False, confirms: bool = True
-    ) -> QPSolution:
+    def solve(self, *, directed: bool = False, starts_over: bool = False) -> QPSolution:
         """Return the solution of the program as it stands, or one that is not SOLVED.
 
         Args:
             directed: whether every gear has two rows.
             starts_over: whether the rows that bound the last solution are not worth a try.
-            confirms: whether a solver has to agree that bounds contradict.
         """
         start = perf_counter()
         self.count += 1
         if starts_over:
             self._program.memory.solver.taken[:] = 0
         found = self._guessed(directed) if self._guesses else NOTHING
-        sure = found.status is QPStatus.INFEASIBLE and not confirms
-        if found.status is not QPStatus.SOLVED and not sure:
+        if found is NOTHING:
             found = self._asked(directed)
         self.spent += perf_counter() - start
         return found
 
     def _guessed(self, directed: bool) -> QPSolution:
-        """Return the solution from the rows taken as binding, where they lead to it.
-
-        INFEASIBLE where bounds contradict as far as rounding tells: a solver has to confirm it.
-        """
+        """Return the solution from the rows taken as binding, where they lead to it or to none."""
         program, solver, counts = (
             self._program,
             self._program.memory.solver,
@@ -161,7 +157,8 @@ class ProgramSolver:
             if found.status is QPStatus.SOLVED or (sure and found.status is QPStatus.INFEASIBLE):
                 break
         if found.status is QPStatus.SOLVED and self._guesses:
-            place_pushing(found.z, 10.0 * self._tolerance, self._program.memory.solver.taken)
+            pushing = np.abs(found.z) > 10.0 * self._tolerance
+            self._program.memory.solver.taken[: len(found.z)] = np.sign(found.z) * pushing
             exact = self._guessed(directed)
             return exact if exact.status is QPStatus.SOLVED else found
         return found
@@ -231,15 +228,14 @@ class DirectionSearch:
         Args:
             first: T (m,) whose signs are the first guess.
             rounds: how many programs there may be since the solver's `start_tick`.
-            quick: whether the first contradiction is an answer: no solver has to confirm it, and
-                no other directions are tried.
+            quick: whether the first contradiction is an answer: no other directions are tried.
             branches: whether directions are tried beside those that solutions have.
         """
         program, positive, self._rounds = self._program, first > 0.0, rounds
         usable: tuple[QPSolution, BoolArray] | None = None
         for _ in range(max(min(GUESSES, rounds - self._solver.count), 1)):
             self.direct(positive)
-            solution = self._solver.solve(confirms=not quick)
+            solution = self._solver.solve()
             solved = solution.status is QPStatus.SOLVED
             if solution.status is QPStatus.INFEASIBLE and quick:
                 return self._found(solution, settled=True)
@@ -343,7 +339,10 @@ class DirectionSearch:
             heappush(nodes, (-np.inf, next(order), decided | {gear: not positive[gear]}))
             decided[gear] = bool(positive[gear])
         dive: list[dict[int, bool]] = [] if incumbent is not None else [{}]
-        while self._solver.count < self._rounds and not self._solver.exhausted:
+        last = self._rounds
+        while self._solver.count < last and not self._solver.exhausted:
+            if incumbent is not None:
+                last = min(last, self._solver.count + self._rounds // _BETTER)
             if dive:
                 node = dive.pop()
             elif nodes and nodes[0][0] < lowest:

@@ -363,31 +363,3 @@ def place_beyond(
         torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
         slack = 1e-5 * (1.0 + abs(torque))
         beyond[i] = torque < gears.lower[i] - slack or torque > gears.upper[i] + slack
-
-
-@compiled(Flag, *[Row] * 4, Row)
-def allowed(
-    directions: FloatArray,
-    output: FloatArray,
-    mesh: FloatArray,
-    forward: FloatArray,
-    backward: FloatArray,
-) -> bool:
-    """Return whether the mesh law allows t and T in some directions, within 1e-6 of the largest.
-
-    Args:
-        directions: (m,) > 0 forward, < 0 backward, 0 stuck.
-        output, mesh: T and t (m,) [N m].
-        forward, backward: slopes (m,).
-    """
-    largest, found = 0.0, True
-    for i in range(len(output)):
-        largest = max(largest, abs(output[i]))
-    slack = 1e-6 * (1.0 + largest)
-    for i in range(len(output)):
-        one, other = forward[i] * output[i], backward[i] * output[i]
-        low, high = min(one, other), max(one, other)
-        if directions[i] != 0.0:
-            low = high = one if directions[i] > 0.0 else other
-        found = found and low - slack <= mesh[i] <= high + slack
-    return found

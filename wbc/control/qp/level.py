@@ -15,7 +15,7 @@ from wbc.control.inputs import Complaint
 from wbc.control.qp.directions import DirectedSolution, DirectionSearch, ProgramSolver
 from wbc.control.qp.gear_rows import place_prospects
 from wbc.control.qp.lock_rows import hold, place_above
-from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus, is_finite
+from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
 from wbc.control.qp.solvers import WarmStart, solver_names
 from wbc.control.qp.torque_stage import RotorTorqueStage
@@ -317,7 +317,7 @@ def _told(passed: Mapping[str, float], stops: str) -> str:
 def _judged(found: DirectedSolution, program: Program) -> Complaint:
     """Return how usable a solution is, and what is in its way."""
     solution = found.solution
-    finite = bool(is_finite(solution.x)) and len(solution.x) == program.n
+    finite = bool(np.isfinite(solution.x).all()) and len(solution.x) == program.n
     if solution.status is QPStatus.SOLVED:
         if not finite:
             return Status.FAILED, "the solver returned values that are not finite."

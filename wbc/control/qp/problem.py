@@ -10,7 +10,6 @@ from zipfile import BadZipFile
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Flag, Vector, compiled
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -139,15 +138,6 @@ class BlockProblem(NamedTuple):
             passed = self.beyond(x)[gives]
             cost += 0.5 * passed @ (passed / self.give[gives])
         return float(cost)
-
-
-@compiled(Flag, Vector)
-def is_finite(values: FloatArray) -> bool:
-    """Return whether all values (k,) are finite."""
-    found = True
-    for i in range(len(values)):
-        found = found and np.isfinite(values[i])
-    return found
 
 
 class QPStatus(Enum):

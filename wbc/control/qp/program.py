@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
@@ -145,12 +145,14 @@ class Program:
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
         self._lay_out_rows(cost, most, rank)
-        self._forces = _ForceCost(
-            contacts,
-            recipe.force_tasks if last else (),
-            (recipe.weights[1], weight, self.force_scale),
-            (self.memory.solver.diagonal[self.nv :], self.memory.solver.pull[self.nv :]),
-        )
+        self._shared = contacts.load_share(weight) * (recipe.weights[1] / self.force_scale)
+        self._wishes = [
+            (task, rows, contact.axes)
+            for contact, rows in zip(contacts.contacts, contacts.slices, strict=True)
+            for task in (recipe.force_tasks if last else ())
+            if task.contact == contact.name
+        ]
+        self._write_force_costs({})
         self._write_normals(None)
         self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.plain)
         sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.plain]
@@ -263,8 +265,8 @@ class Program:
         """Take the greatest normal forces of a tick [N], and what is asked of contact forces."""
         if ceilings is not self._ceilings:
             self._write_normals(ceilings)
-        if self._forces.tracks:
-            self._forces.fill(references)
+        if self._wishes:
+            self._write_force_costs(references)
         if self._recipe.collision is not None:
             apart, memory = self._recipe.collision, self.memory
             memory.solver.C[self.distance, : self.nv] = apart.rows
@@ -296,7 +298,7 @@ class Program:
     @property
     def chooses_forces(self) -> bool:
         """Whether it asks something of torques or contact forces that other levels do not ask."""
-        return self.has_efforts or self._forces.tracks
+        return self.has_efforts or bool(self._wishes)
 
     def place_basis(self) -> None:
         """Write rows of contacts that repeat each other as an orthonormal basis B of them.
@@ -408,6 +410,23 @@ class Program:
         hard = self.blocks().hard
         return np.concatenate([y, -self.memory.solver.force[hard]])
 
+    def _write_force_costs(self, references: Mapping[str, Reference]) -> None:
+        """Write what contact forces cost: beside a shared load, and beside what tasks ask of them.
+
+        Tasks without a reference ask nothing.
+        """
+        solver, scale = self.memory.solver, self.force_scale
+        diagonal, pull = solver.diagonal[self.nv :], solver.pull[self.nv :]
+        diagonal[:], pull[:] = self._recipe.weights[1], self._shared
+        for task, rows, components in self._wishes:
+            reference = references.get(task.name)
+            if reference is None or reference.position is None:
+                continue
+            wanted = np.asarray(reference.position)
+            weight = np.broadcast_to(task.weight, wanted.shape)[components]
+            diagonal[rows] += scale**2 * weight
+            pull[rows] += scale * weight * wanted[components]
+
     def _write_normals(self, ceilings: Mapping[str, float] | None) -> None:
         """Write the bounds of the normal forces; a low ceiling lowers the floor."""
         set_, memory, scale = self.contacts, self.memory, self.force_scale
@@ -449,52 +468,6 @@ class Program:
             turns = row < self.cone.stop and ("pressure" in label or "yaw" in label)
             return label, self.force_scale, "N m" if turns else "N"
         return label, 1.0, "rad/s^2" if row < self.joint.stop else "m/s^2"
-
-
-class _ForceCost:
-    """The cost of the contact forces: towards a shared load, and towards what tasks ask of them.
-
-    Attributes:
-        tracks: whether any active contact has a force task, so that the cost changes at all.
-    """
-
-    def __init__(
-        self,
-        contacts: ContactSet,
-        tasks: Sequence[ContactForceTask],
-        numbers: tuple[float, float, float],
-        results: tuple[FloatArray, FloatArray],
-    ) -> None:
-        """Write the cost without references.
-
-        Args:
-            contacts: the active contacts.
-            tasks: costs on contact forces; those of inactive contacts stay idle.
-            numbers: weight of the force variables towards the shared load, the load [N], and [N]
-                per unit of force variable.
-            results: diagonal and pull (k,) of the force variables.
-        """
-        self._regular, weight, self._scale = numbers
-        self._diagonal, self._pull = results
-        self._shared = self._regular * (contacts.load_share(weight) / self._scale)
-        self._tasks: list[tuple[ContactForceTask, slice, IntArray]] = []
-        for contact, rows in zip(contacts.contacts, contacts.slices, strict=True):
-            own = [task for task in tasks if task.contact == contact.name]
-            self._tasks += [(task, rows, contact.axes) for task in own]
-        self.tracks = bool(self._tasks)
-        self.fill({})
-
-    def fill(self, references: Mapping[str, Reference]) -> None:
-        """Write the cost; tasks without a reference ask nothing."""
-        self._diagonal[:], self._pull[:] = self._regular, self._shared
-        for task, rows, components in self._tasks:
-            reference = references.get(task.name)
-            if reference is None or reference.position is None:
-                continue
-            wanted = np.asarray(reference.position)
-            weight = np.broadcast_to(task.weight, wanted.shape)[components]
-            self._diagonal[rows] += self._scale**2 * weight
-            self._pull[rows] += self._scale * weight * wanted[components]
 
 
 def _lock(above: int, n: int, most: int, bounds: int) -> Any:
