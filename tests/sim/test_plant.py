@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from sims.leg import balanced_pose
 from wbc import Robot, load_robot
 from wbc.control import RotorTorqueLimit
+from wbc.effects import CoulombFriction
 from wbc.errors import SimulationError
 from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
@@ -241,3 +242,21 @@ def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:
     reported = run.log.column("knee.rotor_torque")
     assert reported[0] == 1.0  # what the motor takes of the 2 N m it was asked for
     assert reported[-1] < 0.3
+
+
+def test_a_humanoid_that_stands_on_dry_joints_takes_a_bounded_step() -> None:
+    """More rows stick than there are coordinates: 30 dry joints and two feet on four points."""
+    smooth = load_robot("talos")
+    gears, at = smooth.transmission, smooth.actuated_position
+    levels = 0.02 * np.abs(gears.gear_ratio) * gears.torque_limit
+    dry = zip(gears.joints, levels.tolist(), strict=True)
+    robot = smooth.with_effects(*(CoulombFriction(joint, level) for joint, level in dry))
+    plant, pose = Plant(robot), robot.pose()
+    state = plant.state(pose)
+    for _ in range(40):
+        error = state.position[at] - pose[at] + 0.025 * state.velocity[robot.actuated]
+        result = plant.step(state, -2000.0 * error / gears.gear_ratio, 1e-3)
+        state = result.state
+        for part in result.parts:
+            assert part.solution.iterations < 150
+            assert part.solution.residuals.worst_speed < 1e-8

@@ -86,11 +86,6 @@ class EffectTable(NamedTuple):
     gears: FloatArray
 
     @property
-    def act_on_joints(self) -> bool:
-        """Whether any effect puts torque on the coordinates."""
-        return len(self.joints) > 0
-
-    @property
     def act_on_drives(self) -> bool:
         """Whether a drive gives anything but what it is asked for."""
         return bool(np.any(self.drives != _PERFECT))

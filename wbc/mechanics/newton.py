@@ -2,10 +2,12 @@
 
 Semi-smooth Newton with full steps is exact in one step once the pieces are the right ones, which
 those of the step before usually are. A robot that lies on many points has more rigid rows than
-freedoms, and so many splits of its forces that Newton turns in circles: convex programs with
-shifted cones lead to one of them (`shifted_cones`). For gears that lock themselves there is no such
-program: their steps are solved with a little compliance in every row about the last iterate, which
-carries nothing at the fixed point (proximal points). Where all fail, friction gives way.
+freedoms, and so many splits of its forces that Newton turns in circles; so has one that stands
+while dry friction holds its joints. Convex programs with shifted cones lead to one of the splits,
+each with less compliance in its rows than the one before (`shifted_cones`). For gears that lock
+themselves there is no such program: their steps are solved with a little compliance in every row
+about the last iterate, which carries nothing at the fixed point (proximal points). Where all fail,
+friction gives way.
 """
 
 from __future__ import annotations
@@ -40,12 +42,19 @@ FULL_STEPS = 20
 tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 and 30."""
 
 SHORTENED, _SHORTEST = 12, 1e-2
-_ROUNDS, _LAST_STEPS = 40, 6
-"""Of convex programs, and of Newton's steps tried in between: with 4, 6 and 10 of them steps of
-TALOS at rest take 31, 34 and 39 linear systems, and hard ones of it 248, 242 and 244."""
-_HARD, _HARDER_CONES = 1e-2, 0.1
-"""Share to which the compliance of the rounds falls, and by which in each: down to 1e-2 and 1e-3,
-rests take 39 and 141 linear systems, since rounding then hides the end of a program."""
+_LOST = 10.0
+"""Of the residual at the start: beyond it Newton's second step has lost its way. Where more rows
+stick than there are coordinates, the first one throws the pieces about."""
+_ROUNDS, _STALLS, _LAST_STEPS = 40, 6, 6
+"""Of convex programs; of those in a row that do not halve what is missed, before what is near is
+taken; and of Newton's steps tried in between."""
+_TURNS = 0.1
+"""Share of what is missed that changing slips make, from which on these steps are tried: slips
+settle slowly, all else fast."""
+_FIRMER, _TIMES, _FEW = 0.1, 3, 5
+"""By which the compliance of the rounds falls, how often, and up to how many linear systems of a
+round; twice more where rounds come no nearer. Hard steps among 482 of TALOS take up to 168 linear
+systems so."""
 _CLOSE, _NEAR, _PASSABLE = 10.0, 1e3, 1e6
 """Of the tolerance: where rounds that come no nearer may end; what counts as a solution; and where
 impulses are good enough to say which friction there is."""
@@ -124,7 +133,8 @@ def newton(
     """Write the row impulses (r,) at which every row is on its law.
 
     Whole steps first: with the right pieces one step is exact. Where they do not settle, steps
-    follow that are shortened until the residual falls.
+    follow that are shortened until the residual falls; without any of these it ends where the
+    second whole step is far off.
 
     Args:
         system: of the rows.
@@ -140,7 +150,7 @@ def newton(
     pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
     impulse[:] = start
-    look_at(system, impulse, speed, pieces, sliding)
+    first = look_at(system, impulse, speed, pieces, sliding)
     for iteration in range(1, whole + shortened + 1):
         if iteration == whole + 1:
             impulse[:] = start
@@ -159,6 +169,8 @@ def newton(
         impulse[:], merit = trial, lower
         if worst <= tolerance:
             return iteration
+        if iteration > 1 and shortened == 0 and worst > _LOST * first:
+            return -iteration
     return -whole - shortened
 
 
@@ -246,27 +258,31 @@ def shift_cones(
         for i in range(size):
             for j in range(len(x)):
                 x[j] += start[i] * ways[i, j]
-    used, least, tried, share = 0, np.inf, np.inf, 1.0
+    used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
-        used += minimise(convex, ways, own, about, shift, x, speed, found)
-        slips(system, speed, shift)
+        count = minimise(convex, ways, own, about, shift, x, speed, found)
+        used += count
+        turned = slips(system, speed, shift)
         about[:] = found
         off = distance(system, found)
-        stalls = off > 0.5 * least
         if off < least:
             least, impulse[:] = off, found
-        if least <= tolerance or (stalls and least <= _CLOSE * tolerance) or used > most:
+        stalls += 1
+        if least <= 0.5 * halved:
+            halved, stalls = least, 0
+        near = _CLOSE if stalls < _STALLS else _NEAR
+        if least <= tolerance or (stalls and least <= near * tolerance) or used > most:
             break
-        if least <= 0.1 * tried:
+        if firm >= _TIMES and (turned > _TURNS * off or stalls == 2) and least <= 0.1 * tried:
             tried = least
-            count = newton(system, impulse, tolerance, _LAST_STEPS, 0, found)
-            used += abs(count)
-            if count > 0:
+            tries = newton(system, impulse, tolerance, _LAST_STEPS, 0, found)
+            used += abs(tries)
+            if tries > 0:
                 impulse[:] = found
                 return used, tolerance
-        if share > _HARD:
-            share *= _HARDER_CONES
-            own *= _HARDER_CONES
+        if count <= _FEW and firm < _TIMES + (2 if stalls > 1 else 0):
+            firm += 1
+            own *= _FIRMER
     # With the slip kept, what rounds lead to is one convex program: its rows take energy.
     for _ in range(_ROUNDS if _NEAR * tolerance < least <= _PASSABLE * tolerance else 0):
         used += minimise(convex, ways, own, about, shift, x, speed, impulse)
@@ -312,11 +328,12 @@ def solve_system(
     used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
     if used > 0:
         return used, NEWTON
-    # The last step's pieces lead astray: start from none.
-    count = newton(system, np.zeros(size), tolerance, FULL_STEPS, shortened, impulse)
-    used = abs(count) - used
-    if count > 0:
-        return used, NEWTON
+    used = -used
+    if shortened:  # no convex program follows: the last step's pieces may lead astray
+        count = newton(system, np.zeros(size), tolerance, FULL_STEPS, shortened, impulse)
+        used += abs(count)
+        if count > 0:
+            return used, NEWTON
     for i in range(size):
         good += system.free[i] + system.delassus[i, i]
     if not np.isfinite(good):

@@ -30,7 +30,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED, WAYS, distance, look_at, solve_system, velocity_after
-from wbc.mechanics.rows import RowSystem, own_speed, system_of
+from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.self_locking import falling_rows, solve_in_ranges, undecided_rows
 
 TOLERANCE = 1e-10
@@ -232,12 +232,6 @@ class StepSolution:
     def element_impulse(self) -> FloatArray:
         """T (m,) [N m s] of the dissipative rows."""
         return self.impulse[: self.normal_rows.start]
-
-    @property
-    def element_speed(self) -> FloatArray:
-        """w (m,) of the dissipative rows after the step, beyond the springs in series."""
-        pairs = zip(self.system.laws, self.system.slope, self.impulse, self.speed, strict=False)
-        return np.array([own_speed(*pair) for pair in pairs])
 
     @property
     def normal_impulse(self) -> FloatArray:
