@@ -81,6 +81,7 @@ class SolvedLevel(NamedTuple):
         exact: whether no limit bent the torques.
         time: [s] it took.
         passed: limit -> by how much it is passed, as it could not be kept.
+        hard: how many hard rows the program has, where the block holds the solution.
     """
 
     level: Level
@@ -91,6 +92,7 @@ class SolvedLevel(NamedTuple):
     exact: bool
     time: float
     passed: Mapping[str, float] = _NOTHING_PASSED
+    hard: int = 0
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
@@ -100,7 +102,9 @@ class SolvedLevel(NamedTuple):
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
-        return self.level.program.stated(self.block) if self.stated is None else self.stated
+        if self.stated is not None:
+            return self.stated
+        return self.level.program.stated(self.block, self.hard)
 
     def without_lower(self, complaint: Complaint) -> SolvedLevel:
         """Return the answer of a level whose next one has only a complaint."""
@@ -146,6 +150,8 @@ class Level:
         self._solver = ProgramSolver(program, names, numbers, self._guesses)
         self._search, self._rounds = DirectionSearch(program, self._solver), settings.max_rounds
         self._block, self._passing = np.zeros(program.size), np.zeros(0)
+        self._told = np.empty((5, len(program.memory.gears.driven)))
+        self._turning, self._slopes = self._told[0], self._told[3:]
         self.forget()
 
     def forget(self) -> None:
@@ -162,10 +168,10 @@ class Level:
         block = self._block = np.empty(program.size)
         ended = self._pass(asked, above, block)
         if ended == DONE:
-            # the block alone does not tell how many rows are hard where that changes
-            fixed = above is None and not program.hardens
-            stated = None if fixed else program.stated(block)
-            return SolvedLevel(self, block, stated, None, _SOLVED, True, perf_counter() - start)
+            hard = int(program.memory.counts[HARD])
+            stated = program.stated(block, hard) if program.hardens else None
+            elapsed = perf_counter() - start
+            return SolvedLevel(self, block, stated, None, _SOLVED, True, elapsed, hard=hard)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
@@ -197,11 +203,12 @@ class Level:
 
     def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
         """Take what efforts cost for the gears as they are judged now."""
-        program, output = self.program, self.program.gear_rows(asked.last)[OUTPUT]
-        told, expected = np.empty((5, len(output))), asked.last[program.at.advanced]
-        place_prospects(program.memory.gears, expected, asked.motion.velocity, asked.dt, told)
-        first = output if above is None else above.row(OUTPUT)
-        program.take_efforts(told[3:], told[0], output, first)
+        program, told, m = self.program, self._told, self._told.shape[1]
+        memory, first = program.memory, program.at.gears.start + OUTPUT * m
+        output, expected = asked.last[first : first + m], asked.last[program.at.advanced]
+        guessed, now = output if above is None else above.row(OUTPUT), asked.motion.velocity
+        place_prospects(memory.gears, expected, now, asked.dt, guessed, told, memory.positive)
+        program.take_efforts(self._slopes, self._turning, output)
 
     def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
@@ -212,9 +219,9 @@ class Level:
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
             start = place_above(tasks, lock.above, start)
-        x, push = above.solution.x, above.solution.z
-        self._passing = x
-        limited = bool(push[program.torque].any())
+        x = self._passing = above.block[above.level.program.at.x]
+        # a guess leaves torque limits out
+        limited = above.found is not None and bool(above.solution.z[program.torque].any())
         if limited:
             self._search.lay_out(sigma, None)
             self._search.direct(above.row(OUTPUT) > 0.0)

@@ -255,6 +255,11 @@ class Program:
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
+        costs = self.memory.effort_weight, self.memory.effort_slope, self.memory.effort_rotor
+        self._costs = [
+            (effort, costs[0][2 * i : 2 * i + 2], costs[1][2 * i : 2 * i + 2], costs[2][i : i + 1])
+            for i, effort in enumerate(self._efforts)
+        ]
         top = cost + self._undriven
         self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
@@ -277,7 +282,6 @@ class Program:
         slopes: FloatArray,
         speed: FloatArray,
         last_output: FloatArray,
-        positive: FloatArray,
     ) -> None:
         """Take what efforts cost.
 
@@ -285,15 +289,10 @@ class Program:
             slopes: e (2, m) of the mesh law for T <= 0 and for T > 0.
             speed: expected dpsi (m,) [rad/s].
             last_output: T (m,) of the last tick [N m].
-            positive: T (m,) whose signs are the first guess.
         """
-        memory = self.memory
-        for place, effort in enumerate(self._efforts):
-            cost, both = effort.cost(self._recipe.robot, slopes, speed, last_output), 2 * place
-            memory.effort_weight[both : both + 2] = cost.weight
-            memory.effort_slope[both : both + 2] = cost.slope
-            memory.effort_rotor[place] = cost.rotor
-        memory.positive[:] = positive > 0.0
+        robot = self._recipe.robot
+        for effort, weight, slope, rotor in self._costs:
+            weight[:], slope[:], rotor[:] = effort.cost(robot, slopes, speed, last_output)
 
     @property
     def chooses_forces(self) -> bool:
@@ -397,9 +396,9 @@ class Program:
             give=solver.give[bounds],
         )
 
-    def stated(self, block: FloatArray) -> QPSolution:
-        """Return the solution in a block of results."""
-        found, hard = block[self.at.multipliers], int(self.memory.counts[HARD])
+    def stated(self, block: FloatArray, hard: int) -> QPSolution:
+        """Return the solution in a block of results of a program with some hard rows."""
+        found = block[self.at.multipliers]
         y, z = self.with_hard_tasks(found[:hard]), found[hard : hard + self.plain]
         return QPSolution(block[self.at.x], y, z, QPStatus.SOLVED, 0)
 

@@ -149,7 +149,8 @@ class RotorTorqueEffort(Effort):
         self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
     ) -> GearCost:
         """Return the cost of tau_phi = (e T + rotor share)/N."""
-        return GearCost(self.weight / robot.transmission.gear_ratio**2, slope, 1.0)
+        ratio = robot.transmission.gear_ratio
+        return GearCost(self.weight / ratio / ratio, slope, 1.0)
 
 
 @final
