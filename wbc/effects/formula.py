@@ -205,33 +205,27 @@ def _quantity(robot: Robot, motion: Motion, quantity: str, joint: str) -> FloatA
     if quantity == "v":
         return np.asarray(motion.velocity[..., row])
     if quantity == "gravity":
-        return _gravity(robot, motion)[..., row]
+        rest = np.zeros(motion.velocity.shape)
+        return _asked(robot, motion.position, rest, rest)[..., row]
     if motion.acceleration is None:
         raise EffectError(
             f"a torque term holds {quantity}_{joint}, which needs accelerations: it can be "
             "compared with logs, but a controller or a simulator does not know it in advance."
         )
-    acceleration = motion.acceleration
-    return np.asarray(acceleration[..., row]) if quantity == "a" else _load(robot, motion, row)
+    asked = motion.acceleration
+    if quantity == "load":
+        asked = _asked(robot, motion.position, motion.velocity, motion.acceleration)
+    return np.asarray(asked[..., row])
 
 
-def _gravity(robot: Robot, motion: Motion) -> FloatArray:
-    """Return the torque (..., nv) that gravity alone asks of the joints."""
+def _asked(
+    robot: Robot, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return the torque (..., nv) that the links without contacts ask of the coordinates."""
     data = robot.model.createData()
-    result = np.empty(motion.velocity.shape)
+    result = np.empty(velocity.shape)
     for k in np.ndindex(result.shape[:-1]):
-        result[k] = pin.computeGeneralizedGravity(robot.model, data, motion.position[k])
-    return result
-
-
-def _load(robot: Robot, motion: Motion, row: int) -> FloatArray:
-    """Return the torque (...) that the links without contacts ask of one coordinate."""
-    data = robot.model.createData()
-    result = np.empty(motion.velocity.shape[:-1])
-    acceleration = np.asarray(motion.acceleration)
-    for k in np.ndindex(result.shape):
-        asked = pin.rnea(robot.model, data, motion.position[k], motion.velocity[k], acceleration[k])
-        result[k] = asked[row]
+        result[k] = pin.rnea(robot.model, data, position[k], velocity[k], acceleration[k])
     return result
 
 

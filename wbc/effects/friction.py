@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect
+from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
 from wbc.errors import EffectError, unknown_name
 from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
 
@@ -111,15 +111,15 @@ def _thermal_screens(
     kind: type[ThermalViscousFriction], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
     """Return one screen per usual rate; none where no temperature was logged or it stayed."""
-    warmest, coldest = _temperatures(robot, where, evidence.motions)
-    return Screen.shapes("coefficient", "rate", _RATES if warmest > coldest else ())
+    changed = _thermal_recognisable(kind.at(where), robot, evidence.motions)
+    return Screen.shapes("coefficient", "rate", _RATES if changed else ())
 
 
 def _thermal_recognisable(
     effect: ThermalViscousFriction, robot: Robot, motions: Sequence[Motion]
 ) -> bool:
     """Whether the temperature changed: at one temperature this is viscous friction."""
-    warmest, coldest = _temperatures(robot, effect.where, motions)
+    coldest, warmest = range_of([motion.temperature for motion in motions], effect.gear(robot))
     return warmest > coldest
 
 
@@ -165,16 +165,6 @@ class ThermalViscousFriction(JointEffect):
             warm = motion.temperature[..., self.gear(robot)] - _REFERENCE
             drag = drag * np.exp(-self.rate * warm)
         return self.on_joint(robot, motion, -drag)
-
-
-def _temperatures(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
-    """Return the highest and lowest temperature [deg C] of a motor, equal where not all know it."""
-    column = robot.transmission.index(where)
-    seen = [motion.temperature for motion in motions]
-    known = [values[..., column] for values in seen if values is not None]
-    if len(known) < len(seen) or not known:
-        return _REFERENCE, _REFERENCE
-    return max(float(t.max()) for t in known), min(float(t.min()) for t in known)
 
 
 def quadratic(v: FloatArray, coefficient: float) -> FloatArray:

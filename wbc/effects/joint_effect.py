@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -146,3 +146,16 @@ def with_gear(robot: Robot, joint: str, numbers: Mapping[str, float]) -> Robot:
     for name, value in numbers.items():
         changes[name][gear] = value
     return robot.with_transmission(gears.replace(**changes))
+
+
+def range_of(values: Sequence[FloatArray | None], gear: int | IntArray) -> tuple[float, float]:
+    """Return the lowest and highest value at a gear; NaN where not all logs know it.
+
+    Args:
+        values: (N, m) per log.
+        gear: its column.
+    """
+    known = [value[..., gear] for value in values if value is not None]
+    if len(known) < len(values) or not known:
+        return np.nan, np.nan
+    return min(float(np.min(v)) for v in known), max(float(np.max(v)) for v in known)

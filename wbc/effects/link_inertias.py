@@ -358,10 +358,9 @@ def link_quantities(robot: Robot, joint: int) -> dict[str, Quantity]:
         found[f"principal_inertia_{k}"] = Quantity(float(moment), "kg m^2", "inertia_")
     for axis, center in zip("xyz", inertia.lever, strict=True):
         found[f"moment_{axis}"] = Quantity(float(inertia.mass * center), "kg m")
-    about_origin = pin.PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
-    second = np.diagonal(about_origin.toMatrix())[:3]
-    for axis, square in zip("xyz", second, strict=True):
-        found[f"inertia_{axis}{axis}"] = Quantity(float(second.sum() - square), "kg m^2")
+    about_origin = inertia.toDynamicParameters()[[4, 6, 9]]  # Ixx, Iyy, Izz
+    for axis, moment in zip("xyz", about_origin, strict=True):
+        found[f"inertia_{axis}{axis}"] = Quantity(float(moment), "kg m^2")
     return found
 
 

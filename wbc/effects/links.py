@@ -130,7 +130,8 @@ class CenterOfMass(Effect):
         """Return the robot with the centre of mass moved."""
         joint = robot.body_joint(self.where)
         before = robot.model.inertias[joint]
-        after = with_shifted_center(before, np.array([self.x, self.y, self.z]))
+        center = before.lever + np.array([self.x, self.y, self.z])
+        after = pin.Inertia(before.mass, center, before.inertia)
         return robot.with_inertia(joint, require_physical(before, after, self.where))
 
 
@@ -173,35 +174,16 @@ class GravityDirection(Effect):
         return robot.with_gravity(pin.rpy.rpyToMatrix(self.roll, self.pitch, 0.0) @ field)
 
 
-def point_mass(mass: float, point: FloatArray) -> FloatArray:
-    """Return the ten parameters of a point mass, pinocchio's order.
-
-    The order is [m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz], moments about the frame's origin.
+def add_point_mass(inertia: pin.Inertia, mass: float, point: FloatArray) -> pin.Inertia:
+    """Return `inertia` with a point mass [kg] added (a negative one taken away).
 
     Args:
+        inertia: in some frame.
         mass: [kg].
-        point: (3,) [m] in the frame.
+        point: (3,) [m] in that frame.
     """
-    x, y, z = point
-    about_origin = [y * y + z * z, -x * y, x * x + z * z, -x * z, -y * z, x * x + y * y]
-    return mass * np.array([1.0, x, y, z, *about_origin])
-
-
-def add_point_mass(inertia: pin.Inertia, mass: float, point: FloatArray) -> pin.Inertia:
-    """Return `inertia` with a point mass added (a negative one taken away)."""
-    return pin.Inertia.FromDynamicParameters(
-        inertia.toDynamicParameters() + point_mass(mass, point)
-    )
-
-
-def with_shifted_center(inertia: pin.Inertia, shift: FloatArray) -> pin.Inertia:
-    """Return `inertia` with its centre of mass moved by `shift` (3,) [m], moments about it kept."""
-    old, new = inertia.lever, inertia.lever + shift
-    about_origin = inertia.mass * (_steiner(new) - _steiner(old))
-    parameters = np.array(inertia.toDynamicParameters())
-    parameters[1:4] = inertia.mass * new
-    parameters[4:] += about_origin[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    return pin.Inertia.FromDynamicParameters(parameters)
+    unit = pin.Inertia(1.0, np.asarray(point), np.zeros((3, 3))).toDynamicParameters()
+    return pin.Inertia.FromDynamicParameters(inertia.toDynamicParameters() + mass * unit)
 
 
 def require_physical(before: pin.Inertia, after: pin.Inertia, place: str) -> pin.Inertia:
@@ -222,11 +204,6 @@ def require_physical(before: pin.Inertia, after: pin.Inertia, place: str) -> pin
 def _smallest(inertia: pin.Inertia) -> float:
     pseudo = pin.PseudoInertia.FromDynamicParameters(inertia.toDynamicParameters())
     return float(np.linalg.eigvalsh(pseudo.toMatrix())[0])
-
-
-def _steiner(point: FloatArray) -> FloatArray:
-    """Return |p|^2 1 - p p' (3, 3)."""
-    return np.asarray(point @ point * np.eye(3) - np.outer(point, point))
 
 
 def reach(robot: Robot, joint: int) -> float:

@@ -6,13 +6,13 @@ the bristles of several places at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import TransmissionEfficiency
@@ -46,9 +46,93 @@ def _recognisable(effect: Presliding, robot: Robot, motions: Sequence[Motion]) -
     return bool(slow < effect.length < travel / TRAVELS)
 
 
+class Bristles(JointEffect, ABC):
+    """Base of the effects in which z of bristles stands for the sign of a speed.
+
+    The memory of a simulator holds z, and what else a loss depends on, (1 or 2, k).
+    """
+
+    length: float  # a field of every subclass; as one of this class it would come before theirs
+
+    @abstractmethod
+    def _way(self, robot: Robot) -> FloatArray:
+        """Return how the speed of the surfaces depends on v, (nv,) or (k, nv)."""
+
+    @abstractmethod
+    def _place(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return how far the surfaces have moved, (...) [rad or m]."""
+
+    @abstractmethod
+    def _levels(self, robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return the level (...) [N m] at z = 1 before a simulator's step, and in it."""
+
+    @abstractmethod
+    def _rubbing(self, robot: Robot, motion: Motion, z: FloatArray) -> FloatArray:
+        """Return the torque (...) [N m] that bristles take in a simulator's step."""
+
+    def _carried(self, robot: Robot, motion: Motion) -> tuple[FloatArray, ...]:
+        """Return what a simulator carries beside z."""
+        return ()
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return z, and what else is carried, at the end of a step."""
+        if motion.memory is None:
+            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
+        z = self._bent(robot, motion, motion.memory)
+        return np.array([z, *self._carried(robot, motion)])
+
+    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
+        """Return where the work went that bristles took over a step [J], all places together.
+
+        They store level * length * z^2 / 2: by bending, and where the level changes under them.
+        """
+        memory = motion.memory
+        if memory is None:
+            return None
+        z, (level, now) = self._bent(robot, motion, memory), self._levels(robot, motion)
+        before = np.reshape(memory.value[0], z.shape)
+        speed = self._way(robot) @ motion.velocity
+        work = self._rubbing(robot, motion, z) * speed * memory.step
+        reloaded = 0.5 * np.multiply(self.length, now - level) * before**2
+        bending = 0.5 * np.multiply(self.length, now) * (z**2 - before**2)
+        lost = np.maximum(work - bending, 0.0)
+        return MemoryEnergy(*(float(np.sum(e)) for e in (bending + reloaded, reloaded, lost)))
+
+    def _is_log(self, motion: Motion) -> bool:
+        """Whether z follows from a series; without a length the sign of the speed stands for it."""
+        series = motion.time is not None and motion.velocity.ndim == 2
+        return series and bool(np.all(np.greater(self.length, 0.0)))
+
+    def _along(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return z along a log, (N,) or (N, k), from z = 0 at its start."""
+        from wbc.effects.bristle_series import bent_along  # it loads the compiler
+
+        return bent_along(self._place(robot, motion), self.length)
+
+    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> FloatArray:
+        """Return z, () or (k,), at the end of a simulator's step.
+
+        dz/dt is solved exactly for the step's speed, so z stays within -1 and 1 for any step. The
+        torque is that of this z, so bristles act as a spring of stiffness level / length does in
+        semi-implicit Euler: stable up to 4 inertia / step^2. Bristles stiffer than a quarter of
+        that are replaced by the stiffest that the step can carry; smaller steps take them back.
+        """
+        way, (_, level) = self._way(robot), self._levels(robot, motion)
+        speed = np.asarray(way @ motion.velocity)
+        before = np.reshape(memory.value[0], speed.shape)
+        bends = (level != 0.0) & (speed != 0.0)
+        if not np.any(bends):
+            return before
+        stiffest = level * memory.step**2 / inertia_along(robot, motion, way)
+        length = np.maximum(np.maximum(self.length, stiffest), np.finfo(np.float64).tiny)
+        end = np.sign(speed)
+        after = end + (before - end) * np.exp(-np.abs(speed * memory.step) / length)
+        return np.where(bends, after, before)
+
+
 @final
 @dataclass(frozen=True)
-class Presliding(JointEffect):
+class Presliding(Bristles):
     """Friction -level * z of bristles that bend: dz/dt = (v - |v| z) / length (Dahl's model).
 
     z lies between -1 and 1. It follows the direction of the motion over `length`; where that goes
@@ -87,51 +171,33 @@ class Presliding(JointEffect):
         """Return z, (1,) or (1, k), of bristles that do not bend."""
         return np.zeros((1, *np.shape(self.level)))
 
-    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return z, (1,) or (1, k), at the end of a step."""
-        if motion.memory is None:
-            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
-        return np.array([self._bent(robot, motion, motion.memory)])
-
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return -level * z at the joint, (..., nv) [N m]; None where z is not known."""
         if motion.memory is not None:
-            bent = self._bent(robot, motion, motion.memory)
-            return self.on_joint(robot, motion, -self.level * bent)
-        if not self._is_series(motion):
+            z = self._bent(robot, motion, motion.memory)
+        elif self._is_log(motion):
+            z = self._along(robot, motion)
+        else:
             return None
-        from wbc.effects.bristle_series import bent_along  # it loads the compiler
-
-        series = bent_along(self.joint_position(robot, motion), self.length)
-        return self.on_joint(robot, motion, -self.level * series)
+        return self.on_joint(robot, motion, -self.level * z)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the level (..., nv) [N m] where z is not known: the limit of a short length."""
-        if motion.memory is not None or self._is_series(motion):
+        if motion.memory is not None or self._is_log(motion):
             return None
         return self.on_joint(robot, motion, self.level)
 
-    def _is_series(self, motion: Motion) -> bool:
-        known = motion.time is not None and motion.velocity.ndim == 2
-        return known and bool(np.all(np.greater(self.length, 0.0)))
+    def _way(self, robot: Robot) -> FloatArray:
+        return np.asarray(np.eye(robot.model.nv)[self.velocity_row(robot)])
 
-    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
-        """Return what bristles stored and lost over a step [J]."""
-        if motion.memory is None:
-            return None
-        z, speed = self._bent(robot, motion, motion.memory), self.joint_velocity(robot, motion)
-        bent = np.reshape(motion.memory.value[0], z.shape), z
-        work = self.level * z * speed * motion.memory.step
-        return energy_of_step(bent, (self.level, self.level), self.length, work)
+    def _place(self, robot: Robot, motion: Motion) -> FloatArray:
+        return self.joint_position(robot, motion)
 
-    def _bent(self, robot: Robot, motion: Motion, memory: Memory) -> FloatArray:
-        """Return z, () or (k,), at the end of a simulator's step."""
+    def _levels(self, robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        return np.asarray(self.level), np.asarray(self.level)
 
-        def inertia() -> FloatArray:
-            return inertia_along(robot, motion, np.eye(robot.model.nv)[self.velocity_row(robot)])
-
-        speed = self.joint_velocity(robot, motion)
-        return stepped(memory, speed, np.asarray(self.level), self.length, inertia)
+    def _rubbing(self, robot: Robot, motion: Motion, z: FloatArray) -> FloatArray:
+        return self.level * z
 
 
 def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
@@ -180,7 +246,7 @@ def _load_recognisable(effect: LoadPresliding, robot: Robot, motions: Sequence[M
 
 @final
 @dataclass(frozen=True)
-class LoadPresliding(JointEffect):
+class LoadPresliding(Bristles):
     """Efficiencies of a gear of which the sign of the speed is replaced by a state z.
 
     t = T + mean |T| z + difference T z^2,  dz/dt = (w - |w| z) / length,
@@ -238,46 +304,24 @@ class LoadPresliding(JointEffect):
         self, robot: Robot, motion: Motion, output: FloatArray, mesh: FloatArray
     ) -> FloatArray:
         """Return t (..., m) [N m] with this gear's column by z along a log."""
-        if motion.time is None or motion.velocity.ndim != 2 or np.all(self.length == 0.0):
+        if not self._is_log(motion):
             return mesh
-        gear = self.gear(robot)
-        turned = motion.position[:, robot.actuated_position] @ self._row(robot).T
-        from wbc.effects.bristle_series import bent_along  # it loads the compiler
-
-        series = bent_along(turned, self.length)
-        result = np.array(mesh)
-        result[:, gear] = output[:, gear] + self._loss(robot, output[:, gear], series)
+        z = self._along(robot, motion)
+        result, gear = np.array(mesh), self.gear(robot)
+        result[:, gear] = output[:, gear] + self._loss(robot, output[:, gear], z)
         return result
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return z of unbent bristles, and the T [N m] that they carry: (2,) or (2, k)."""
         return np.zeros((2, *np.shape(self.length)))
 
-    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return z and T, (2,) or (2, k), at the end of a step."""
-        if motion.memory is None:
-            raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
-        return np.array(self._stepped(robot, motion, motion.memory))
-
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return what the loss takes from the rotors (m,) in a simulator's step; None elsewhere."""
         if motion.memory is None:
             return None
-        z, load = self._stepped(robot, motion, motion.memory)
+        loss = self._rubbing(robot, motion, self._bent(robot, motion, motion.memory))
         ratio = robot.transmission.gear_ratio[self.gear(robot)]
-        return self.on_rotor(robot, motion, -self._loss(robot, load, z) / ratio)
-
-    def memory_energy(self, robot: Robot, motion: Motion) -> MemoryEnergy | None:
-        """Return what bristles stored and lost over a step [J]."""
-        memory = motion.memory
-        if memory is None:
-            return None
-        z, load = self._stepped(robot, motion, memory)
-        work = self._loss(robot, load, z) * self._speed(robot, motion) * memory.step
-        mean, _ = self._coefficients(robot)
-        before, earlier = (np.reshape(row, z.shape) for row in memory.value)
-        levels = mean * np.abs(earlier), mean * np.abs(load)
-        return energy_of_step((before, z), levels, self.length, work)
+        return self.on_rotor(robot, motion, -loss / ratio)
 
     @property
     def _efficiencies(self) -> TransmissionEfficiency:
@@ -298,62 +342,33 @@ class LoadPresliding(JointEffect):
         """Return (m,) or (k, m) how the gear's output turns with the driven joints."""
         return np.asarray(robot.transmission.motor_from_joint[self.gear(robot)])
 
-    def _speed(self, robot: Robot, motion: Motion) -> FloatArray:
-        return np.asarray(self._row(robot) @ motion.velocity[robot.actuated])
+    def _way(self, robot: Robot) -> FloatArray:
+        row = self._row(robot)
+        way = np.zeros((*row.shape[:-1], robot.model.nv))
+        way[..., robot.actuated] = row
+        return way
 
-    def _stepped(
-        self, robot: Robot, motion: Motion, memory: Memory
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return z, () or (k,), at the end of a simulator's step, and T [N m] during it."""
-        speed = self._speed(robot, motion)
-        load = np.reshape(memory.value[1], speed.shape)
+    def _place(self, robot: Robot, motion: Motion) -> FloatArray:
+        return np.asarray(motion.position[:, robot.actuated_position] @ self._row(robot).T)
+
+    def _carried(self, robot: Robot, motion: Motion) -> tuple[FloatArray, ...]:
+        """Return T (...) [N m] during a simulator's step; that of the last one where not solved."""
         if motion.mesh_torque is not None:
-            load = np.asarray(motion.mesh_torque[self.gear(robot)])
+            return (np.asarray(motion.mesh_torque[self.gear(robot)]),)
+        return (self._before(motion),)
+
+    def _before(self, motion: Motion) -> FloatArray:
+        held = np.zeros(2) if motion.memory is None else motion.memory.value
+        return np.reshape(held[1], np.shape(self.length))
+
+    def _levels(self, robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
         mean, _ = self._coefficients(robot)
+        (load,) = self._carried(robot, motion)
+        return mean * np.abs(self._before(motion)), mean * np.abs(load)
 
-        def inertia() -> FloatArray:
-            direction = np.zeros((*speed.shape, robot.model.nv))
-            direction[..., robot.actuated] = self._row(robot)
-            return inertia_along(robot, motion, direction)
-
-        return stepped(memory, speed, mean * np.abs(load), self.length, inertia), load
-
-
-def bent_after(before: FloatArray, way: FloatArray, length: FloatArray) -> FloatArray:
-    """Return z (...) after a way [rad] in one direction from z = `before`: exact."""
-    end = np.sign(way)
-    # Where the length is zero the bristle follows at once.
-    gone = np.abs(way) / np.where(length > 0.0, length, np.finfo(np.float64).tiny)
-    return np.asarray(np.where(end == 0.0, before, end + (before - end) * np.exp(-gone)))
-
-
-def stepped(
-    memory: Memory,
-    speed: FloatArray,
-    level: FloatArray,
-    length: ArrayLike,
-    inertia: Callable[[], FloatArray],
-) -> FloatArray:
-    """Return z (...) at the end of a simulator's step.
-
-    dz/dt is solved exactly for the step's speed, so z stays within -1 and 1 for any step. The
-    torque is that of this z, so bristles act as a spring of stiffness level / length does in
-    semi-implicit Euler: stable up to 4 inertia / step^2. Bristles stiffer than a quarter of that
-    are replaced by the stiffest that the step can carry; smaller steps take them back.
-
-    Args:
-        memory: z first in its value.
-        speed: (...) [rad/s], the step's.
-        level: (...) [N m] of the friction at z = 1.
-        length: (...) [rad].
-        inertia: returns (...) [kg m^2] that the friction acts on; asked where something bends.
-    """
-    before = np.reshape(memory.value[0], np.shape(speed))
-    bends = (level != 0.0) & (speed != 0.0)
-    if not np.any(bends):
-        return before
-    softest = np.maximum(length, level * memory.step**2 / inertia())
-    return np.where(bends, bent_after(before, speed * memory.step, softest), before)
+    def _rubbing(self, robot: Robot, motion: Motion, z: FloatArray) -> FloatArray:
+        (load,) = self._carried(robot, motion)
+        return self._loss(robot, load, z)
 
 
 def inertia_along(robot: Robot, motion: Motion, direction: FloatArray) -> FloatArray:
@@ -368,26 +383,3 @@ def inertia_along(robot: Robot, motion: Motion, direction: FloatArray) -> FloatA
     inertia[np.ix_(robot.actuated, robot.actuated)] += rotors
     moved = np.linalg.solve(inertia, direction.T).T
     return np.asarray(1.0 / np.sum(direction * moved, axis=-1))
-
-
-def energy_of_step(
-    bent: tuple[FloatArray, FloatArray],
-    level: tuple[ArrayLike, ArrayLike],
-    length: ArrayLike,
-    work: FloatArray,
-) -> MemoryEnergy:
-    """Return where `work` (...) [J] went that bristles took over a step, all of them together.
-
-    They store level * length * z^2 / 2: by bending, and where the level changes under them.
-
-    Args:
-        bent: z (...) before and after.
-        level: (...) [N m] before and after.
-        length: (...) [rad].
-        work: friction torque times way [J].
-    """
-    reloaded = 0.5 * np.multiply(length, np.subtract(level[1], level[0])) * bent[0] ** 2
-    bending = 0.5 * np.multiply(length, level[1]) * (bent[1] ** 2 - bent[0] ** 2)
-    lost = np.maximum(work - bending, 0.0)
-    sums = (float(np.sum(part)) for part in (bending + reloaded, reloaded, lost))
-    return MemoryEnergy(*sums)

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import ScaledDrive
+from wbc.effects.joint_effect import ScaledDrive, range_of
 from wbc.robot import (
     Effect,
     Evidence,
@@ -98,7 +98,7 @@ class SupplySag(Effect):
 # A drive that sets the duty of a winding follows its supply fully, one that regulates the current
 # not at all; poor regulation lies between.
 _FOLLOWS = Usual(0.0, 1.0, 0.1)
-_LEAST = 0.05  # share of the torque that is left, however far the supply falls
+_LEAST = 0.05  # share of the torque that is always left
 
 
 def _voltage_screens(
@@ -109,9 +109,9 @@ def _voltage_screens(
     The torque is linear in 1 - share and share / nominal, so two screens span them all: one
     at the middle of what was logged, and one at the robot's own voltage.
     """
-    lowest, highest = _voltages(robot, where, evidence.motions)
-    if lowest == highest:
+    if not _voltage_recognisable(kind.at(where), robot, evidence.motions):
         return ()
+    lowest, highest = _voltages(robot, where, evidence.motions)
     described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
     nominals = [0.5 * (lowest + highest), highest]
     if np.isfinite(described):
@@ -123,7 +123,12 @@ def _voltage_screens(
 def _voltage_recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion]) -> bool:
     """Whether the voltage changed: at one voltage this is a wrong torque constant."""
     lowest, highest = _voltages(robot, effect.where, motions)
-    return highest > lowest
+    return bool(0.0 < lowest < highest < np.inf)
+
+
+def _voltages(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
+    """Return the lowest and highest voltage [V] at a drive."""
+    return range_of([motion.supply_voltage for motion in motions], robot.transmission.index(where))
 
 
 @final
@@ -170,18 +175,6 @@ class VoltageScaling(ScaledDrive):
         known = np.where(np.isfinite(voltage), voltage, self.nominal)
         return np.maximum(1.0 + self.share * (known / self.nominal - 1.0), _LEAST)
 
-
-def _voltages(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
-    """Return the lowest and highest voltage [V] at a drive, equal where not all logs know it."""
-    column = robot.transmission.index(where)
-    known = [m.supply_voltage[..., column] for m in motions if m.supply_voltage is not None]
-    if len(known) < len(motions) or not known:
-        return 0.0, 0.0
-    lowest, highest = min(float(u.min()) for u in known), max(float(u.max()) for u in known)
-    return (lowest, highest) if np.isfinite(lowest + highest) and lowest > 0.0 else (0.0, 0.0)
-
-
-_LEAST = 0.05  # share of the torque that is always left
 
 # Windings of motors from a finger's to an arm's size warm up in 2 to 60 s, their housings in
 # minutes to an hour (makers' data sheets); a longer time is a steady drift.

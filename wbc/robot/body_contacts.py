@@ -6,7 +6,6 @@ they touch, spheres, capsules and boxes are exact.
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,12 +16,11 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, unknown_name
 from wbc.robot.description import read_description
-from wbc.robot.hulls import Hull, hull_of
+from wbc.robot.hulls import CORNERS, Hull, hull_of
 from wbc.robot.library import find_model
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot
 
-_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 _TURN = np.arange(400) + 0.5
 _DIRECTIONS = np.column_stack(
     (
@@ -119,7 +117,7 @@ def _points(item: Any, depth: float) -> tuple[FloatArray, float, float]:
         return np.zeros((1, 3)), float(shape.radius), 2.0 * float(shape.radius)
     if isinstance(shape, coal.Box):
         sides = np.asarray(shape.halfSide)
-        return _CORNERS * sides, 0.0, 2.0 * float(sides.min())
+        return CORNERS * sides, 0.0, 2.0 * float(sides.min())
     if isinstance(shape, coal.Capsule | coal.Cylinder):
         radius, half = float(shape.radius), float(shape.halfLength)
         inside = isinstance(shape, coal.Cylinder)

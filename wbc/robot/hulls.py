@@ -11,7 +11,8 @@ from wbc.arrays import FloatArray
 
 _SAME = 1e-7
 """Share of a hull's size by which points may leave one plane: single precision of mesh files."""
-_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+"""(8, 3) of the box from -1 to 1."""
 
 
 class Hull(NamedTuple):
@@ -67,7 +68,7 @@ def ground_box(center: FloatArray, rotation: FloatArray, low: FloatArray, high: 
     """
     far = 1e3 + np.nan_to_num(np.abs([low, high]), posinf=0.0).max()
     ends = np.array([np.maximum(low, -far), np.minimum(high, far)])
-    corners = np.where(_CORNERS < 0.0, *ends)
+    corners = np.where(CORNERS < 0.0, *ends)
     planes, edges = _faces(corners)
     kept = [
         edge

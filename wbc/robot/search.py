@@ -44,17 +44,15 @@ class Screen:
     Attributes:
         units: parameter values of the r unit effects.
         combine: (r,) coefficients -> parameter values, possibly outside their bounds.
-        options: attributes of the effect that are no parameters.
         expected: coefficient of every unit where the logs do not tell it.
     """
 
     units: tuple[Mapping[str, float], ...]
     combine: Callable[[FloatArray], dict[str, float]]
-    options: Mapping[str, str] = field(default_factory=dict)
     expected: float = 0.0
 
     @classmethod
-    def fixed(cls, values: Mapping[str, float], **options: str) -> Screen:
+    def fixed(cls, values: Mapping[str, float]) -> Screen:
         """Return the screen of an effect that is not linear in any parameter.
 
         Its size is part of its shape: a coefficient far from one says that the shape is wrong.
@@ -65,7 +63,7 @@ class Screen:
             fits = 0.4 < float(coefficients[0]) < 2.5
             return chosen if fits else dict.fromkeys(chosen, np.nan)
 
-        return cls((chosen,), combine, options, expected=1.0)
+        return cls((chosen,), combine, expected=1.0)
 
     @classmethod
     def shapes(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,7 +53,7 @@ class Regressor:
     def build(self, robot: Robot, coefficients: FloatArray) -> Effect | None:
         """Return the effect with these coefficients, or None if `robot` cannot have it."""
         try:
-            effect = _made(self.effect, self.where, self.screen, self.screen.combine(coefficients))
+            effect = self.effect.at(self.where, self.screen.combine(coefficients))
             effect.change(robot)
         except (EffectError, TransmissionError, RobotError):
             return None
@@ -105,7 +105,7 @@ def make_regressors(
                 _, where, screen = offer
                 if (places is None or where in places) and (effect.name, where) not in taken:
                     units = (tuple(sorted(unit.items())) for unit in screen.units)
-                    key = (effect, where, *units, *sorted(screen.options.items()))
+                    key = (effect, where, *units)
                     different.setdefault(key, offer)
     offers = list(different.values())
     try:
@@ -134,7 +134,7 @@ def _columns(
     units: list[slice | None] = []
     for offer in offers:
         try:
-            made = [Change(_made(*offer, values), -1.0) for values in offer[2].units]
+            made = [Change(offer[0].at(offer[1], values), -1.0) for values in offer[2].units]
         except EffectError:
             units.append(None)
             continue
@@ -152,11 +152,11 @@ def _columns(
 def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
     """Return (r, r) how fast units depart from what is usual; zero for most effects."""
     departures = effect.search.departures
-    first = departures(_made(effect, where, screen, screen.units[0]))
+    first = departures(effect.at(where, screen.units[0]))
     if not first.size:
         return np.zeros((len(screen.units), len(screen.units)))
     null = departures(effect.at(where, effect.null_values(robot, where)))
-    slopes = [departures(_made(effect, where, screen, unit)) - null for unit in screen.units]
+    slopes = [departures(effect.at(where, unit)) - null for unit in screen.units]
     return np.array([[one @ other for other in slopes] for one in slopes])
 
 
@@ -189,11 +189,6 @@ def _works(columns: Columns, at: Evaluation, offer: _Offer, failures: Counter[st
 def _count(failures: Counter[str] | None, effect: type[Effect], error: Exception) -> None:
     if failures is not None:
         failures[f"{effect.name}: {type(error).__name__}: {error}"] += 1
-
-
-def _made(effect: type[Effect], where: str, screen: Screen, values: Mapping[str, float]) -> Effect:
-    made = effect.at(where, values)
-    return replace(made, **screen.options) if screen.options else made
 
 
 def _only(screen: Screen, used: BoolArray) -> Screen:
