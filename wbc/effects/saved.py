@@ -23,7 +23,7 @@ from wbc.robot import (
     with_gear_numbers,
 )
 from wbc.robot.robot import RobotSource
-from wbc.robot.table import number_in
+from wbc.robot.table import check_keys, number_in
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")
 
@@ -49,9 +49,7 @@ def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
     path, table = description.path, description.table
     if path.resolve() in referring:
         raise RobotError(f"{path}: 'robot' refers back to this file through '{base}'.")
-    for key in table:
-        if key not in _KEYS:
-            raise RobotError(f"{path}: " + unknown_name("key", key, _KEYS))
+    check_keys(table, _KEYS, f"{path}")
     robot = _load(description.base(), (*referring, path.resolve()))
     if table.get("lossless", False):
         robot = robot.lossless()
@@ -145,24 +143,17 @@ def save_robot(
             f"'{robot.name}' was built or changed in code; only a robot loaded by name or path, "
             "with effects added to it, can be saved."
         )
-    known = intervals or {}
-    effects = []
+    known, effects = intervals or {}, []
     for effect in robot.effects:
-        parameters: dict[str, dict[str, Any]] = {}
-        for parameter in effect.parameters:
-            number: dict[str, Any] = {
-                "value": effect.values[parameter.name],
-                "unit": parameter.unit,
-            }
-            span = known.get((effect.name, effect.where, parameter.name))
-            if span is not None:
-                number["low"], number["high"] = float(span[0]), float(span[1])
-            parameters[parameter.name] = number
         entry: dict[str, Any] = {"effect": effect.name, "where": effect.where}
-        constants = _constants(effect)
-        if constants:
+        if constants := _constants(effect):
             entry["constants"] = constants
-        effects.append({**entry, "parameters": parameters})
+        entry["parameters"] = numbers = {}
+        for p in effect.parameters:
+            span = known.get((effect.name, effect.where, p.name))
+            ends = {} if span is None else {"low": float(span[0]), "high": float(span[1])}
+            numbers[p.name] = {"value": effect.values[p.name], "unit": p.unit, **ends}
+        effects.append(entry)
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "robot": robot.source.name,
