@@ -16,6 +16,7 @@ from hypothesis.extra.numpy import arrays
 
 from wbc.errors import LogError
 from wbc.measurement import Log, load_log, load_logs, save_log
+from wbc.measurement.guess import guess_names
 from wbc.measurement.names import guess_name
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -311,6 +312,10 @@ def test_a_torque_in_any_spelling_of_its_unit(unit: str, factor: float, tmp_path
         ("hip_v", "velocity", "", "hip"),
         ("hip_temp [deg C]", "temperature", "deg C", "hip"),
         ("q_1", "position", "", "1"),
+        ("Position [rev] 1", "position", "rev", "1"),
+        ("q[1] [deg]", "position", "deg", "1"),
+        ("axis0.motor.current_control.Iq_measured", "current", "", "axis_0_iq"),
+        ("tau_ext_hat_filtered[0]", "", "", "ext_hat_filtered_0"),
     ],
 )
 def test_the_unit_in_a_name_is_read_whole(name: str, quantity: str, unit: str, owner: str) -> None:
@@ -320,3 +325,14 @@ def test_the_unit_in_a_name_is_read_whole(name: str, quantity: str, unit: str, o
     """
     found = guess_name(name)
     assert (found.quantity, found.unit, found.owner) == (quantity, unit, owner)
+
+
+def test_torques_of_another_topic_are_those_of_the_joint_that_is_named(tmp_path: Path) -> None:
+    """A joint without any beside others with one got no gear, and nobody said so."""
+    path = tmp_path / "run.csv"
+    names = ["/joint_states/hip/position", "/joint_states/knee/position", "/torques/hip/effort"]
+    path.write_text(",".join(["time", *names]) + "\n0,1,2,3\n0.1,1,2,3\n")
+    guess = guess_names(path, ("hip", "knee"))
+    assert guess.table["columns"]["hip.motor_torque"] == {"from": "/torques/hip/effort"}
+    assert guess.driven == ("hip",)
+    assert "knee: no torque or current" in guess.reasons[-1]

@@ -245,7 +245,9 @@ def _quantity(tokens: list[str]) -> tuple[str, list[str]]:
         for k, token in enumerate(tokens):
             single = re.sub(r"(?<=..)(ie)?s$", lambda end: "y" if end[1] else "", token)
             if token in words or single in words:
-                return quantity, tokens[:k] + tokens[k + 1 :]
+                # A topic and its field often say the same: /torques/hip/effort.
+                left = [t for t in tokens[k + 1 :] if len(t) < 3 or t not in words]
+                return quantity, tokens[:k] + left
     for vector, quantity in _VECTORS.items():
         if set(vector) <= set(tokens):
             return quantity, [token for token in tokens if token not in vector]
