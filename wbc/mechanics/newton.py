@@ -43,8 +43,9 @@ tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 a
 
 SHORTENED, _SHORTEST = 12, 1e-2
 _LOST = 10.0
-"""Of the residual at the start: beyond it Newton's second step has lost its way. Where more rows
-stick than there are coordinates, the first one throws the pieces about."""
+"""Of the residual at the start: a step, from the third on, that leads beyond it and does not halve
+the residual has lost its way. Where more rows stick than there are coordinates, the first step
+throws the pieces about; three steps show whether they come back."""
 _ROUNDS, _STALLS, _LAST_STEPS = 40, 6, 6
 """Of convex programs; of those in a row that do not halve what is missed, before what is near is
 taken; and of Newton's steps tried in between."""
@@ -133,8 +134,8 @@ def newton(
     """Write the row impulses (r,) at which every row is on its law.
 
     Whole steps first: with the right pieces one step is exact. Where they do not settle, steps
-    follow that are shortened until the residual falls; without any of these it ends where the
-    second whole step is far off.
+    follow that are shortened until the residual falls; without any of these it ends where whole
+    steps have lost their way.
 
     Args:
         system: of the rows.
@@ -150,7 +151,7 @@ def newton(
     pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
     impulse[:] = start
-    first = look_at(system, impulse, speed, pieces, sliding)
+    first = before = look_at(system, impulse, speed, pieces, sliding)
     for iteration in range(1, whole + shortened + 1):
         if iteration == whole + 1:
             impulse[:] = start
@@ -169,8 +170,10 @@ def newton(
         impulse[:], merit = trial, lower
         if worst <= tolerance:
             return iteration
-        if iteration > 1 and shortened == 0 and worst > _LOST * first:
+        lost = worst > _LOST * first and worst > 0.5 * before
+        if iteration > 2 and shortened == 0 and lost:
             return -iteration
+        before = worst
     return -whole - shortened
 
 

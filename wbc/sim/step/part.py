@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
     Flags,
@@ -12,7 +12,6 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutRow,
-    Places,
     Row,
     compiled,
     several,
@@ -64,14 +63,22 @@ def close(plant: Opened, before: BoolArray, acting: Acting) -> None:
             end.closed[i] = end.gap[i] < half * _FASTEST
 
 
-@compiled(OutRow, Row, Places)
-def recalled(stored: FloatArray, places: IntArray) -> FloatArray:
-    """Return the impulses (r,) from which the rows start: the last step's, zeros without one."""
-    start = np.zeros(len(places))
+@compiled(several(ROWS, SYSTEM, OutRow), OPENED, Flags, ACTING, Row)
+def begin(
+    plant: Opened, before: BoolArray, acting: Acting, stored: FloatArray
+) -> tuple[PartRows, RowSystem, FloatArray]:
+    """Return the rows of a part, their system, and the impulses (r,) from which they start.
+
+    The rows start from the last step's impulses, from zeros without one. Where H_l is not positive,
+    `lower[0, 0]` is no number. Arguments as of `second_half`.
+    """
+    close(plant, before, acting)
+    rows = rows_of(plant, acting)
+    start = np.zeros(len(rows.places))
     if len(stored):
-        for i in range(len(places)):
-            start[i] = stored[places[i]]
-    return start
+        for i in range(len(start)):
+            start[i] = stored[rows.places[i]]
+    return rows, part_system(rows, plant.obstacles.tangents), start
 
 
 @compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
@@ -143,12 +150,9 @@ def second_half(
         beyond what `Solved.way` says.
     """
     acting, end = Acting(kept, v, time, step), plant.end
-    close(plant, before, acting)
-    rows = rows_of(plant, acting)
+    rows, system, start = begin(plant, before, acting, stored)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
-    system = part_system(rows, plant.obstacles.tangents)
-    start = recalled(stored, rows.places)
     solved = solve_part(plant, rows, system, end.speed, start, step, 1.0, given)
     keep(plant, acting, rows, solved)
     if solved.way >= UNSOLVED:
@@ -203,8 +207,5 @@ def part_in_rows(
     Laws and free speeds are those without coupling and flanks, see `couple` and `grip_laws`.
     """
     to_middle(plant, q, v, time, 0.5 * step, before)
-    acting = Acting(kept, v, time, step)
-    close(plant, before, acting)
-    rows = rows_of(plant, acting)
-    system = part_system(rows, plant.obstacles.tangents)
-    return rows, system, recalled(stored, rows.places), plant.placed.inertia.copy()
+    rows, system, start = begin(plant, before, Acting(kept, v, time, step), stored)
+    return rows, system, start, plant.placed.inertia.copy()
