@@ -64,7 +64,7 @@ class Barriers:
         self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
         both, pairs = pairs_of(hulls, robot.surface, terrain)
-        self.bodies = tables_of(both, pairs, robot.surface, tree)
+        self.bodies = tables_of(both, pairs, robot.surface, tree, len(robot.contacts))
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
         self.planar = _moves_in_plane(space) and not pairs
         self.limits, self.points = 2 * len(single), len(robot.contacts)

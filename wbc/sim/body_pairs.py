@@ -15,15 +15,18 @@ from wbc.sim.height_field import HeightField
 from wbc.sim.step.contacts import BALL, BOX
 from wbc.sim.step.tables import Bodies
 
+_ON_FIELDS = 16
+"""Most places in which a body touches a height field beside its corners."""
+
 
 def pairs_of(
     hulls: Sequence[Hull], surface: BodySurface, terrain: Terrain
-) -> tuple[list[Hull], list[tuple[int, int, int, float]]]:
+) -> tuple[list[Hull], list[tuple[int, int, int]]]:
     """Return all hulls, those of the ground last, and which pairs of them may meet.
 
     Each hull meets every box, stair, ball and height field of the ground, and those of other bodies
-    that are asked for. With height fields, which have no hull, go their number among the solids,
-    else -1, and the least spacing of their grid [m].
+    that are asked for. With height fields, which have no hull, goes their number among the solids,
+    else -1.
 
     Raises:
         SimulationError: a pair with a body that has no hull.
@@ -43,12 +46,10 @@ def pairs_of(
     own, pairs = len(hulls), []
     for one, other in product(range(own), range(own, own + len(ground))):
         if len(hulls[one].corners) > 1:
-            pairs.append((one, other, -1, np.inf))
-    large = [i for i in range(own) if len(hulls[i].corners) > 1]
+            pairs.append((one, other, -1))
     for number, solid in enumerate(terrain.solids):
         if isinstance(solid, HeightField) and all(known is not None for known in numbers):
-            spacing = min(np.diff(solid.x).min(), np.diff(solid.y).min())
-            pairs += [(one, own + len(ground), number, float(spacing)) for one in large]
+            pairs += [(one, own + len(ground), number) for one in range(own)]
             ground.append(hull_of("ground", "", 0, np.zeros((1, 3))))
     bodies = tuple(dict.fromkeys(hull.body for hull in hulls))
     for names in surface.pairs:
@@ -58,7 +59,7 @@ def pairs_of(
         mine, theirs = ([i for i in range(own) if hulls[i].body == name] for name in names)
         # The second hull has fewer edges: each of its edges takes two barriers.
         pairs += [
-            (*((a, b) if len(hulls[a].edges) >= len(hulls[b].edges) else (b, a)), -1, np.inf)
+            (*((a, b) if len(hulls[a].edges) >= len(hulls[b].edges) else (b, a)), -1)
             for a, b in product(mine, theirs)
         ]
     return [*hulls, *ground], pairs
@@ -66,18 +67,24 @@ def pairs_of(
 
 def tables_of(
     hulls: Sequence[Hull],
-    pairs: Sequence[tuple[int, int, int, float]],
+    pairs: Sequence[tuple[int, int, int]],
     surface: BodySurface,
     tree: Tree,
+    points: int,
 ) -> Bodies:
-    """Return hulls and pairs as arrays."""
+    """Return hulls and pairs as arrays; the corners of bodies are the last contact points."""
     last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
-    heads, shapes, begin = [], [], [0, 0, 0]
+    heads, shapes, ends, begin = [], [], [], [0, 0, 0]
+    point = points - sum(len(hull.corners) for hull in hulls if hull.body)
     for hull in hulls:
         sizes = len(hull.corners), len(hull.planes), len(hull.edges)
         places = [number for two in zip(begin, sizes, strict=True) for number in two]
-        heads.append([hull.joint - 1, last.get(hull.joint - 1, -1), *places])
+        heads.append([hull.joint - 1, last.get(hull.joint - 1, -1), *places, point])
+        point += len(hull.corners)
         begin = [start + size for start, size in zip(begin, sizes, strict=True)]
+        for edge in hull.edges[:, :6].reshape(-1, 2, 3):  # -1 where ground has no such corner
+            same = [(hull.corners == end).all(axis=1) for end in edge]
+            ends.append([int(own.argmax()) if own.any() else -1 for own in same])
         spots = np.concatenate((hull.corners, hull.edges[:, :6].reshape(-1, 3)))
         center = 0.5 * (spots.min(axis=0) + spots.max(axis=0))
         around = np.linalg.norm(spots - center, axis=1).max() + hull.radius
@@ -85,24 +92,20 @@ def tables_of(
         shapes.append([*center, around, hull.radius, thin])
     table: list[list[int]] = []
     slots: list[int] = []
-    for number, (a, b, field, spacing) in enumerate(pairs):
+    for number, (a, b, field) in enumerate(pairs):
         whole = hulls[b].body != ""
         count = len(hulls[a].corners) * whole + len(hulls[b].corners) + 2 * len(hulls[b].edges)
-        nodes = lines = 0
-        if field >= 0:
-            longest = np.linalg.norm(hulls[a].edges[:, 3:6] - hulls[a].edges[:, :3], axis=1)
-            nodes = int(2.0 * shapes[a][3] / spacing) + 1
-            lines = int(longest.max(initial=0.0) / spacing) + 1
-            count = nodes * nodes + 2 * len(hulls[a].edges) * lines
-        table.append([a, b, len(slots), int(whole), len(slots) + count, field, nodes, lines])
+        count = _ON_FIELDS if field >= 0 else count
+        table.append([a, b, len(slots), int(whole), len(slots) + count, field])
         slots += [number] * count
     return Bodies(
-        np.array(heads, dtype=np.int64).reshape(-1, 8),
+        np.array(heads, dtype=np.int64).reshape(-1, 9),
         np.array(shapes).reshape(-1, 6),
         np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
         np.concatenate([np.empty((0, 4)), *(hull.planes for hull in hulls)]),
         np.concatenate([np.empty((0, 12)), *(hull.edges for hull in hulls)]),
-        np.array(table, dtype=np.int64).reshape(-1, 8),
+        np.array(ends, dtype=np.int64).reshape(-1, 2),
+        np.array(table, dtype=np.int64).reshape(-1, 6),
         np.full((len(pairs), 1), surface.friction),
         np.array(slots, dtype=np.int64).reshape(-1, 1),
     )

@@ -49,7 +49,9 @@ class HeightField(Solid):
         object.__setattr__(self, "heights", heights)
         surface = RectBivariateSpline(self.x, self.y, heights, s=0.0)
         nodes = [surface(self.x, self.y, *order) for order in ((0, 0), (1, 0), (0, 1), (1, 1))]
-        parts = [_FIELD, *shape], self.x, self.y, *(node.ravel() for node in nodes)
+        bends = [surface(self.x, self.y, *order) for order in ((2, 0), (1, 1), (0, 2))]
+        bend = np.sqrt(bends[0] ** 2 + 2.0 * bends[1] ** 2 + bends[2] ** 2).max()
+        parts = [_FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend]
         object.__setattr__(self, "_numbers", frozen(np.concatenate(parts)))
 
     def numbers(self) -> FloatArray:

@@ -237,7 +237,10 @@ class Plant:
         return state.replace(position=position, velocity=velocity)
 
     def gaps(self, state: SimState) -> FloatArray:
-        """Return the distance (k,) of the contact points from the ground [m]."""
+        """Return the distance (k,) of the contact points from the ground [m].
+
+        Of points that are more than 2 cm from a height field, that from its plane below.
+        """
         barriers = self._setup.barriers
         gap = self._setup.core.gaps(state.position, state.time)[barriers.limits :]
         gap = gap[: len(gap) - len(barriers.bodies.slots)]

@@ -33,7 +33,7 @@ from wbc.mechanics.linear import (
     rest_of_way,
     solve_factored,
 )
-from wbc.sim.step.contacts import barrier_rows, gaps_at
+from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
 from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import ACTING, Acting
@@ -221,9 +221,9 @@ def take_back(
             return
 
 
-@compiled(several(Number, Number), OPENED, Row, OutFlags, OutRow, counted=False)
+@compiled(several(Number, Number), OPENED, Row, Number, OutFlags, OutRow, counted=False)
 def drifts(
-    plant: Opened, pushes: FloatArray, pressed: BoolArray, drift: FloatArray
+    plant: Opened, pushes: FloatArray, step: float, pressed: BoolArray, drift: FloatArray
 ) -> tuple[float, float]:
     """Write the gaps (l + k,) of closed barriers at the end, and whether they are pressed.
 
@@ -232,18 +232,20 @@ def drifts(
     Args:
         plant: with the gaps.
         pushes: (l + k,) impulses of the closed limits and normals.
+        step: h [s].
         pressed, drift: (l + k,) to write.
 
     Returns:
         the largest drift that is to be taken back, and the least gap.
     """
     gap, closed, row, off, deepest = plant.end.gap, plant.end.closed, 0, 0.0, 0.0
+    jumped = other_place(plant, step)
     for i in range(len(closed)):
         if closed[i] and i >= rigid_ones(plant):
             pressed[row], drift[row] = False, 0.0
             row += 1
         elif closed[i]:
-            pressed[row], drift[row] = pushes[row] > 0.0 and gap[i] < FAR, gap[i]
+            pressed[row], drift[row] = pushes[row] > 0.0 and gap[i] < jumped, gap[i]
             off = max(off, abs(gap[i]) if pressed[row] else -gap[i])
             deepest = min(deepest, gap[i])
             row += 1
@@ -271,7 +273,7 @@ def arrive(plant: Opened, acting: Acting, matrix: FloatArray, pushes: FloatArray
     advance(plant.tree, plant.flight, half, end.position, poses)
     gaps_at(plant, end.position, time, end.gap)
     pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
-    off, deepest = drifts(plant, pushes, pressed, drift)
+    off, deepest = drifts(plant, pushes, acting.step, pressed, drift)
     end.moved[:], end.depth[:] = 0.0, 0.0
     if off > plant.bounds[DRIFT_FROM]:
         furthest = plant.bounds[RETURN_SPEED] * acting.step

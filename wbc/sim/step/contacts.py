@@ -23,10 +23,10 @@ from wbc.compiled import (
     compiled,
     local,
 )
-from wbc.sim.step.field import field_gap
+from wbc.sim.step.field import AHEAD, field_gap
 from wbc.sim.step.pairs import FAR, meet_all, pair_of
 from wbc.sim.step.peaks import meet_fields
-from wbc.sim.step.tables import OPENED, Opened, point_of_reference
+from wbc.sim.step.tables import OPENED, RETURN_SPEED, Opened, point_of_reference
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
 """Kinds of solids, first of the numbers of a solid; zeros may follow them.
@@ -35,6 +35,10 @@ After it: PLANE normal (3), distance from the world's origin; BOX centre (3), ro
 lowest and highest place along its own axes (3 and 3), infinite where it has no face; BALL centre
 (3), radius.
 """
+
+_JUMPED = 0.1
+"""Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
+press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m."""
 
 GAPS, SPEEDS = range(2)
 """What Python is asked for."""
@@ -82,7 +86,7 @@ def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float
     if solid[0] == BOX:
         return box_gap(solid, point, normal)
     if solid[0] == FIELD:
-        return field_gap(solid, point, normal)
+        return field_gap(solid, point, np.inf, normal)
     square = 0.0
     for k in range(3):
         normal[k] = point[k] - solid[1 + k]
@@ -123,10 +127,13 @@ def touch_ground(plant: Opened, time: float) -> None:
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
     for b in range(ground):
         contact, one = b % count, touch[b]
-        if obstacles.asked == 0:
-            solid = obstacles.solids[b // count]
-            one[0] = solid_gap(solid, points[contact], one[1:4])
         radius = contacts[contact, 3]
+        if obstacles.asked == 0:
+            solid, point = obstacles.solids[b // count], points[contact]
+            if solid[0] == FIELD:
+                one[0] = field_gap(solid, point, radius + AHEAD, one[1:4])
+            else:
+                one[0] = solid_gap(solid, point, one[1:4])
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
@@ -327,13 +334,21 @@ def ground_speeds(
                 speed[at] += axes[c * (1 + d) + a, x] * ground[which[c], x]
 
 
+@compiled(Number, OPENED, Number, counted=False)
+def other_place(plant: Opened, step: float) -> float:
+    """Return the gap [m] from which on a closed barrier is at another place, in a part of h [s]."""
+    gap: float = min(_JUMPED * plant.bounds[RETURN_SPEED] * step, 0.5 * FAR)
+    return gap
+
+
 @compiled(Nothing, OPENED, Flags, Number, Dense, OutRow, counted=False)
 def lowest_speeds(
     plant: Opened, kept: BoolArray, step: float, rows: FloatArray, targets: FloatArray
 ) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
-    A barrier that was kept ahead of its closing may close, over the half step that is left. A limit
+    A barrier that was kept ahead of its closing, or is at another place now (the nearest place in a
+    hollow changed), may close over the half step that is left. A limit
     that is closed may not: the drift of its gap is a matter of place, not of speed. A contact may
     close over the second half by what it opened over the first. A point that rests at the start of
     a part moves in the middle, by the turning of its row; were it held at rest there, its force
@@ -349,11 +364,11 @@ def lowest_speeds(
         targets: to write.
     """
     row, limits, end = 0, 2 * len(plant.obstacles.limit_at), plant.end
-    gap, rate, speed = end.gap, end.rate, end.speed
+    gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant, step)
     for i in range(len(kept)):
         if end.closed[i]:
             targets[row] = 0.0
-            if kept[i] or gap[i] >= FAR:
+            if kept[i] or (i >= limits and gap[i] > jumped):
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
             elif i >= limits:
                 drifted = -rate[i]

@@ -1,20 +1,39 @@
 """Ground given by heights on a grid, for compiled loops: the nearest place of a smooth surface.
 
 A field is a row of numbers like any solid: FIELD, the lengths a and b of both axes, x (a,), y (b,),
-then the heights (a, b) at the nodes, their slopes along x and along y, and their mixed derivatives.
-Between nodes these make one bicubic (Hermite) patch per cell; the surface is level beyond its
-border.
+then for each of the nodes (a, b) height, slopes along x and along y, and mixed derivative, and last
+the largest curvature [1/m]. Between nodes these make one bicubic (Hermite) patch per cell; the
+surface is level beyond its border.
 """
 
 from __future__ import annotations
 
 from math import sqrt
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Nothing, Number, OutRow, Row, compiled, local
+import numpy as np
 
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Flag, Nothing, Number, OutRow, Row, compiled, local
+from wbc.sim.step.pairs import to_segment
+
+AHEAD = 0.02
+"""[m] up to which gaps are known before they close: what comes at 20 m/s in steps of 1 ms."""
 _ROUNDS = 12  # of Newton's iteration, which settles in 1 to 4 where a place is near
-_SETTLED = 1e-7  # [m]; the next step would be about this, squared, over the radius of curvature
+_FLAT = 1e-5  # share of a curvature beside which another one is none
+_SETTLED = 1e-6  # [m]; the next step would be about this, squared, over the radius of curvature
+
+
+@compiled(Count, Row, Count, Count, Number, counted=False)
+def cell_of(field: FloatArray, first: int, count: int, at: float) -> int:
+    """Return the cell of an axis (count,), from `first` on, in which a place is, or the nearest."""
+    share = (at - field[first]) / (field[first + count - 1] - field[first])
+    cell = int(min(max(share, 0.0), 1.0) * (count - 1))  # exact where lines are evenly apart
+    cell = min(cell, count - 2)
+    while cell > 0 and field[first + cell] > at:
+        cell -= 1
+    while cell < count - 2 and field[first + cell + 1] <= at:
+        cell += 1
+    return cell
 
 
 @compiled(Count, Row, Count, Count, Number, OutRow, counted=False)
@@ -28,15 +47,9 @@ def cubics(field: FloatArray, first: int, count: int, at: float, found: FloatArr
         found: (12,) to write: weights of value and slope at the cell's start, then at its end;
             their first derivatives; their second ones.
     """
-    low, high = 0, count - 1
-    inside = field[first] <= at <= field[first + high]
-    place = min(max(at, field[first]), field[first + high])
-    while high - low > 1:
-        middle = (low + high) // 2
-        if field[first + middle] <= place:
-            low = middle
-        else:
-            high = middle
+    low, last = cell_of(field, first, count, at), field[first + count - 1]
+    inside = field[first] <= at <= last
+    place = min(max(at, field[first]), last)
     width = field[first + low + 1] - field[first + low]
     s = (place - field[first + low]) / width
     found[0], found[1] = (1.0 + 2.0 * s) * (1.0 - s) ** 2, s * (1.0 - s) ** 2 * width
@@ -56,53 +69,107 @@ def surface_at(field: FloatArray, x: float, y: float, found: FloatArray) -> None
     a, b = int(field[1]), int(field[2])
     along_x, along_y = local(12), local(12)
     i, j = cubics(field, 3, a, x, along_x), cubics(field, 3 + a, b, y, along_y)
-    nodes, size = 3 + a + b, a * b
     found[:] = 0.0
     for p in range(4):
+        node = 3 + a + b + 4 * ((i + p // 2) * b + j) + p % 2
+        value = slope = bend = 0.0
         for q in range(4):
-            which = p % 2 + 2 * (q % 2)
-            node = field[nodes + which * size + (i + p // 2) * b + j + q // 2]
-            u, v = along_x[p] * node, along_y[q]
-            found[0] += u * v
-            found[1] += along_x[4 + p] * node * v
-            found[2] += u * along_y[4 + q]
-            found[3] += along_x[8 + p] * node * v
-            found[4] += along_x[4 + p] * node * along_y[4 + q]
-            found[5] += u * along_y[8 + q]
+            own = field[node + 4 * (q // 2) + 2 * (q % 2)]
+            value, slope = value + along_y[q] * own, slope + along_y[4 + q] * own
+            bend += along_y[8 + q] * own
+        found[0], found[1] = found[0] + along_x[p] * value, found[1] + along_x[4 + p] * value
+        found[2], found[3] = found[2] + along_x[p] * slope, found[3] + along_x[8 + p] * value
+        found[4], found[5] = found[4] + along_x[4 + p] * slope, found[5] + along_x[p] * bend
 
 
-@compiled(Number, Row, Row, OutRow, counted=False)
-def field_gap(field: FloatArray, point: FloatArray, normal: FloatArray) -> float:
-    """Return the distance of a point (3,) from a field, and write the way out (3,).
-
-    The way from the nearest place of the surface is at right angles to it there,
-    (x, y) - p_xy + (z - p_z) grad z = 0. Where Newton's iteration does not settle at a least
-    distance (a point above a hollow is as near to two sides), or finds a place that is farther
-    away, the place is straight below the point.
-    """
-    at, x, y, first, deep, settled = local(6), point[0], point[1], 0.0, 0.0, False
-    for turn in range(_ROUNDS):
-        surface_at(field, x, y, at)
-        deep = at[0] - point[2]
-        if turn == 0:
-            first = deep
-        a, b = 1.0 + at[1] * at[1] + deep * at[3], at[1] * at[2] + deep * at[4]
-        d = 1.0 + at[2] * at[2] + deep * at[5]
-        whole = a * d - b * b
-        if not (whole > 0.0 and a > 0.0):
-            break
-        off_x, off_y = x - point[0] + deep * at[1], y - point[1] + deep * at[2]
-        step_x, step_y = (d * off_x - b * off_y) / whole, (a * off_y - b * off_x) / whole
-        x, y = x - step_x, y - step_y
-        settled = max(abs(step_x), abs(step_y)) <= _SETTLED
-        if settled:
-            break
-    away = (x - point[0]) ** 2 + (y - point[1]) ** 2 + deep * deep
-    if not (settled and deep * first >= 0.0 and away <= first * first):
-        x, y = point[0], point[1]
-    surface_at(field, x, y, at)
+@compiled(Nothing, Row, OutRow, counted=False)
+def way_out(at: FloatArray, normal: FloatArray) -> None:
+    """Write the normal (3,) out of a field; `at` (6,) see `surface_at`."""
     size = sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
     normal[0], normal[1], normal[2] = -at[1] / size, -at[2] / size, 1.0 / size
-    gap: float = (point[2] - at[0]) * normal[2]
-    gap += (point[0] - x) * normal[0] + (point[1] - y) * normal[1]
+
+
+@compiled(Flag, Row, Row, Row, Number, Number, OutRow, OutRow, counted=False)
+def go_nearest(
+    field: FloatArray,
+    start: FloatArray,
+    end: FloatArray,
+    reach: float,
+    width: float,
+    place: FloatArray,
+    at: FloatArray,
+) -> bool:
+    """Move a place of a field to the nearest one to a segment among those about it.
+
+    The way from there to the segment is at right angles to the surface: Newton's iteration on the
+    square of the distance, of a point for a segment without length.
+
+    Args:
+        field: see above.
+        start, end: (3,) of the segment.
+        reach: [m] up to which the first place may be away.
+        width: [m] by which the place moves at most, along each axis.
+        place: (3,) x and y to change, and the share of the segment's way to write.
+        at: (6,) to write, see `surface_at`.
+
+    Returns:
+        whether it settles at a least distance, on the side of the first place and no farther away.
+    """
+    spot, near, settled, x, y = local(3), local(3), False, place[0], place[1]
+    first = side = 0.0
+    length = sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
+    for turn in range(_ROUNDS):
+        surface_at(field, place[0], place[1], at)
+        spot[0], spot[1], spot[2] = place[0], place[1], at[0]
+        place[2] = to_segment(start, end, spot, near)
+        deep, square = at[0] - near[2], 0.0
+        for k in range(3):
+            square += (spot[k] - near[k]) ** 2
+        if turn == 0:
+            first, side = square, deep
+            if square > reach * reach:
+                return False
+        if settled:
+            return deep * side >= 0.0 and square <= first
+        u = v = 0.0
+        if 0.0 < place[2] < 1.0:
+            u = (end[0] - start[0] + (end[2] - start[2]) * at[1]) / length
+            v = (end[1] - start[1] + (end[2] - start[2]) * at[2]) / length
+        a = 1.0 + at[1] * at[1] + deep * at[3] - u * u
+        b = at[1] * at[2] + deep * at[4] - u * v
+        d = 1.0 + at[2] * at[2] + deep * at[5] - v * v
+        whole = a * d - b * b
+        if not (a > 0.0 and whole > _FLAT * a * d):
+            return False
+        off_x, off_y = place[0] - near[0] + deep * at[1], place[1] - near[1] + deep * at[2]
+        step_x, step_y = (d * off_x - b * off_y) / whole, (a * off_y - b * off_x) / whole
+        place[0], place[1] = place[0] - step_x, place[1] - step_y
+        settled = max(abs(step_x), abs(step_y)) <= _SETTLED
+        if max(abs(place[0] - x), abs(place[1] - y)) > width:
+            return False
+    return False
+
+
+@compiled(Number, Row, Row, Number, OutRow, counted=False)
+def field_gap(field: FloatArray, point: FloatArray, reach: float, normal: FloatArray) -> float:
+    """Return the distance of a point (3,) from a field, and write the way out (3,).
+
+    The nearest place is the one to which Newton's iteration leads from straight below the point.
+    Where it does not settle (a point above a hollow is as near to two sides), or finds a place that
+    is farther away, the place is straight below; and where curvature cannot bring the field within
+    `reach` [m] of the point.
+    """
+    at, place, a, b = local(6), local(3), int(field[1]), int(field[2])
+    place[0], place[1] = point[0], point[1]
+    surface_at(field, point[0], point[1], at)
+    steep, bend = sqrt(at[1] * at[1] + at[2] * at[2]), field[3 + a + b + 4 * a * b]
+    if point[2] - at[0] < reach * (1.0 + steep + 0.5 * bend * reach) and not go_nearest(
+        field, point, point, np.inf, np.inf, place, at
+    ):
+        place[0], place[1] = point[0], point[1]
+        surface_at(field, point[0], point[1], at)
+    above = point[2] - at[0]
+    way_out(at, normal)
+    gap: float = above * normal[2]
+    gap += (point[0] - place[0]) * normal[0] + (point[1] - place[1]) * normal[1]
     return gap

@@ -90,17 +90,18 @@ class Bodies(NamedTuple):
     """Convex hulls that meet edges of the ground, and each other, see `Hull` and `pairs`.
 
     Attributes:
-        hulls: (h, 8) joint (-1 for the world), its last row of v (-1), and where the corners,
-            planes and edges begin and how many there are.
+        hulls: (h, 9) joint (-1 for the world), its last row of v (-1), where the corners,
+            planes and edges begin and how many there are, and, of a body, the number of the contact
+            point at its first corner.
         shapes: (h, 6) centre (3) and radius of a ball around it, radius of balls at the corners,
             least width; on the joint.
         corners: (n, 3).
         planes: (f, 4).
         edges: (e, 12).
-        pairs: (p, 8) two hulls, first barrier, whether the corners of the first hull take part
-            (those on the ground are contact points), last barrier + 1; for height fields, which
-            have no hull, the number of the solid (else -1), the most nodes of its grid that are
-            within reach along an axis, and the most lines that an edge crosses.
+        ends: (e, 2) numbers of the hull's corners at both ends, -1 where ground has none.
+        pairs: (p, 6) two hulls, first barrier, whether the corners of the first hull take part
+            (those on the ground are contact points), last barrier + 1, and for height fields, which
+            have no hull, the number of the solid, else -1.
         frictions: (p, 1).
         slots: (s, 1) pair of each barrier.
     """
@@ -110,6 +111,7 @@ class Bodies(NamedTuple):
     corners: FloatArray
     planes: FloatArray
     edges: FloatArray
+    ends: IntArray
     pairs: IntArray
     frictions: FloatArray
     slots: IntArray
@@ -289,6 +291,7 @@ _BODIES = Structure(
     corners=OutDense,
     planes=OutDense,
     edges=OutDense,
+    ends=OutTable,
     pairs=OutTable,
     frictions=OutDense,
     slots=OutTable,
