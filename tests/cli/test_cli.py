@@ -6,11 +6,13 @@ import contextlib
 import json
 import subprocess
 import sys
+from math import inf
 from pathlib import Path
 
 import pytest
 
-from wbc.cli import main
+from wbc.cli import main, models
+from wbc.errors import WbcError
 from wbc.measurement import save_log
 from wbc.samples import sample_paths
 
@@ -43,6 +45,22 @@ def test_diagnose_names_the_effect_and_saves_a_robot_that_explains_the_logs(
     assert "coulomb_friction" in capsys.readouterr().out
     assert main(["compare", *rubbing, "--robot", str(fitted), "--json", str(result)]) == 0
     assert json.loads(result.read_text())["error"] < 1.3
+
+
+@pytest.mark.parametrize(
+    ("given", "least", "most"), [((), 230, 240), (("--budget", "inf"), inf, inf)]
+)
+def test_a_diagnosis_ends_in_minutes_unless_it_may_take_longer(given, least, most, monkeypatch):
+    """The search on the logs of a recorded arm of six joints did not end by itself in 300 s."""
+    budgets = []
+
+    def stop(robot, logs, candidates, progress, budget):
+        budgets.append(budget)
+        raise WbcError("stopped here.")
+
+    monkeypatch.setattr(models, "diagnose", stop)
+    main(["diagnose", *map(str, sample_paths()), "--robot", "planar_leg_fixed", *given])
+    assert least <= budgets[0] <= most
 
 
 def test_a_robot_that_is_saved_without_an_effect_is_said_to_be_as_given(

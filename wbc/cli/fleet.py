@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from math import isfinite
 from typing import Any
 
 from rich.console import Console
@@ -16,7 +15,7 @@ from wbc.errors import WbcError
 from wbc.identification.trend import diagnose_fleet, find_runs, follow, read_index
 from wbc.view.rows import drift_rows, fleet_rows
 
-_SINGLE = ("save", "report", "fix", "discover")  # options that speak of one machine
+_SINGLE = ("save", "report", "fix", "discover", "budget")  # options that speak of one machine
 EXIT_DRIFTS = 4
 """Exit code of --fail-on-drift where a machine drifts."""
 
@@ -68,7 +67,6 @@ def _require_fleet(options: argparse.Namespace) -> None:
     if not options.out:
         raise WbcError("wbc diagnose --fleet: name the table, --out fleet.parquet.")
     wrong = [f"--{name}" for name in _SINGLE if getattr(options, name)]
-    wrong += ["--budget"] if isfinite(options.budget) else []
     if wrong:
         raise WbcError(
             f"{', '.join(wrong)}: for one machine alone. Diagnose that machine without --fleet."

@@ -17,6 +17,7 @@ from rich.text import Text
 
 from wbc.cli.fleet import require_no_fleet, run_fleet
 from wbc.cli.inputs import robot_and_logs
+from wbc.cli.options import BUDGET
 from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import effect_class, load_robot, save_robot
@@ -150,8 +151,9 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     if options.fleet:
         return run_fleet(options, console)
     require_no_fleet(options)
-    if not options.budget > 0.0:
-        raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
+    budget = BUDGET if options.budget is None else options.budget
+    if not budget > 0.0:
+        raise WbcError(f"--budget {budget:g}: give a time > 0 [s].")
     candidates = _candidates(options.add)
     robot, logs = robot_and_logs(options)
     if guessed := ", ".join(guessed_numbers(options.robot)):
@@ -161,7 +163,7 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
             soft_wrap=True,
         )
     with working(console, "diagnosing") as progress:
-        left = begun + options.budget - time.monotonic()
+        left = begun + budget - time.monotonic()
         diagnosis = diagnose(robot, logs, candidates, progress, left)
     if guessed:
         first = f"Look up {guessed} in {options.robot}: every answer rests on these guesses."

@@ -10,6 +10,9 @@ from typing import Any
 _RAW = argparse.RawDescriptionHelpFormatter
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 _LOG = "CSV, Parquet, NPZ, MCAP or bag"
+BUDGET = 240.0
+"""Time [s] of a diagnosis, unless --budget says another. To print and simulate the answer took 40 s
+more for a recorded six-axis arm (AIRBOT): together less than five minutes."""
 
 
 def limit(text: str) -> tuple[float, str]:
@@ -75,9 +78,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--add": _option("auto|NAME,...", "effects to consider (default auto)", default="auto"),
     "--budget": _option(
         "SECONDS",
-        "answer within this time with the best so far (as Ctrl-C does at once)",
+        f"answer within this time with the best so far (default {BUDGET:.0f}; inf for no limit; "
+        "Ctrl-C answers at once)",
         type=float,
-        default=inf,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
     "--fleet": _option("INDEX.csv", "many machines; columns log, machine, date"),
