@@ -50,7 +50,7 @@ class Kinematics:
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
         joint_jacobian: J (6, nv) of all joints in world axes at the world's origin.
         joint_places: rotation, column by column, and translation of every joint (j, 12).
-        joint_rates, joint_drifts: V and A = dJ/dt v of every joint (j, 6), likewise.
+        joint_drifts: A = dJ/dt v of every joint (j, 6), likewise.
         tree: all of it, as compiled functions read it.
         known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it.
     """
@@ -103,7 +103,7 @@ class Kinematics:
             bias=np.zeros(nv),
         )
         self.bias: FloatArray = self.tree.bias
-        self.joint_rates, self.joint_drifts = self.tree.rates, self.tree.drifts
+        self.joint_drifts = self.tree.drifts
         self.known_by_joints = _axes_turn_with_bodies(model)
 
     @property
