@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.table import Table
 
 from sims.legged import Act, CenterOfMass, com_reference, controller, pushed, squat, stand
+from sims.trotter import StepUp
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
-from wbc.design.trotter import StepUp
 from wbc.robot import Motion
 from wbc.sim import Plant, SensorNoise, Stairs, Terrain, TorqueLag
 

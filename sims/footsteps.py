@@ -14,8 +14,8 @@ from math import exp
 
 import numpy as np
 
+from sims.trotter import StepUp, minimum_jerk
 from wbc.arrays import FloatArray
-from wbc.design.trotter import StepUp, minimum_jerk
 
 START = 0.5  # [s] of standing before the weight goes to the first sole
 SINGLE = 0.6  # [s] that one foot stands

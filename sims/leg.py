@@ -8,16 +8,26 @@ from math import cos, pi, sin
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import brentq
 
 from wbc.arrays import FloatArray
-from wbc.control import Command, Controller, PostureTask
-from wbc.design.simulations import PointLeg, cushion, stance_controller, stance_references
+from wbc.control import (
+    CenterOfMassTask,
+    Command,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PointFootBalanceTask,
+    PostureTask,
+    Reference,
+)
 from wbc.dynamics import evaluate
 from wbc.robot import Robot
 from wbc.sim import SensorNoise, SimState
 from wbc.transmission import wedge_backward_efficiency
 
-__all__ = ["LegControl", "balanced_pose", "squat", "stance_controller", "stance_references"]
+_BEND = 2.0  # [rad] to either side of 0, in which a balanced hip angle is looked for
+_CUSHION = 6.0  # [1/s] at which the leg gives way after touching down
 
 HeightReference = Callable[[float], FloatArray]
 """Time [s] -> height, its rate and its acceleration (3,) [m, m/s, m/s^2]."""
@@ -43,8 +53,51 @@ def balanced_pose(robot: Robot, lift: float = 0.0, knee: float = 0.7) -> FloatAr
         lift: height of the foot above the ground [m].
         knee: its angle [rad].
     """
-    leg = PointLeg(robot, "foot", "base", robot.position_index("base_z"))
-    return leg.balanced(robot.configuration(knee=knee), lift)
+    pose, rest = robot.configuration(knee=knee), np.zeros(robot.model.nv)
+    hip, height = int(robot.actuated_position[0]), robot.position_index("base_z")
+
+    def overhang(angle: float) -> float:
+        pose[hip] = angle
+        terms = evaluate(robot, pose, rest)
+        return float(terms.center_of_mass[0] - terms.contact_position[0, 0])
+
+    angles = np.linspace(-_BEND, _BEND, 81)
+    signs = np.sign([overhang(angle) for angle in angles])
+    changes = np.flatnonzero(signs[1:] != signs[:-1])
+    nearest = changes[np.argmin(np.abs(angles[changes]))]
+    pose[hip] = brentq(overhang, angles[nearest], angles[nearest + 1])
+    pose[height] += lift - float(evaluate(robot, pose, rest).contact_position[0, 2])
+    return pose
+
+
+def stance_controller(robot: Robot, settings: ControllerSettings | None = None) -> Controller:
+    """Return the controller of height, balance and posture on a point foot that obeys `robot`."""
+    tasks = [
+        CenterOfMassTask(
+            name="height", axes="z", weight=100.0, stiffness=400.0, acceleration_limit=np.inf
+        ),
+        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
+        PostureTask.of(robot, weight=1e-3),
+    ]
+    return Controller(robot, tasks, [PointContact(name="foot")], settings=settings)
+
+
+def stance_references(height: FloatArray) -> dict[str, Reference]:
+    """Return what that controller is asked for at a height with its two rates (3,)."""
+    wanted = Reference(height[:1], height[1:2], height[2:])
+    return {"height": wanted, "balance": Reference(0.0)}
+
+
+def cushion(gap: float, rate: float, time: float) -> FloatArray:
+    """Return what is left of a gap after a time, its rate and acceleration (3,) [m, s].
+
+    It dies away critically damped, as a leg gives way after it has touched down.
+    """
+    w = _CUSHION
+    slope = rate + w * gap
+    left = gap + slope * time
+    motion = np.array([left, slope - w * left, w * (w * left - 2.0 * slope)])
+    return np.asarray(np.exp(-w * time) * motion)
 
 
 def standing_torque(robot: Robot, q: FloatArray) -> FloatArray:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from sims.footsteps import DOUBLE, SINGLE, START, equal_steps, planned
 from sims.legged import feet
+from sims.trotter import StepUp, hump, minimum_jerk
 from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import (
@@ -26,7 +27,6 @@ from wbc.control import (
     RestPolicy,
     State,
 )
-from wbc.design.trotter import StepUp, hump, minimum_jerk
 
 SIDES = ("left", "right")
 TRUNK, PELVIS = "torso_2_link", "base_link"

@@ -20,10 +20,10 @@ from sims.closed_loop import Engine, engine_of, stairs
 from sims.imperfect_loop import lossy
 from sims.mesh_work import mesh_work
 from sims.plots import Panel, sweep_figure, write_figures
+from sims.trotter import StepUp, Trotter
 from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
-from wbc.design.trotter import StepUp, Trotter
 from wbc.sim import Plant as SimPlant
 from wbc.sim import Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback

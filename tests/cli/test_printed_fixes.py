@@ -95,13 +95,6 @@ def _write_robots() -> None:
 def _write_tables() -> None:
     for name, text in _MAPS.items():
         Path(f"{name}.toml").write_text(f"{text}\n", encoding="utf-8")
-    head = "load,forward_efficiency,backward_efficiency\n"
-    for name, rows in (
-        ("good", "0,0.8,0.7\n10,0.9,0.8\n"),
-        ("twice", "0,0.8,0.7\n0,0.9,0.8\n"),
-        ("high", "0,0.8,1.7\n10,0.9,0.8\n"),
-    ):
-        Path(f"{name}.csv").write_text(head + rows, encoding="utf-8")
     ranked = {
         "added": [["viscous_friction", "hip"]],
         "removed": [["coulomb_friction", "hip"]],

@@ -1,4 +1,4 @@
-"""The catalogue of gearboxes, efficiencies by load, and the poses of a gait."""
+"""The catalogue of gearboxes, and the poses of a gait."""
 
 from __future__ import annotations
 
@@ -11,19 +11,16 @@ import pytest
 
 from wbc.cli import main
 from wbc.design import (
-    EfficiencyTable,
     Objective,
     Study,
     choose_gearboxes,
     over_gait,
     parse_sweep,
-    read_efficiency_table,
     read_gearboxes,
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError
 from wbc.measurement import Log, save_log
-from wbc.metrics import holding
 
 LEG = load_robot("planar_leg")
 POSE = LEG.pose("paper")
@@ -111,59 +108,6 @@ def test_the_command_compares_gearboxes(
     assert "Matsuki" in capsys.readouterr().out
     assert main(["design", "planar_leg"]) == 2
     assert "varies at least one" in capsys.readouterr().err
-
-
-def table(**rows: object) -> EfficiencyTable:
-    values = {
-        "load": (0.0, 10.0, 40.0),
-        "speed": (0.0,),
-        "forward": ((0.4,), (0.7,), (0.8,)),
-        "backward": ((-0.5,), (0.5,), (0.75,)),
-    }
-    return EfficiencyTable(**{**values, **rows})  # type: ignore[arg-type]
-
-
-def test_a_table_is_read_at_the_load_that_each_gear_holds() -> None:
-    one = study("reduction=20", efficiency=table(), load=50.0)
-    gears = one.designs(0, 1).gears
-    output = np.abs(holding(LEG, POSE, "foot", [0.0, 1.0], 50.0, "xz").lossless * 20.0)
-    np.testing.assert_allclose(
-        gears["forward_efficiency"][0], np.interp(output, [0, 10, 40], [0.4, 0.7, 0.8])
-    )
-    np.testing.assert_allclose(
-        gears["backward_efficiency"][0], np.interp(output, [0, 10, 40], [-0.5, 0.5, 0.75])
-    )
-    lighter = study("reduction=20", efficiency=table(), load=10.0).evaluate(0, 1)
-    assert one.evaluate(0, 1)["lift"] > lighter["lift"]
-
-
-def test_speed_plays_its_part_and_the_ends_hold_on() -> None:
-    fast = table(load=(1.0,), speed=(0.0, 2.0), forward=((0.8, 0.9),), backward=((0.7, 0.8),))
-    np.testing.assert_allclose(fast.at(np.array([0.0, 99.0]), 1.0)[0], 0.85)
-    np.testing.assert_allclose(fast.at(np.array([5.0]), -9.0)[1], 0.8)
-    both = table(
-        load=(0.0, 1.0), speed=(0.0, 2.0), forward=((0.5, 0.6), (0.7, 0.8)),
-        backward=((0.1, 0.2), (0.3, 0.4)),
-    )  # fmt: skip
-    np.testing.assert_allclose(both.at(np.array([0.5]), 1.0)[0], 0.65)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("load,forward_efficiency\n1,0.8", "needs the columns"),
-        ("load,speed,forward_efficiency,backward_efficiency\n0,0,.8,.7\n1,1,.8,.7", "every load"),
-        ("load,forward_efficiency,backward_efficiency\n0,1.2,.7", "lie in"),
-        ("load,forward_efficiency,backward_efficiency\n0,a,.7", "cannot be read"),
-    ],
-)
-def test_tables_that_cannot_be_are_named(text: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "eta.csv"
-    path.write_text(text)
-    with pytest.raises(DesignError, match=message):
-        read_efficiency_table(path)
-    with pytest.raises(DesignError, match="choose one"):
-        study("forward_efficiency=0.8", efficiency=table())
 
 
 def test_every_design_is_judged_in_every_pose_of_a_gait(

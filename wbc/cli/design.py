@@ -24,7 +24,6 @@ from wbc.design import (
     describe_columns,
     parse_objective,
     parse_sweep,
-    read_efficiency_table,
     read_gearboxes,
     run_study,
     sampled_designs,
@@ -75,12 +74,9 @@ def _study(options: argparse.Namespace) -> Study:
         direction=tuple(upward(options.axes).tolist()),
         samples=options.samples,
         seed=options.seed,
-        simulations=tuple(name for name in options.simulate.split(",") if name),
         load=options.load,
         gearboxes=choose_gearboxes(options.gearbox, catalogue) if options.gearbox else (),
         gait=_gait(options, robot) if options.gait else (),
-        efficiency=read_efficiency_table(options.efficiency) if options.efficiency else None,
-        speed=options.joint_speed,
     )
 
 

@@ -128,17 +128,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
     "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
-    "--efficiency": _option(
-        "FILE.csv", "both efficiencies by load and speed, read at the load held"
-    ),
-    "--joint-speed": _option("X", "for --efficiency [rad/s]", type=float, default=0.0),
     "--gait": _option("LOG", "judge every design in the poses of a recorded motion"),
     "--instants": _option("N", "poses taken from the gait (default 20)", type=int, default=20),
     "--samples": _option("N", "N Sobol samples instead of a grid", type=int, default=0),
     "--seed": _option(None, "of samples and of the search (default 0)", type=int, default=0),
-    "--simulate": _option(
-        "NAME,...", "also simulate: drop, standing, landing, hop, trot", default=""
-    ),
     "--objective": _option(
         "COLUMN:max|min",
         "goals of the front; default lift:max (holding_torque:min without torque limits)"
@@ -294,8 +287,8 @@ Without --html, --png, --gif the page opens in the browser.""",
     ),
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
-        "robot --sweep --gearbox --catalogue --efficiency --joint-speed --gait --instants"
-        f" --samples --seed --simulate {_SITE} --objective {_JOBS} --out/designs --figures"
+        "robot --sweep --gearbox --catalogue --gait --instants"
+        f" --samples --seed {_SITE} --objective {_JOBS} --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;

@@ -1,13 +1,6 @@
 """Design sweeps: many variations of a robot, their metrics, and the best compromises among them."""
 
-from wbc.design.gearboxes import (
-    EfficiencyTable,
-    Gearbox,
-    choose_gearboxes,
-    read_efficiency_table,
-    read_gearboxes,
-)
-from wbc.design.simulated import SIMULATIONS
+from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
 from wbc.design.stored import (
     Objective,
     best_designs,
@@ -21,8 +14,6 @@ from wbc.design.stored import (
 from wbc.design.study import Study, SweepParameter, describe_columns, parse_sweep
 
 __all__ = [
-    "SIMULATIONS",
-    "EfficiencyTable",
     "Gearbox",
     "Objective",
     "Study",
@@ -35,7 +26,6 @@ __all__ = [
     "parse_objective",
     "parse_sweep",
     "read_designs",
-    "read_efficiency_table",
     "read_gearboxes",
     "run_study",
     "sampled_designs",

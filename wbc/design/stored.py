@@ -16,8 +16,7 @@ from wbc.progress import Watch
 from wbc.results import Column, ResultTable, fill_table, read_results, results_in_pieces, rows_of
 
 _BLOCK = 1024
-ANALYTIC_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
-SIMULATED_CHUNK = 8  # designs: 1 to 30 s of work, so that little is lost when a run is killed
+_CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
 
 Chunk = tuple[int, int]
 """First design, and the one after the last."""
@@ -124,7 +123,7 @@ def run_study(
     *,
     workers: int = 1,
     cluster: str | None = None,
-    chunk: int | None = None,
+    chunk: int = _CHUNK,
     watch: Watch | None = None,
 ) -> Path:
     """Evaluate every design of a study and write the table; resumes what a killed run left.
@@ -145,16 +144,15 @@ def run_study(
         ParallelError: workers is 0, or no cluster at the address.
         DynamicsError, TransmissionError: a value outside its range.
     """
-    size = chunk or (SIMULATED_CHUNK if study.simulations else ANALYTIC_CHUNK)
-    if size < 1:
-        raise DesignError(f"chunk must be at least 1, got {size}.")
+    if chunk < 1:
+        raise DesignError(f"chunk must be at least 1, got {chunk}.")
     study.designs(0, 1)  # wrong values show before anything is written
-    chunks = [(start, min(start + size, study.size)) for start in range(0, study.size, size)]
+    chunks = [(start, min(start + chunk, study.size)) for start in range(0, study.size, chunk)]
     columns = {
         name: Column(unit, "count" if name == "design" else "number")
         for name, unit in describe_columns(study).items()
     }
-    table = ResultTable(Path(path), {**study.key(), "chunk": size}, columns, len(chunks))
+    table = ResultTable(Path(path), {**study.key(), "chunk": chunk}, columns, len(chunks))
     work = partial(evaluate_chunk, study)
     sizes = [stop - start for start, stop in chunks]
     return fill_table(

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.design.gearboxes import EfficiencyTable, Gearbox
-from wbc.design.simulated import SIMULATIONS, simulate_design
+from wbc.design.gearboxes import Gearbox
 from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
-from wbc.metrics import DesignMetrics, Designs, design_metrics, held_torques, with_contact_at
+from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
 from wbc.robot import Robot
 from wbc.robot.fingerprint import fingerprint
 from wbc.transmission import Transmission, wedge_backward_efficiency
@@ -166,14 +165,11 @@ class Study:
         direction: along `axes`.
         samples: 0 for the full grid, else how many points of a scrambled Sobol sequence.
         seed: of the sequence.
-        simulations: names out of `SIMULATIONS` to run for each design.
         load: force to hold [N], None for each design's own weight.
         gearboxes: of a catalogue; each is one more design, for all gears alike. What a row leaves
             out stays the robot's own or what is swept; without a backward efficiency it is the
             wedge's 2 - 1/eta_f.
         gait: rows (time, q...) of a motion; every design is evaluated in each of these poses.
-        efficiency: both efficiencies by load and speed, read at the load that each gear holds.
-        speed: of the gears' outputs at which the table is read [rad/s].
     """
 
     robot: str
@@ -184,12 +180,9 @@ class Study:
     direction: tuple[float, ...] = (0.0, 1.0)
     samples: int = 0
     seed: int = 0
-    simulations: tuple[str, ...] = ()
     load: float | None = None
     gearboxes: tuple[Gearbox, ...] = ()
     gait: tuple[tuple[float, ...], ...] = ()
-    efficiency: EfficiencyTable | None = None
-    speed: float = 0.0
 
     def __post_init__(self) -> None:
         """Check names and the kind of robot; the values are checked with the first designs."""
@@ -198,22 +191,13 @@ class Study:
             raise DesignError("a study varies at least one parameter; give --sweep NAME=LOW:HIGH.")
         if len(set(columns)) != len(columns):
             raise DesignError(f"a parameter is swept twice: {', '.join(columns)}.")
-        for name in self.simulations:
-            if name not in SIMULATIONS:
-                raise DesignError(unknown_name("simulation", name, SIMULATIONS))
         if self.samples < 0:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
         if not 0.0 <= (self.load or 0.0) < np.inf:
             raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
-        if not np.isfinite(self.speed):
-            raise DesignError(f"the joint speed must be finite, got {self.speed}.")
         if self.gait and self.samples:
             raise DesignError("poses of a gait need a grid of designs; leave --samples out.")
-        if self.efficiency and any("efficiency" in column for column in columns):
-            raise DesignError("efficiencies are swept and read from a table; choose one.")
         robot = loaded(self.robot, self.contact)
-        for name in self.simulations:
-            SIMULATIONS[name].require(robot)
         for parameter in self.parameters:
             _check_place(robot, parameter)
 
@@ -297,12 +281,6 @@ class Study:
             )
             given["forward_efficiency"] = told
             given["backward_efficiency"] = np.where(np.isnan(backward), other, backward)
-        found = Designs.of(robot, q, given, links["length"], links["mass"])
-        if self.efficiency is None:
-            return found
-        held = held_torques(found, self.contact, self.direction, self.axes, self.load)
-        forward, backward = self.efficiency.at(held, self.speed)
-        given.update(forward_efficiency=forward, backward_efficiency=backward)
         return Designs.of(robot, q, given, links["length"], links["mass"])
 
     def _from_catalogue(
@@ -328,23 +306,13 @@ class Study:
         designs = self.designs(start, stop)
         table = {"design": np.arange(start, stop, dtype=np.float64), **self.values(start, stop)}
         found = design_metrics(designs, self.contact, self.direction, self.axes, self.load)
-        table.update(found.columns())
-        for name in self.simulations:
-            rows = [
-                simulate_design(name, *designs.robot_at(i), self.contact)
-                for i in range(designs.size)
-            ]
-            for column in SIMULATIONS[name].columns:
-                table[column] = np.array([row[column] for row in rows])
-        return table
+        return table | found.columns()
 
 
 def describe_columns(study: Study) -> dict[str, str]:
     """Return the unit of every column of a study's table, in order."""
     units = {"design": "1", **{p.column: p.unit for p in study.varied}}
     units.update({f.name: _UNITS.get(f.name, "1") for f in fields(DesignMetrics)})
-    for name in study.simulations:
-        units.update(SIMULATIONS[name].columns)
     return units
 
 

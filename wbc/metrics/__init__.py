@@ -1,12 +1,7 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
 from wbc.metrics.contact_task import ContactTask, contact_task, upward, with_contact_at
-from wbc.metrics.design_metrics import (
-    DesignMetrics,
-    design_metrics,
-    held_torques,
-    sweep,
-)
+from wbc.metrics.design_metrics import DesignMetrics, design_metrics, sweep
 from wbc.metrics.designs import Designs, link_length
 from wbc.metrics.force_capability import (
     ForceCapability,
@@ -48,7 +43,6 @@ __all__ = [
     "force_capability",
     "forward_generalized_inertia",
     "generalized_inertia",
-    "held_torques",
     "holding",
     "impact_mitigation",
     "link_length",

@@ -107,23 +107,6 @@ def design_metrics(
     return DesignMetrics(**{name: np.concatenate([b[name] for b in blocks]) for name in names})
 
 
-def held_torques(
-    designs: Designs, contact: str, direction: ArrayLike, axes: str, load: float | None
-) -> FloatArray:
-    """Return the torque (k, m) [N m] after each gear of every design that holds a load at rest.
-
-    Args:
-        designs, contact, direction, axes, load: as in `design_metrics`.
-
-    Raises:
-        DynamicsError: axes that do not exist, a direction of zero.
-        RobotError: no such contact.
-    """
-    task = designs_task(designs, contact, axes)
-    torque = _held_torque(task, task.direction(direction), load)
-    return np.array(np.broadcast_to(torque, (designs.size, torque.shape[1])))
-
-
 def _held_torque(task: ContactTask, n: FloatArray, load: float | None) -> FloatArray:
     designs, force = task.designs, np.full(1, 0.0 if load is None else load)
     if load is None:

@@ -26,15 +26,6 @@ MAPPED = (
     "impact_mitigation",
     "heat_saved",
     "holding_torque",
-    "drop_impulse",
-    "standing_heat",
-    "hop_height",
-    "hop_cost",
-    "trot_cost",
-    "trot_work_cost",
-    "landing_error",
-    "landing_error_high",
-    "landing_error_low",
 )
 _SHARES = ("impact_mitigation", "heat_saved")  # between 0 and 1: evenly spread colours
 _DECADE = 20.0  # largest over smallest value from which colours are spread by the logarithm

@@ -1,4 +1,4 @@
-"""A planar robot with two legs that trots: its gait, its controller and what a cycle costs."""
+"""How Solo12 trots: its gait and its controller; used by studies."""
 
 from __future__ import annotations
 
@@ -22,12 +22,9 @@ from wbc.control import (
     State,
     Task,
 )
-from wbc.design.simulated import drawn, placed, require_quadruped
 from wbc.robot import Robot
-from wbc.sim import Plant
 
 SPEED = 0.5  # [m/s] at which Solo12 trots
-_HEIGHT = 0.222946  # [m] of the base of Solo12, for which these figures hold
 _PERIOD = 0.28  # [s] of a trot; with 0.36 it is 6 % slower than 0.5 m/s and sways a third more
 _DUTY = 0.52  # share of it that a foot stands
 _CLEARANCE = 0.05  # [m] of a swing over the higher of its two ends
@@ -84,19 +81,16 @@ class Trotter:
     Attributes:
         model: robot model that the controller obeys.
         pose: q (nq,) in which the feet stand below the hips.
-        speed: of the base along x [m/s]; like Solo12 at 0.5 m/s when left out.
+        speed: of the base along x [m/s].
         ground: what it walks on.
         policy: what the controller does with the stiction of a gear at rest.
         tick: time between two calls [s].
         start: time [s] of standing before the trot.
-
-    Raises:
-        DesignError: a robot that does not float, or has not one foot in each corner.
     """
 
     model: Robot
     pose: FloatArray
-    speed: float | None = None
+    speed: float = SPEED
     ground: StepUp = field(default_factory=StepUp)
     policy: RestPolicy = RestPolicy.NEUTRAL
     tick: float = 1e-3
@@ -105,7 +99,6 @@ class Trotter:
 
     def __post_init__(self) -> None:
         """Make the schedule, the tasks and the controller."""
-        require_quadruped(self.model)
         self.feet = [contact.name for contact in self.model.contacts]
         self._frame = {c.name: self.model.model.getFrameId(c.frame) for c in self.model.contacts}
         self._data = self.model.model.createData()
@@ -114,13 +107,8 @@ class Trotter:
         self._sole = {name: float(self._foot(name)[2]) for name in self.feet}
         self._pair = {name: bool(x * y > 0.0) for name, (x, y, _) in self._nominal.items()}
         self._height = float(self.pose[2])
-        self._large = self._height / _HEIGHT
-        self._slow = float(np.sqrt(self._large))
-        if self.speed is None:
-            self.speed = SPEED * self._slow
-        self.period = _PERIOD * self._slow
         self._gait = ContactSchedule(
-            self.period, {name: 0.0 if self._pair[name] else 0.5 for name in self.feet}, _DUTY
+            _PERIOD, {name: 0.0 if self._pair[name] else 0.5 for name in self.feet}, _DUTY
         )
         # a plan says who stands, and a foot's own place: nothing flickers
         settings = ControllerSettings(
@@ -133,29 +121,25 @@ class Trotter:
         self._time = 0.0
 
     def _tasks(self) -> list[Task]:
-        """Return the tasks; a robot k times as large moves sqrt(k) times as slowly."""
-        base, stiff = self.model.bodies[0], 1.0 / self._large
+        """Return the tasks of base, trunk, feet in the air and posture."""
+        base = self.model.bodies[0]
         swings = [
-            FramePositionTask(name=c.name, frame=c.frame, weight=30.0, stiffness=1500.0 * stiff)
+            FramePositionTask(name=c.name, frame=c.frame, weight=30.0, stiffness=1500.0)
             for c in self.model.contacts
         ]
         return [
-            FramePositionTask(
-                name="height", frame=base, axes="z", weight=100.0, stiffness=200.0 * stiff
-            ),
-            FramePositionTask(
-                name="travel", frame=base, axes="xy", weight=20.0, stiffness=20.0 * stiff
-            ),
-            FrameOrientationTask(name="trunk", frame=base, weight=10.0, stiffness=300.0 * stiff),
+            FramePositionTask(name="height", frame=base, axes="z", weight=100.0, stiffness=200.0),
+            FramePositionTask(name="travel", frame=base, axes="xy", weight=20.0, stiffness=20.0),
+            FrameOrientationTask(name="trunk", frame=base, weight=10.0, stiffness=300.0),
             *swings,
-            PostureTask.of(self.model, weight=1e-2, stiffness=10.0 * stiff),
+            PostureTask.of(self.model, weight=1e-2, stiffness=10.0),
         ]
 
     def __call__(self, state: State) -> FloatArray:
         """Return the rotor torque for a state, one tick after the last call."""
         self._read(state.position, state.velocity)
         standing = self._phases()
-        speed = (self.speed or 0.0) if self._time >= self.start else 0.0
+        speed = self.speed if self._time >= self.start else 0.0
         references = self._base(state, speed)
         for name, swing in self._swings.items():
             references[name] = self._swing(name, swing, state, speed)
@@ -189,10 +173,10 @@ class Trotter:
             if share is not None and swing is None and share < _EARLY and not others:
                 swing = self._swings[name] = Swing(place)
             if swing is not None:
-                length = (1.0 - _DUTY) * self.period
+                length = (1.0 - _DUTY) * _PERIOD
                 swing.share = share if share is not None else swing.share + self.tick / length
                 ground = self.ground.at(float(place[0])) + self._sole[name]
-                touches = place[2] < ground + _TOUCH * self._large
+                touches = place[2] < ground + _TOUCH
                 if swing.share > _EARLY and touches:
                     del self._swings[name]
                     swing = None
@@ -202,12 +186,12 @@ class Trotter:
 
     def _base(self, state: State, speed: float) -> dict[str, Reference]:
         """Return what the base should do: ahead at the speed, level, at its height."""
-        base, leash = np.array(state.position[:3]), _LEASH * self._large
+        base = np.array(state.position[:3])
         self._wanted[0] += speed * self.tick
-        self._wanted[:2] = base[:2] + np.clip(self._wanted[:2] - base[:2], -leash, leash)
+        self._wanted[:2] = base[:2] + np.clip(self._wanted[:2] - base[:2], -_LEASH, _LEASH)
         under = np.mean([self.ground.at(float(self._foot(name)[0])) for name in self.feet])
         level = self._height + under - self._wanted[2]
-        self._wanted[2] += level * self.tick / (_RISE * self._slow)
+        self._wanted[2] += level * self.tick / _RISE
         return {
             "height": Reference(self._wanted[2:].copy()),
             "travel": Reference(self._wanted[:2].copy(), np.array([speed, 0.0])),
@@ -221,29 +205,25 @@ class Trotter:
         further ahead where the base is faster than wanted (Raibert 1986, with sqrt(h/g) for his
         gain, which is the capture point's).
         """
-        length = (1.0 - _DUTY) * self.period
+        length = (1.0 - _DUTY) * _PERIOD
         turn = pin.Quaternion(state.position[3:7]).matrix()
         rate = (turn @ state.velocity[:3])[:2]
         yaw = np.arctan2(turn[1, 0], turn[0, 0])
         c, s = np.cos(yaw), np.sin(yaw)
         hip = state.position[:2] + np.array([[c, -s], [s, c]]) @ self._nominal[name][:2]
         left = max(1.0 - swing.share, 0.0) * length
-        wanted = np.array([speed, 0.0]) + _RETURN / self._slow * (
-            self._wanted[:2] - state.position[:2]
-        )
+        wanted = np.array([speed, 0.0]) + _RETURN * (self._wanted[:2] - state.position[:2])
         lead = np.sqrt(self._height / 9.81) * (rate - wanted)
-        place = hip + rate * left + 0.5 * _DUTY * self.period * rate + lead
+        place = hip + rate * left + 0.5 * _DUTY * _PERIOD * rate + lead
         place[0] = self.ground.foothold(float(place[0]))
         end = np.array([*place, self.ground.at(float(place[0])) + self._sole[name]])
         late = swing.share - 1.0
         if late > 0.0:
-            down = np.array([0.0, 0.0, _DOWN * self._slow])
+            down = np.array([0.0, 0.0, _DOWN])
             return Reference(end - late * length * down, -down)
         path, slope, bend = minimum_jerk(swing.share)
         rise, climb, curve = hump(swing.share)
-        top = (
-            max(swing.start[2], end[2]) + _CLEARANCE * self._large - 0.5 * (swing.start[2] + end[2])
-        )
+        top = max(swing.start[2], end[2]) + _CLEARANCE - 0.5 * (swing.start[2] + end[2])
         way, up = end - swing.start, np.array([0.0, 0.0, top])
         target = swing.start + path * way + rise * up
         return Reference(
@@ -267,40 +247,3 @@ def hump(s: float) -> tuple[float, float, float]:
         32.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
         32.0 * (1.0 - 6.0 * s + 6.0 * s * s),
     )
-
-
-_TICK = 1e-3  # [s]
-_SETTLE, _MEASURED = 4, 4  # periods of the gait before the cost is taken, and over which it is
-_FALLEN = 0.5  # share of its height at which the base has fallen
-
-
-def trot(robot: Robot, q: FloatArray, contact: str) -> dict[str, float]:
-    """Return speed and cost of transport of a trot whose controller knows the gears.
-
-    The work is that of the motors that drive; what the others would give back is lost. The cost is
-    work over m g and the way, `trot_cost` with the Joule heat of the windings (NaN without
-    resistance and torque constant), `trot_work_cost` without it. Both are NaN, and the speed is 0,
-    for a design that falls.
-    """
-    pose = placed(robot, q, 0.0)
-    trotter, plant = Trotter(robot, pose), Plant(robot)
-    settled = round((trotter.start + _SETTLE * trotter.period) / _TICK)
-    measured = round(_MEASURED * trotter.period / _TICK)
-    state = plant.state(pose)
-    work = heat = begin = 0.0
-    for tick in range(settled + measured):
-        if tick == settled:
-            begin, work, heat = float(state.position[0]), 0.0, 0.0
-        result = plant.step(state, trotter(state), _TICK)
-        given = drawn(robot, state, result, _TICK)
-        work, heat, state = work + given[0], heat + given[1], result.state
-        if state.position[2] < _FALLEN * pose[2]:
-            return {"trot_speed": 0.0, "trot_cost": np.nan, "trot_work_cost": np.nan}
-    way = float(state.position[0]) - begin
-    carried = pin.computeTotalMass(robot.model) * 9.81 * way
-    moves = way > 0.0
-    return {
-        "trot_speed": way / (measured * _TICK),
-        "trot_cost": heat / carried if moves else np.nan,
-        "trot_work_cost": work / carried if moves else np.nan,
-    }
