@@ -119,7 +119,7 @@ class DrivenLinks:
             first: number of the first sample of each window (W,), from 0 on.
             starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
-        from wbc.links.steps import LINKS, follow_links  # it loads the compiler
+        from wbc.links.steps import LINKS, MATRICES, VECTORS, follow_links  # it loads the compiler
 
         numbers = np.array([(g.stiffness, g.damping, 0.5 * g.play) for g in gears], dtype=float)
         parts = self._parts(gears)
@@ -139,7 +139,11 @@ class DrivenLinks:
             "rates": starts[:, 1],
         }
         whole = {name: np.ascontiguousarray(array) for name, array in given.items()}
+        n, count = self.load.shape[1], starts.shape[3]
         written = {"d": d, "v": v, "dry": dry, "ended": ended, "last": last}
+        written |= dict(zip(("place", "rate", "rubs"), np.zeros((3, count, n)), strict=True))
+        written |= dict(zip(MATRICES, np.empty((len(MATRICES), n, n)), strict=True))
+        written |= dict(zip(VECTORS, np.empty((len(VECTORS), n)), strict=True))
         links = LINKS.of(**whole, **written, first=first, parts=parts)
         follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin

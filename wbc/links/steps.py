@@ -5,12 +5,11 @@ Loading the compiler takes a moment that most programs need not wait for.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
 
-from wbc.arrays import FloatArray
 from wbc.compiled import (
     Count,
     Dense,
@@ -20,9 +19,7 @@ from wbc.compiled import (
     OutDense,
     OutRow,
     Places,
-    Row,
     compiled,
-    group,
 )
 from wbc.structures import Structure
 from wbc.transmission.flank_steps import flank_impulse
@@ -35,6 +32,8 @@ _NEWTON = 8  # rounds, after which flanks count with their largest slope: slow, 
 _ROUNDS = 40
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
+MATRICES = "mass", "by_rate", "by_place", "whole", "gain"
+VECTORS = "push", "motor", "held", "carried", "slope", "right", "new"
 
 LINKS = Structure(
     "Links",
@@ -43,6 +42,9 @@ LINKS = Structure(
     first=Places,
     **dict.fromkeys(("begun", "rates"), _Cube),
     **dict.fromkeys(("d", "v", "dry", "ended", "last"), _OutCube),
+    **dict.fromkeys(("place", "rate", "rubs"), OutDense),
+    **dict.fromkeys(MATRICES, OutDense),
+    **dict.fromkeys(VECTORS, OutRow),
     parts=Count,
 )
 """Links behind their gears along a log, in windows.
@@ -59,44 +61,30 @@ Arrays:
     d, v: deflections and their rates (N, n, S) to write.
     dry: friction (N, n, S) to write, the mean of each interval; the last one stays.
     ended, last: deflections and rates (W, n, S) to write, at the ends of the windows.
+    place, rate, rubs: (S, n) where the links are, zero for the friction that they had.
+    mass, by_rate, by_place: (n, n) memory for one step: impulse per rate at the end, at the start,
+        per deflection.
+    whole, gain: (n, n) ... impulse per rate at the end with the flanks, and rates per impulse.
+    push, motor, held: (n,) ... impulse of the loads, speed of the motors, level of dry friction.
+    carried, slope: (n,) ... impulse of the flanks at rest, and its change per rate.
+    right, new: (n,) ... impulse without that of the rates at the end, and these.
     parts: steps per sample.
 """
 
 STIFFNESS, DAMPING, HALF, LATE = range(4)
 
 
-class LinkStep(NamedTuple):
-    """Memory for one step of n links.
-
-    Attributes:
-        inertia, by_rate, by_place, gain: (n, n) impulse per rate at the end, at the start, per
-            deflection; and rates per impulse, with the flanks.
-        push: (n,) impulse of the loads.
-        motor, level: (n,) speed of the motors, level of dry friction at the end.
-        carried, slope: (n,) impulse of the flanks at rest, and its change per rate.
-    """
-
-    inertia: FloatArray
-    by_rate: FloatArray
-    by_place: FloatArray
-    gain: FloatArray
-    push: FloatArray
-    motor: FloatArray
-    level: FloatArray
-    carried: FloatArray
-    slope: FloatArray
-
-
-_STEP = group(LinkStep, *(OutDense,) * 4, *(OutRow,) * 5)
-
-
-@compiled(Nothing, OutDense, OutDense, counted=False)
-def invert(whole: FloatArray, inverse: FloatArray) -> None:
-    """Write the inverse of `whole` (n, n), which is used up.
+@compiled(Nothing, LINKS.kind, counted=False)
+def invert(links: Any) -> None:
+    """Write the inverse `gain` of `whole` (n, n), which is used up.
 
     The inertia outweighs the rest at short steps: elimination needs no exchange of rows.
     """
+    whole, inverse = links.whole, links.gain
     n = whole.shape[0]
+    if n == 1:
+        inverse[0, 0] = 1.0 / whole[0, 0]
+        return
     inverse[:] = 0.0
     for a in range(n):
         inverse[a, a] = 1.0
@@ -113,88 +101,75 @@ def invert(whole: FloatArray, inverse: FloatArray) -> None:
                     inverse[b, e] -= factor * inverse[a, e]
 
 
-@compiled(Nothing, OutRow, OutRow, _STEP, Number, counted=False)
-def rub(rate: FloatArray, rubs: FloatArray, at: LinkStep, h: float) -> None:
-    """Change the rates (n,) of links at a step's end, and the friction (n,) that they have had.
+@compiled(Nothing, LINKS.kind, Count, Number, counted=False)
+def rub(links: Any, s: int, h: float) -> None:
+    """Change the rates `new` of links at a step's end, and the friction that they have had.
 
     Friction is what would stop a link by the step's end, within its level; several links ask one
     another (Gauss-Seidel sweeps).
 
     Args:
-        rate: with the friction `rubs`.
-        rubs: friction of the step.
-        at: the step.
+        links: with the friction `rubs`.
+        s: number of the motion.
         h: [s].
     """
-    n, level, gain = rate.size, at.level, at.gain
+    level, gain, rubs, new = links.held, links.gain, links.rubs, links.new
+    n = new.size
     for _ in range(_SWEEPS):
         settled = True
         for a in range(n):
-            if level[a] == 0.0 and rubs[a] == 0.0:
+            if level[a] == 0.0 and rubs[s, a] == 0.0:
                 continue
-            wanted = rubs[a] + (rate[a] + at.motor[a]) / (h * gain[a, a])
+            wanted = rubs[s, a] + (new[a] + links.motor[a]) / (h * gain[a, a])
             wanted = min(max(wanted, -level[a]), level[a])
-            change = wanted - rubs[a]
-            rubs[a] = wanted
+            change = wanted - rubs[s, a]
+            rubs[s, a] = wanted
             settled = settled and abs(change) <= _SETTLED * level[a]
             for b in range(n):
-                rate[b] -= h * gain[b, a] * change
+                new[b] -= h * gain[b, a] * change
         if settled or n == 1:
             break
 
 
-@compiled(Nothing, LINKS.kind, Count, Count, Number, _STEP, counted=False)
-def place_step(links: Any, i: int, part: int, h: float, at: LinkStep) -> None:
+@compiled(Nothing, LINKS.kind, Count, Count, Number, counted=False)
+def place_step(links: Any, i: int, part: int, h: float) -> None:
     """Write a step of h [s], a `part` of the interval that begins with sample i."""
-    middle, end, now = (
-        (part + 0.5) / links.parts,
-        (part + 1.0) / links.parts,
-        i * links.parts + part,
-    )
-    n = len(at.push)
+    middle, end = (part + 0.5) / links.parts, (part + 1.0) / links.parts
+    now, n, gears = i * links.parts + part, links.push.size, links.gears
     for a in range(n):
-        late = links.gears[a, LATE]
+        late = gears[a, LATE]
         early = 1.0 - late
-        at.push[a] = h * (early * links.load[now, a] + late * links.load[now + 1, a])
-        at.motor[a] = (1.0 - end) * links.speed[i, a] + end * links.speed[i + 1, a]
-        at.level[a] = (1.0 - end) * links.level[i, a] + end * links.level[i + 1, a]
+        links.push[a] = h * (early * links.load[now, a] + late * links.load[now + 1, a])
+        links.motor[a] = (1.0 - end) * links.speed[i, a] + end * links.speed[i + 1, a]
+        links.held[a] = (1.0 - end) * links.level[i, a] + end * links.level[i + 1, a]
         for b in range(n):
             m = (1.0 - middle) * links.inertia[i, a, b] + middle * links.inertia[i + 1, a, b]
             c = (1.0 - middle) * links.drag[i, a, b] + middle * links.drag[i + 1, a, b]
             k = (1.0 - middle) * links.pull[i, a, b] + middle * links.pull[i + 1, a, b]
-            other = links.gears[b, LATE]
-            at.inertia[a, b] = m + h * late * (c + h * other * k)
-            at.by_rate[a, b] = m - h * (early * c + h * late * (1.0 - other) * k)
-            at.by_place[a, b] = h * k
+            other = gears[b, LATE]
+            links.mass[a, b] = m + h * late * (c + h * other * k)
+            links.by_rate[a, b] = m - h * (early * c + h * late * (1.0 - other) * k)
+            links.by_place[a, b] = h * k
 
 
-@compiled(Count, Dense, Number, Row, Row, Row, Flag, _STEP, counted=False)
-def lean(
-    gears: FloatArray,
-    h: float,
-    place: FloatArray,
-    rate: FloatArray,
-    new: FloatArray,
-    steepest: bool,
-    at: LinkStep,
-) -> int:
-    """Write what flanks carry near the rates `new` (n,) of a step's end.
+@compiled(Count, LINKS.kind, Count, Number, Flag, counted=False)
+def lean(links: Any, s: int, h: float, steepest: bool) -> int:
+    """Write what flanks carry near the rates `new` of a step's end.
 
     Args:
-        gears: (n, 4), see LINKS.
+        links: a LINKS.
+        s: number of the motion.
         h: [s].
-        place, rate, new: (n,) deflections, their rates, and rates at the end.
         steepest: whether flanks count with their largest slope.
-        at: the step.
 
     Returns:
         the flanks that carry throughout, as a number; -1 where one is crossed.
     """
-    pattern = 0
-    for a in range(len(new)):
+    pattern, gears, new = 0, links.gears, links.new
+    for a in range(new.size):
         k, c, half, late = gears[a, STIFFNESS], gears[a, DAMPING], gears[a, HALF], gears[a, LATE]
         carried, slope, touch, _ = flank_impulse(
-            k, c, half, h, late, late, place[a], rate[a], new[a]
+            k, c, half, h, late, late, links.place[s, a], links.rate[s, a], new[a]
         )
         if steepest or touch == 1.0:
             touch, slope = 1.0, h * late * (h * late * k + c)
@@ -202,80 +177,69 @@ def lean(
             pattern += 1 << a
         elif touch > 0.0:
             pattern = -1
-        at.carried[a], at.slope[a] = carried - slope * new[a], slope
+        links.carried[a], links.slope[a] = carried - slope * new[a], slope
     return pattern
 
 
-@compiled(Flag, Dense, Number, Row, Row, Row, _STEP, counted=False)
-def meets(
-    gears: FloatArray, h: float, place: FloatArray, rate: FloatArray, new: FloatArray, at: LinkStep
-) -> bool:
-    """Return whether flanks pass at `new` (n,) what the step took them to; others as of `lean`."""
-    for a in range(len(new)):
+@compiled(Flag, LINKS.kind, Count, Number, counted=False)
+def meets(links: Any, s: int, h: float) -> bool:
+    """Return whether flanks pass at `new` what the step took them to; others as of `lean`."""
+    gears, new, place, rate = links.gears, links.new, links.place, links.rate
+    for a in range(new.size):
         k, c, half, late = gears[a, STIFFNESS], gears[a, DAMPING], gears[a, HALF], gears[a, LATE]
         if half > 0.0:
-            passed, _, _, _ = flank_impulse(k, c, half, h, late, late, place[a], rate[a], new[a])
-            off = abs(passed - at.carried[a] - at.slope[a] * new[a])
-            size = at.inertia[a, a] * (abs(new[a]) + abs(rate[a]))
+            passed, _, _, _ = flank_impulse(
+                k, c, half, h, late, late, place[s, a], rate[s, a], new[a]
+            )
+            off = abs(passed - links.carried[a] - links.slope[a] * new[a])
+            size = links.mass[a, a] * (abs(new[a]) + abs(rate[s, a]))
             if off > _MET * (size + abs(passed)):
                 return False
     return True
 
 
-@compiled(Count, Dense, Number, Row, Row, OutRow, OutRow, Count, _STEP)
-def next_rates(
-    gears: FloatArray,
-    h: float,
-    place: FloatArray,
-    rate: FloatArray,
-    rubs: FloatArray,
-    new: FloatArray,
-    known: int,
-    at: LinkStep,
-) -> int:
-    """Write the rates (n,) at a step's end, and the friction that the links have had.
+@compiled(Count, LINKS.kind, Count, Number, Count, counted=False)
+def next_rates(links: Any, s: int, h: float, known: int) -> int:
+    """Write the rates `new` at a step's end, and the friction that the links have had.
 
     Args:
-        gears: (n, 4), see LINKS.
+        links: a LINKS.
+        s: number of the motion.
         h: [s].
-        place, rate: (n,) deflections and their rates.
-        rubs: (n,) friction, of the step before and then of this one.
-        new: to write.
         known: flanks that `gain` is for, see `lean`.
-        at: the step.
 
     Returns:
         the flanks that `gain` is for then.
     """
-    n, rough = len(new), False
+    place, rate, rubs, new, right = links.place, links.rate, links.rubs, links.new, links.right
+    n, rough = new.size, False
     for a in range(n):
-        new[a], rough = rate[a], rough or at.level[a] > 0.0 or rubs[a] != 0.0
-    right, whole = np.empty(n), np.empty((n, n))
+        new[a], rough = rate[s, a], rough or links.held[a] > 0.0 or rubs[s, a] != 0.0
     for turn in range(_ROUNDS):
-        pattern = lean(gears, h, place, rate, new, turn >= _NEWTON, at)
+        pattern = lean(links, s, h, turn >= _NEWTON)
         if pattern < 0 or pattern != known:
             known = pattern
             for a in range(n):
                 for b in range(n):
-                    whole[a, b] = at.inertia[a, b]
-                whole[a, a] += at.slope[a]
-            invert(whole, at.gain)
+                    links.whole[a, b] = links.mass[a, b]
+                links.whole[a, a] += links.slope[a]
+            invert(links)
         for a in range(n):
-            right[a] = -at.push[a] - h * rubs[a] - at.carried[a]
+            right[a] = -links.push[a] - h * rubs[s, a] - links.carried[a]
             for b in range(n):
-                right[a] += at.by_rate[a, b] * rate[b] - at.by_place[a, b] * place[b]
+                right[a] += links.by_rate[a, b] * rate[s, b] - links.by_place[a, b] * place[s, b]
         for a in range(n):
             new[a] = 0.0
             for b in range(n):
-                new[a] += at.gain[a, b] * right[b]
+                new[a] += links.gain[a, b] * right[b]
         if rough:
-            rub(new, rubs, at, h)
-        if meets(gears, h, place, rate, new, at):
+            rub(links, s, h)
+        if meets(links, s, h):
             break
     return known
 
 
-@compiled(Nothing, LINKS.kind, Number, Number)
+@compiled(Nothing, LINKS.kind, Number, Number, counted=False)
 def follow_links(links: Any, step: float, farthest: float) -> None:
     """Write how n links move together behind their gears, S times, in each of W windows anew.
 
@@ -289,39 +253,33 @@ def follow_links(links: Any, step: float, farthest: float) -> None:
         step: distance of the samples [s].
         farthest: [rad].
     """
-    d, v, gears, first = links.d, links.v, links.gears, links.first
+    d, v, first, gears, new = links.d, links.v, links.first, links.gears, links.new
+    place, rate, rubs = links.place, links.rate, links.rubs
     n, starts, h, window = d.shape[1], d.shape[2], step / links.parts, 0
-    at = LinkStep(
-        np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n),
-        np.empty(n), np.empty(n), np.empty(n), np.empty(n),
-    )  # fmt: skip
-    place, rate, rubs = np.empty((starts, n)), np.empty((starts, n)), np.zeros((starts, n))
-    new, lost = np.empty(n), np.zeros(starts)
     for i in range(d.shape[0] - 1):
         if window < first.size and first[window] == i:
             for s in range(starts):
-                lost[s], rubs[s] = 0.0, 0.0
                 for a in range(n):
                     place[s, a], rate[s, a] = links.begun[window, a, s], links.rates[window, a, s]
-                    d[i, a, s], v[i, a, s] = place[s, a], rate[s, a]
+                    d[i, a, s], v[i, a, s], rubs[s, a] = place[s, a], rate[s, a], 0.0
             window += 1
         for part in range(links.parts):
-            place_step(links, i, part, h, at)
+            place_step(links, i, part, h)
             known = -1
             for s in range(starts):
-                if lost[s] > 0.0:
+                if not abs(place[s, 0]) < np.inf:
                     continue
-                known = next_rates(gears, h, place[s], rate[s], rubs[s], new, known, at)
+                known = next_rates(links, s, h, known)
+                lost = False
                 for a in range(n):
                     late = gears[a, LATE]
                     place[s, a] += h * ((1.0 - late) * rate[s, a] + late * new[a])
                     rate[s, a] = new[a]
                     links.dry[i, a, s] += rubs[s, a] / links.parts
-                    if not abs(place[s, a]) < farthest:
-                        lost[s] = 1.0
+                    lost = lost or not abs(place[s, a]) < farthest
+                if lost:
+                    place[s, :], rate[s, :] = np.inf, np.inf
         for s in range(starts):
             for a in range(n):
-                d[i + 1, a, s] = np.inf if lost[s] > 0.0 else place[s, a]
-                v[i + 1, a, s] = np.inf if lost[s] > 0.0 else rate[s, a]
-                links.ended[window - 1, a, s] = d[i + 1, a, s]
-                links.last[window - 1, a, s] = v[i + 1, a, s]
+                d[i + 1, a, s] = links.ended[window - 1, a, s] = place[s, a]
+                v[i + 1, a, s] = links.last[window - 1, a, s] = rate[s, a]
