@@ -50,10 +50,6 @@ class ParallelError(WbcError):
     """Work cannot be shared out as it was asked for."""
 
 
-class ResultsError(WbcError):
-    """A file of results cannot be read, or holds the results of other work."""
-
-
 class MissingPackageError(WbcError, ImportError):
     """A package that a bare installation does not have is needed."""
 

@@ -41,7 +41,6 @@ def main() -> None:
     )
     parser.add_argument("--family", help="only the cases of this family of machines")
     parser.add_argument("--jobs", type=int, default=1, help="processes on this computer")
-    parser.add_argument("--cluster", help="address of a Dask scheduler instead; a shared folder")
     parser.add_argument("--json", type=Path, help="write the scorecard here")
     options = parser.parse_args()
     first, end = (int(part) for part in options.cases.split(":"))
@@ -69,7 +68,7 @@ def _run(missing: list[int], folder: Path, options: argparse.Namespace) -> Itera
         seed=options.seed,
         withheld=options.withhold_forces,
     )
-    for results in run_jobs(work, chunks, workers=options.jobs, cluster=options.cluster):
+    for results in run_jobs(work, chunks, options.jobs):
         yield from results
 
 

@@ -1,4 +1,4 @@
-"""Fleets: a machine that drifts is told from those that scatter; each is diagnosed."""
+"""A machine that drifts is told from those that scatter."""
 
 from __future__ import annotations
 
@@ -10,21 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import wbc.identification.trend.fleet as fleet_module
-import wbc.identification.trend.sessions as stored
 from wbc import load_robot, save_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
-from wbc.errors import LogError, ResultsError
-from wbc.identification import Diagnosis, diagnose
-from wbc.identification.answer.diagnosis import Estimate
+from wbc.errors import LogError
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.trend import Run, Trend, diagnose_fleet, find_runs, follow, read_index
-from wbc.identification.trend.sessions import Session, SessionResult
+from wbc.identification.trend import Trend, find_runs, follow, read_index
 from wbc.identification.trend.trend import WRONG, Points, fit_lines, no_chance
 from wbc.measurement import Log, save_log
-from wbc.results import read_results
-from wbc.robot import Effect, Robot
+from wbc.robot import Robot
 
 SLOPE, SCATTER, INTERVAL = 0.02, 0.01, 0.004
 DAYS = np.array([0.0, 7.0, 14.0, 21.0, 28.0])
@@ -159,119 +153,3 @@ def test_any_error_of_one_session_is_a_row_of_it_alone(
     followed = follow(str(logs / "fitted.toml"), find_runs(sorted(logs.glob("leg1/*.npz"))))
     failures = [session.failure for session in followed.sessions]
     assert failures == ["", "ZeroDivisionError: no samples", "", ""]
-
-
-def counted(session: Session) -> SessionResult:
-    """Return the size of the first log; stands in for a measurement that takes its time."""
-    size = float(Path(session.paths[0]).stat().st_size)
-    values = {("", "hip", "rms error"): Estimate(size, "N m", size - 1.0, size + 1.0)}
-    return SessionResult(session.machine, session.date, session.paths, values)
-
-
-def test_a_table_grows_by_the_sessions_that_are_new_or_changed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Night after night the same command; what was measured once is not measured again."""
-    monkeypatch.setattr(stored, "measure_session", counted)
-    for number in range(12):
-        log = tmp_path / f"leg{number % 3}" / f"2026-03-{1 + number // 3:02}.npz"
-        log.parent.mkdir(exist_ok=True)
-        log.write_bytes(bytes(100 + number))
-    runs, path = find_runs(sorted(tmp_path.glob("leg*/*.npz"))), tmp_path / "grows.parquet"
-    done: list[list[int]] = []
-
-    def night(given: Sequence[Run], out: Path = path) -> Trend:
-        done.append([])
-        return follow(
-            "planar_leg_fixed", given, out=out, watch=lambda count, total: done[-1].append(count)
-        )
-
-    night([run for run in runs if run.date.day < 3])  # two days of three machines
-    night(runs[:-1])  # new days come between the rows that are there
-    last = night(runs)
-    assert done == [list(range(7)), list(range(6, 12)), [11, 12]]
-    assert last.to_json() == night(runs, tmp_path / "whole.parquet").to_json()
-    assert path.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
-    Path(runs[3].path).write_bytes(bytes(7))
-    assert night(runs).sessions[3].values["", "hip", "rms error"].value == 7.0
-    assert done[-1] == [11, 12]
-    assert night(runs).sessions[3].values["", "hip", "rms error"].value == 7.0
-    assert done[-1] == [12]
-
-
-ADD = ("coulomb_friction", "viscous_friction")
-ROBOT = {"robot": "planar_leg_fixed", "lossless": True, "candidates": ADD}
-
-
-@pytest.fixture(scope="module")
-def index(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three machines: one rubs at the hip, one at the knee, one log is no log."""
-    folder = tmp_path_factory.mktemp("fleet")
-    lines = ["log,machine,date"]
-    for number, joint in enumerate(("hip", "knee")):
-        log = excited_log((CoulombFriction(joint, 0.5),), number, 3.0)
-        save_log(log, folder / f"leg{number}.npz")
-        lines.append(f"leg{number}.npz,leg{number},2026-03-01")
-    (folder / "leg2.npz").write_bytes(b"nothing")
-    lines.append("leg2.npz,leg2,2026-03-01")
-    (folder / "runs.csv").write_text("\n".join(lines))
-    return folder / "runs.csv"
-
-
-def test_the_command_writes_a_row_per_machine(
-    index: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, told = tmp_path / "fleet.parquet", tmp_path / "fleet.json"
-    words = ["diagnose", "--fleet", str(index), "--out", str(out), "--json", str(told)]
-    robot = ["--robot", "planar_leg_fixed", "--lossless", "--add", ",".join(ADD)]
-    assert main([*words, *robot]) == 1  # leg2 has no answer
-    shown = capsys.readouterr().out
-    assert "3 log sets: 2 named, 1 not diagnosed." in shown
-    assert "not diagnosed: leg2" in shown
-    table = read_results(out)
-    assert table["machine"] == ["leg0", "leg1", "leg2"]
-    assert table["verdict"] == ["named", "named", ""]
-    assert table["causes"][0].startswith("coulomb_friction at hip, probability 1.00")
-    assert table["causes"][1].startswith("coulomb_friction at knee, probability 1.00")
-    assert table["before.hip"][0] == pytest.approx(0.5, rel=0.2)  # [N m], the friction
-    assert table["after.hip"][0] < 0.05
-    assert table["before.hip"][2] != table["before.hip"][2]  # NaN: nothing is known
-    assert json.loads(table["diagnosis"][0])["effects"][0]["where"] == ["hip"]
-    assert json.loads(told.read_text())["verdicts"] == {"named": 2}
-
-
-def test_a_killed_run_goes_on_and_any_error_is_a_row(
-    index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = []
-
-    def broken(robot: Robot, logs: Sequence[Log], classes: Sequence[type[Effect]]) -> Diagnosis:
-        calls.append(logs[0].source.path)
-        if "leg1" in logs[0].source.path:
-            raise FloatingPointError("not ours")
-        return diagnose(robot, logs, classes)
-
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(fleet_module, "diagnose", broken)
-    runs, killed = read_index(index), tmp_path / "killed.parquet"
-    with pytest.raises(KeyboardInterrupt):
-        diagnose_fleet(runs=runs, out=killed, watch=stop, **ROBOT)  # type: ignore[arg-type]
-    assert not killed.exists()
-    seen: list[int] = []
-    fleet = diagnose_fleet(
-        runs=runs,
-        out=killed,
-        watch=lambda done, total: seen.append(done),
-        **ROBOT,  # type: ignore[arg-type]
-    )
-    assert seen == [2, 3]
-    assert len(calls) == 2  # each machine once; the log of leg2 cannot be read
-    assert [machine.verdict for machine in fleet.machines] == ["named", "", ""]
-    assert fleet.machines[1].failure == "FloatingPointError: not ours"
-    whole = diagnose_fleet(runs=runs, out=tmp_path / "whole.parquet", **ROBOT)  # type: ignore[arg-type]
-    assert whole.path.read_bytes() == killed.read_bytes()
-    with pytest.raises(ResultsError, match="other work"):
-        diagnose_fleet("planar_leg_fixed", runs, killed)

@@ -1,20 +1,16 @@
-"""Studies: sweeps, fronts, and tables on disk that go on where they ended."""
+"""Studies: sweeps, tables on disk and fronts."""
 
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-import wbc.design.stored as stored
 from wbc.cli import main
 from wbc.design import (
     Objective,
@@ -30,9 +26,8 @@ from wbc.design import (
     sampled_designs,
 )
 from wbc.effects import load_robot
-from wbc.errors import DesignError, ResultsError, WbcError
+from wbc.errors import DesignError, WbcError
 from wbc.metrics import sweep
-from wbc.results import Column, ResultTable
 
 LEG = load_robot("planar_leg")
 POSE = tuple(LEG.pose("paper").tolist())
@@ -116,7 +111,6 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
         assert table["impact_mitigation"][i] == pytest.approx(single.impact_mitigation[0])
     field = pq.read_schema(path).field("lift")
     assert field.metadata == {b"unit": b"N"}
-    assert not path.with_name("x.parquet.parts").exists()
 
 
 def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -127,56 +121,6 @@ def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
     again = read_designs(run_study(replace(chosen, seed=5), tmp_path / "x.parquet", chunk=37))
     assert not np.array_equal(read_designs(one)["reduction"], again["reduction"])
     assert read_designs(one)["reduction"].min() >= 6.0
-
-
-def test_a_study_with_another_key_is_refused(tmp_path: Path) -> None:
-    path = run_study(study(), tmp_path / "x.parquet")
-    before = path.read_bytes()
-    assert run_study(study(), path).read_bytes() == before  # nothing left to do
-    with pytest.raises(ResultsError, match="results of other work"):
-        run_study(study(samples=8), path)
-    half = tmp_path / "y.parquet.parts"
-    half.mkdir()
-    (half / "key.json").write_text("{}")
-    with pytest.raises(ResultsError, match="results of other work"):
-        run_study(study(), tmp_path / "y.parquet")
-    pq.write_table(pq.read_table(path).replace_schema_metadata({}), tmp_path / "z.parquet")
-    with pytest.raises(ResultsError, match="no table of results"):
-        run_study(study(), tmp_path / "z.parquet")
-
-
-RUN = """
-import sys, time
-from wbc.design import Study, parse_sweep, run_study
-pose = {pose!r}
-sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
-study = Study("planar_leg", sweeps, "foot", pose, samples=1500, seed=2)
-run_study(study, sys.argv[1], chunk=50, watch=lambda done, total: time.sleep(0.1))
-"""
-
-
-def test_a_killed_study_goes_on_and_ends_with_the_same_table(tmp_path: Path) -> None:
-    script = RUN.format(pose=POSE)
-    path = tmp_path / "killed.parquet"
-    parts = tmp_path / "killed.parquet.parts"
-    with subprocess.Popen([sys.executable, "-c", script, str(path)]) as process:
-        limit = time.monotonic() + 60.0
-        while len(list(parts.glob("0*.parquet"))) < 5 and time.monotonic() < limit:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-    assert process.returncode == -signal.SIGKILL
-    left = {part.name: part.read_bytes() for part in parts.glob("0*.parquet")}
-    assert 5 <= len(left) < 30
-    assert not path.exists()
-    done: list[int] = []
-    sweeps = tuple(map(parse_sweep, ("reduction=6:160", "length.shin=0.2:0.5")))
-    same = Study("planar_leg", sweeps, "foot", POSE, samples=1500, seed=2)
-
-    run_study(same, path, chunk=50, watch=lambda count, total: done.append(count))
-    assert done[0] == 50 * len(left)
-    assert len(done) == 31 - len(left)
-    whole = run_study(same, tmp_path / "whole.parquet", chunk=50)
-    assert path.read_bytes() == whole.read_bytes()
 
 
 def test_the_command_writes_table_front_and_figures(
@@ -290,45 +234,41 @@ ROWS, INSTANTS = 3000, 3
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Rows with a front of many designs, ties and places without a number, in three parts."""
+def columns() -> dict[str, np.ndarray]:
+    """Rows with a front of many designs, ties and places without a number."""
     random = np.random.default_rng(4)
     lift = random.normal(size=ROWS).round(2)
-    columns = {
-        "design": np.arange(ROWS),
+    return {
+        "design": np.arange(ROWS, dtype=float),
         "lift": np.where(random.random(ROWS) < 0.05, np.nan, lift),
         "inertia": (lift + 0.1 * random.normal(size=ROWS)).round(2),
     }
-    kinds = {name: Column("1", "count" if name == "design" else "number") for name in columns}
-    results = ResultTable(
-        tmp_path_factory.mktemp("designs") / "designs.parquet", {}, kinds, parts=3
-    )
-    results.begin()
-    for part, rows in enumerate(np.split(np.arange(ROWS), [1100, 2500])):
-        results.add(part, {name: values[rows] for name, values in columns.items()})
-    return results.finish()
 
 
-@pytest.mark.parametrize("piece", [7, 100, 10_000])
+@pytest.mark.parametrize("piece", [9, 99, 9_999])
 @pytest.mark.parametrize("instants", [0, INSTANTS])
 def test_the_front_of_pieces_is_the_front_of_the_whole(
-    table: Path, piece: int, instants: int, monkeypatch: pytest.MonkeyPatch
+    columns: dict[str, np.ndarray], piece: int, instants: int, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(stored, "_PIECE", piece)
-    whole = read_designs(table)
-    rows = over_gait(whole, instants, OBJECTIVES) if instants else whole
+    path = tmp_path / "designs.parquet"
+    pq.write_table(pa.table(columns), path, row_group_size=piece)
+    rows = over_gait(columns, instants, OBJECTIVES) if instants else columns
     front = pareto_front(rows, OBJECTIVES)
     assert len(front) > 10
-    best = best_designs(table, OBJECTIVES, instants)
+    best = best_designs(path, OBJECTIVES, instants)
     assert list(best) == list(rows)
     for name, values in rows.items():
         np.testing.assert_array_equal(best[name], values[front])
 
 
-def test_a_picture_gets_whole_designs_evenly_spread(table: Path) -> None:
+def test_a_picture_gets_whole_designs_evenly_spread(
+    columns: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    table = tmp_path / "designs.parquet"
+    pq.write_table(pa.table(columns), table, row_group_size=1200)
     assert len(sampled_designs(table, ROWS, OBJECTIVES)["design"]) == ROWS
     few = sampled_designs(table, 100, OBJECTIVES)
     assert few["design"].tolist() == list(range(0, ROWS, 30))
     gait = sampled_designs(table, 100, OBJECTIVES, INSTANTS)
-    whole = over_gait(read_designs(table), INSTANTS, OBJECTIVES)
+    whole = over_gait(columns, INSTANTS, OBJECTIVES)
     np.testing.assert_array_equal(gait["lift"], whole["lift"][::10])

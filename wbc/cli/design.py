@@ -40,16 +40,12 @@ _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table ho
 
 
 def run_design(options: argparse.Namespace, console: Console) -> Outcome:
-    """Run or resume the study, print the front, write figures and JSON."""
-    if options.workers == 0:
-        raise WbcError("--workers 0: give a number of processes, or -1 for all cores.")
+    """Run the study, print the front, write figures and JSON."""
     study = _study(options)
     units = describe_columns(study)
     objectives = _objectives(options, study, units)
     with watching("designs", console) as watch:
-        path = run_study(
-            study, options.out, workers=options.workers, cluster=options.cluster, watch=watch
-        )
+        path = run_study(study, options.out, workers=options.workers, watch=watch)
     if study.gait:
         console.print(
             f"over {len(study.gait)} instants: objectives of the worst one, else the mean"

@@ -3,62 +3,55 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from wbc.cli.outputs import Outcome, require_outputs, watching, write_figures
+from wbc.cli.inputs import robot_from
+from wbc.cli.outputs import Outcome, watching, write_figures
 from wbc.cli.printout import table
 from wbc.design.experiment import (
-    CLASSIC,
+    BAND,
     DESIGNED,
     RANDOM,
     Designed,
-    ExperimentTask,
     FourierPath,
     MotionLimits,
     Pair,
     Rivals,
     compare_motions,
     parameter_names,
-    plan_experiments,
-    read_diagnosis,
-    read_path,
+    parse_cause,
+    tied_rivals,
     torque_misfit,
 )
-from wbc.errors import WbcError
+from wbc.errors import DesignError, WbcError
 from wbc.files import as_json
 from wbc.identification.answer.ranking import effect_entry
 from wbc.measurement import Log, save_log
-from wbc.results import read_results
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.tables import TextTable
 
 _ODDS = "log10 of the expected odds (3: one thousand to one)"
+_SHARE = 0.01  # of the motor's torque limit: the noise of a torque sensor, where none is given
 _SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
 
 
 def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
     """Design the motion, say what to expect, write the set points."""
-    options.out = options.out or ("plans.parquet" if options.each else "trajectory.csv")
-    require_outputs(options, ".parquet" if options.each else ".csv")
     if options.rounds < 1:
         raise WbcError("--rounds must be at least 1.")
-    if options.each:
-        return _run_each(options, console)
-    task = _task(options, options.between)
-    robot = task.loaded()
-    rivals, limits = task.rivals(robot), task.limits(robot)
+    robot = robot_from(options)
+    rivals, limits = _rivals(options, robot), _limits(options, robot)
+    settings = {name: getattr(options, name) for name in ("rate", "rounds", "seed")}
     with watching("motions", console) as watch:
-        found = compare_motions(task, rivals, limits, watch)
+        found = compare_motions(rivals, limits, options.duration, watch=watch, **settings)
     print_experiment(rivals, found, console)
     path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
     play = shlex.join(["wbc", "play", str(path), "--robot", options.robot])
@@ -68,59 +61,33 @@ def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
     return 0, _json(rivals, found, path)
 
 
-def _task(options: argparse.Namespace, between: Sequence[str]) -> ExperimentTask:
-    """Return what is asked for: named causes, or the one file of a diagnosis."""
-    found, files = "", [text for text in between if text.lower().endswith(".json")]
-    if files and len(between) > 1:
+def _rivals(options: argparse.Namespace, robot: Robot) -> Rivals:
+    """Return the causes that are named, or those of the one file of a diagnosis."""
+    torque = robot.transmission.torque_limit
+    if options.noise is None and not np.isfinite(torque).all():
+        raise DesignError("--noise: the motors have no torque_limit to take 1 % of; give it.")
+    noise = _SHARE * torque if options.noise is None else np.full(torque.size, options.noise)
+    files = [text for text in options.between if text.lower().endswith(".json")]
+    if files and len(options.between) > 1:
         raise WbcError(
-            f"--between: '{files[0]}' stands beside other causes. Give one diagnosis alone, or "
-            "--each to plan one motion for every one of them."
+            f"--between: '{files[0]}' stands beside other causes. Give one diagnosis alone."
         )
     if files:
-        found = json.dumps(read_diagnosis(files[0]))
-    names = ("robot", "lossless", "duration", "rate", "noise", "band", "span", "speed")
-    given = {name: getattr(options, name) for name in (*names, "acceleration", "rounds", "seed")}
-    return ExperimentTask(between=() if files else tuple(between), found=found, **given)
+        return tied_rivals(files[0], robot, noise, options.band)
+    causes = tuple(parse_cause(text, robot) for text in options.between)
+    return Rivals(robot, causes, noise, BAND if options.band is None else options.band)
 
 
-def _run_each(options: argparse.Namespace, console: Console) -> Outcome:
-    """Plan a motion for every diagnosis, or for every two of the causes."""
-    out = Path(options.out)
-    tasks = [_task(options, group) for group in _groups(options.between)]
-    with watching("experiments", console) as watch:
-        path = plan_experiments(
-            tasks, out, workers=options.workers, cluster=options.cluster, watch=watch
+def _limits(options: argparse.Namespace, robot: Robot) -> MotionLimits:
+    """Return what motions stay inside."""
+    limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
+    bounded = np.isfinite(limits.speed) | np.isfinite(limits.acceleration)
+    if not np.all(bounded | np.isfinite(limits.torque)):
+        raise DesignError(
+            "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "
+            "with a torque_limit."
         )
-    rows = read_results(path)
-    written, robot = [path], tasks[0].loaded()
-    for k, text in enumerate(rows["path"], 1):
-        if text:
-            place = out.with_name(f"{out.stem}_{k}.csv")
-            written.append(write_set_points(place, robot, read_path(text), options.rate))
-    _print_rows(rows, console)
-    console.print(f"wrote {', '.join(map(str, written))}")
-    return 0, as_json(rows) | {"table": str(path)}
-
-
-def _groups(texts: Sequence[str]) -> list[list[str]]:
-    """Return the causes of each experiment: those of one diagnosis, or two that are named."""
-    files = [text for text in texts if text.lower().endswith(".json")]
-    named = [text for text in texts if text not in files]
-    if len(named) == 1:
-        raise WbcError(f"--each: '{named[0]}' needs another cause to be told from.")
-    return [[file] for file in files] + [list(pair) for pair in combinations(named, 2)]
-
-
-def _print_rows(rows: Mapping[str, Any], console: Console) -> None:
-    heads, lines = (">", "causes", *(f">{name}" for name in (RANDOM, CLASSIC, DESIGNED))), []
-    for k, text in enumerate(rows["path"]):
-        odds = [rows[f"log10_odds_{name}"][k] for name in ("random", "d_optimal", "designed")]
-        cells = [f"{value:.4g}" for value in odds] if text else ["", "", "none"]
-        lines.append((str(k + 1), rows["causes"][k], *cells))
-    console.print(table(TextTable(heads, tuple(lines), f"least {_ODDS}")))
-    for k, failure in enumerate(rows["failure"], 1):
-        if failure:
-            console.print(f"no motion for {k}: {failure}")
+    return limits
 
 
 def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:

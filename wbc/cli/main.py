@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
 from wbc.cli.options import COMMANDS, OPTIONS, build_parser
 from wbc.errors import WbcError
@@ -47,8 +48,8 @@ def _run(options: argparse.Namespace) -> int:
         from wbc.cli.outputs import require_outputs, write_json
 
         command = import_module(f"wbc.cli.{module}")
-    keys = [key for key in entry.options.split() if OPTIONS[key].get("metavar") == "FILE.parquet"]
-    require_outputs(options, ".parquet" if keys else "")
+    endings = [OPTIONS[key]["metavar"] for key in entry.options.split() if key.startswith("--out/")]
+    require_outputs(options, *(Path(ending).suffix for ending in endings))
     target = getattr(options, "json", None)
     console = Console(markup=False, quiet=target == "-")
     code, content = getattr(command, function)(options, console)

@@ -15,7 +15,6 @@ import tomli_w
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from wbc.cli.fleet import require_no_fleet, run_fleet
 from wbc.cli.inputs import robot_and_logs
 from wbc.cli.options import BUDGET
 from wbc.cli.outputs import Outcome, command_line, working
@@ -148,9 +147,6 @@ def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
 def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
     begun = time.monotonic()
-    if options.fleet:
-        return run_fleet(options, console)
-    require_no_fleet(options)
     budget = BUDGET if options.budget is None else options.budget
     if not budget > 0.0:
         raise WbcError(f"--budget {budget:g}: give a time > 0 [s].")

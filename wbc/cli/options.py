@@ -51,7 +51,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "logs": _option(
         "LOG", f"{_LOG}; LOG@ROBOT for other drives or loads, LOG@MAP.toml for a map", nargs="+"
     ),
-    "logs/optional": _option("LOG", f"{_LOG}; LOG@ROBOT for other drives or loads", nargs="*"),
     "logs/plain": _option("LOG", _LOG, nargs="+"),
     "logs/any": _option("LOG", _LOG, nargs="*"),
     "run_file": _option("RUN", "a recording or log"),
@@ -83,15 +82,12 @@ OPTIONS: dict[str, dict[str, Any]] = {
         type=float,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
-    "--fleet": _option("INDEX.csv", "many machines; columns log, machine, date"),
     "--index": _option("FILE.csv", "list of logs: columns log, machine, date"),
     "--fail-on-drift": _flag("exit code 4 if a machine drifts"),
     # many jobs
     "--workers": _option("N", "processes; -1 for all cores", type=int, default=1),
-    "--cluster": _option("ADDRESS", "Dask scheduler to work on instead"),
-    "--out/rows": _option("FILE.parquet", "table of machines and dates; given again, it grows"),
     "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
-    "--out/path": _option("FILE", "set points, default trajectory.csv; plans.parquet of --each"),
+    "--out/path": _option("FILE.csv", "set points", default="trajectory.csv"),
     "--out/folder": _option("DIR", "where to write (default here)", dest="folder", default="."),
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
@@ -152,7 +148,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--speed": _option("X", "limit of joint speeds [rad/s]", type=float, default=inf),
     "--acceleration": _option("X", "limit [rad/s^2]", type=float, default=inf),
     "--rounds": _option("N", "changes tried (default 300)", type=int, default=300),
-    "--each": _flag("a motion for every found.json, or for every two causes, into one table"),
 }
 """What argparse is told of each argument, by its name."""
 
@@ -175,7 +170,6 @@ class Subcommand:
 
 
 _LOGS = "logs --robot --lossless --columns --quiet --verbose --fix"
-_JOBS = "--workers --cluster"
 _SITE = "--contact --pose --axes --load"
 
 COMMANDS: dict[str, Subcommand] = {
@@ -217,16 +211,12 @@ or simulator can load it.""",
     ),
     "diagnose": Subcommand(
         "which physical effect the model lacks; add it, save it",
-        f"logs/optional{_LOGS.removeprefix('logs')} --add --save --budget --discover"
-        f" --json --report --fleet --out/rows {_JOBS}",
+        f"{_LOGS} --add --save --budget --discover --json --report",
         """example:
   wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
 
 --add auto considers every effect there is (`wbc list effects`);
---add NAME,NAME only these.
-
-many machines, a row each; given again, an interrupted run goes on:
-  wbc diagnose --fleet runs.csv --robot leg.toml --out fleet.parquet --workers 4""",
+--add NAME,NAME only these.""",
         "models.run_diagnose",
     ),
     "identify": Subcommand(
@@ -254,7 +244,7 @@ printed as held out is the error on logs that the fit did not see.""",
     ),
     "trend": Subcommand(
         "parameters and errors over dates and machines: which drifts",
-        f"logs/optional --index --robot --lossless --columns {_JOBS} --out/rows --fail-on-drift"
+        "logs/any --index --robot --lossless --columns --workers --fail-on-drift"
         " --quiet --verbose --png --theme --json",
         """examples:
   wbc trend fleet/*/*.csv --robot fitted.toml --png trend.png
@@ -264,7 +254,7 @@ The date stands in the file's name or a folder's (2026-03-01); the machine is th
 folder, or what stands before the date where all files lie in one folder. An
 index has the columns log, machine, date. The effects of the robot are fitted to
 every session anew; a session is all logs of one machine with one date.""",
-        "fleet.run_trend",
+        "trend.run_trend",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page, a picture, an animation",
@@ -288,7 +278,7 @@ Without --html, --png, --gif the page opens in the browser.""",
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
         "robot --sweep --gearbox --catalogue --gait --instants"
-        f" --samples --seed {_SITE} --objective {_JOBS} --out/designs --figures"
+        f" --samples --seed {_SITE} --objective --workers --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;
@@ -298,15 +288,13 @@ the catalogue has no number, the robot's own is used, and the wedge's
 backward efficiency.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
-  --sweep forward_efficiency=0.5:0.98:40 --figures out
-
-A run that was interrupted goes on when the same command is given again.""",
+  --sweep forward_efficiency=0.5:0.98:40 --figures out""",
         "design.run_design",
     ),
     "experiment": Subcommand(
         "a motion that tells rival causes apart, and its expected odds",
         "robot --lossless --between --duration --rate --noise --band --span --speed --acceleration"
-        f" --rounds --seed --each {_JOBS} --out/path --figures --theme --json",
+        " --rounds --seed --out/path --figures --theme --json",
         """A cause is EFFECT@PLACE or EFFECT@PLACE:PARAMETER=VALUE,...; `wbc list effects`
 names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
 causes are what it found and what it could not tell from that. One cause alone:

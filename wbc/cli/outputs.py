@@ -18,7 +18,7 @@ from wbc.errors import WbcError
 from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
-_INPUTS = ("run_file", "robot", "columns", "ghost", "index", "fleet")
+_INPUTS = ("run_file", "robot", "columns", "ghost", "index")
 _ENDINGS = {
     "html": (".html", ".htm"),
     "report": (".html", ".htm"),

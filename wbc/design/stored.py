@@ -6,14 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.design.study import Study, describe_columns
 from wbc.errors import DesignError, unknown_name
+from wbc.extras import needs
+from wbc.files import atomic_write
+from wbc.parallel import run_jobs
 from wbc.progress import Watch
-from wbc.results import Column, ResultTable, fill_table, read_results, results_in_pieces, rows_of
 
 _BLOCK = 1024
 _CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
@@ -67,14 +70,14 @@ def pareto_front(table: Mapping[str, FloatArray], objectives: Sequence[Objective
     if len(objectives) <= 2:
         return order[~_beaten_in_order(costs[order, 0], costs[order, -1])]
     front = np.zeros((0, costs.shape[1]))
-    kept: list[IntArray] = []
+    kept = [np.zeros(0, dtype=np.int_)]
     for start in range(0, len(order), _BLOCK):
         rows = order[start : start + _BLOCK]
         rows = rows[~_beaten(costs[rows], front)]
         rows = rows[~_beaten(costs[rows], costs[rows])]
         kept.append(rows)
         front = np.concatenate([front, costs[rows]])
-    return np.concatenate(kept) if kept else np.zeros(0, dtype=np.int_)
+    return np.concatenate(kept)
 
 
 def _beaten_in_order(first: FloatArray, second: FloatArray) -> BoolArray:
@@ -122,42 +125,45 @@ def run_study(
     path: str | Path,
     *,
     workers: int = 1,
-    cluster: str | None = None,
     chunk: int = _CHUNK,
     watch: Watch | None = None,
 ) -> Path:
-    """Evaluate every design of a study and write the table; resumes what a killed run left.
+    """Evaluate every design of a study and write the table, whole or not at all.
 
-    The table is the same to the last bit for any number of workers, on a cluster, and after any
-    number of interruptions: chunks have fixed ends and are joined in order.
+    The table is the same to the last bit for any number of workers.
 
     Args:
         study: what to evaluate.
-        path: the Parquet file.
+        path: the Parquet file; its columns hold their units.
         workers: processes on this computer; 1 works in this process, -1 takes all cores.
-        cluster: address of a Dask scheduler instead, for example "tcp://10.0.0.1:8786".
-        chunk: designs per part; part of what must be equal to resume.
-        watch: called with the designs done and their total, now and after every part.
+        chunk: designs that are evaluated at once.
+        watch: called with the designs done and their total, now and after every chunk.
 
     Raises:
-        ResultsError: the file belongs to another study.
-        ParallelError: workers is 0, or no cluster at the address.
+        ParallelError: workers is 0.
         DynamicsError, TransmissionError: a value outside its range.
     """
-    if chunk < 1:
-        raise DesignError(f"chunk must be at least 1, got {chunk}.")
     study.designs(0, 1)  # wrong values show before anything is written
-    chunks = [(start, min(start + chunk, study.size)) for start in range(0, study.size, chunk)]
-    columns = {
-        name: Column(unit, "count" if name == "design" else "number")
+    pa, pq = _pyarrow()
+    instants = max(len(study.gait), 1)
+    size = max(chunk // instants, 1) * instants  # a row group holds whole designs
+    chunks = [(start, min(start + size, study.size)) for start in range(0, study.size, size)]
+    schema = pa.schema(
+        pa.field(name, pa.float64(), metadata={"unit": unit})
         for name, unit in describe_columns(study).items()
-    }
-    table = ResultTable(Path(path), {**study.key(), "chunk": chunk}, columns, len(chunks))
-    work = partial(evaluate_chunk, study)
-    sizes = [stop - start for start, stop in chunks]
-    return fill_table(
-        table, work, chunks, workers=workers, cluster=cluster, watch=watch, sizes=sizes
     )
+
+    def write(file: BinaryIO) -> None:
+        results = run_jobs(partial(evaluate_chunk, study), chunks, workers)
+        with pq.ParquetWriter(file, schema) as writer:
+            for (_, done), columns in zip(chunks, results, strict=True):
+                writer.write_table(pa.table(columns, schema=schema))
+                if watch:
+                    watch(done, study.size)
+
+    if watch:
+        watch(0, study.size)
+    return atomic_write(path, write)
 
 
 def evaluate_chunk(study: Study, chunk: Chunk) -> dict[str, FloatArray]:
@@ -165,16 +171,15 @@ def evaluate_chunk(study: Study, chunk: Chunk) -> dict[str, FloatArray]:
     return study.evaluate(*chunk)
 
 
-_PIECE = 65536  # rows that are read at a time: 11 MB of 21 columns
-
-
 def read_designs(path: str | Path) -> dict[str, FloatArray]:
     """Return the columns of a study's table.
 
     Raises:
-        ResultsError: no such file, or not a table of results.
+        OSError: no such file.
     """
-    return {name: np.asarray(x, dtype=np.float64) for name, x in read_results(path).items()}
+    _, pq = _pyarrow()
+    table = pq.read_table(path)
+    return {name: table[name].to_numpy() for name in table.column_names}
 
 
 def best_designs(
@@ -190,13 +195,12 @@ def best_designs(
         instants: of the gait, whose worst one counts (`over_gait`); 0 without a gait.
 
     Raises:
-        ResultsError: no such file, or not a table of results.
+        OSError: no such file.
         DesignError: no objective.
     """
     best: dict[str, FloatArray] = {}
-    for piece in _whole_designs(path, max(instants, 1)):
-        rows = over_gait(piece, instants, objectives) if instants else piece
-        both = _joined(best, rows)
+    for piece in _pieces(path):
+        both = _joined(best, over_gait(piece, instants, objectives) if instants else piece)
         front = pareto_front(both, objectives)
         best = {name: values[front] for name, values in both.items()}
     return best
@@ -214,29 +218,36 @@ def sampled_designs(
         instants: of the gait; 0 without one.
 
     Raises:
-        ResultsError: no such file, or not a table of results.
+        OSError: no such file.
     """
-    width = max(instants, 1)
-    every = max(-(-rows_of(path) // (width * count)), 1)
-    kept: dict[str, FloatArray] = {}
-    for piece in _whole_designs(path, width):
+    _, pq = _pyarrow()
+    width, kept = max(instants, 1), dict[str, FloatArray]()
+    every = max(-(-int(pq.read_metadata(path).num_rows) // (width * count)), 1)
+    for piece in _pieces(path):
         chosen = piece["design"] // width % every == 0
         rows = {name: values[chosen] for name, values in piece.items()}
         kept = _joined(kept, over_gait(rows, instants, objectives) if instants else rows)
     return kept
 
 
-def _whole_designs(path: str | Path, instants: int) -> Iterator[dict[str, FloatArray]]:
-    """Yield the rows of a table in pieces that cut through no design's instants."""
-    left: dict[str, FloatArray] = {}
-    for read in results_in_pieces(path, _PIECE):
-        piece = _joined(left, {name: np.asarray(x, dtype=np.float64) for name, x in read.items()})
-        whole = len(piece["design"]) // instants * instants
-        yield {name: values[:whole] for name, values in piece.items()}
-        left = {name: values[whole:] for name, values in piece.items()}
+def _pieces(path: str | Path) -> Iterator[dict[str, FloatArray]]:
+    """Yield the row groups of a table, each of whole designs."""
+    _, pq = _pyarrow()
+    with pq.ParquetFile(path) as file:
+        for number in range(file.metadata.num_row_groups):
+            group = file.read_row_group(number)
+            yield {name: group[name].to_numpy() for name in group.column_names}
 
 
 def _joined(first: dict[str, FloatArray], second: dict[str, FloatArray]) -> dict[str, FloatArray]:
     if not first:
         return second
     return {name: np.concatenate([first[name], values]) for name, values in second.items()}
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    """Return pyarrow and its module for Parquet; only tables of designs need them."""
+    with needs("design", "a table of designs"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    return pa, pq

@@ -1,17 +1,14 @@
-"""A study: which designs of which robot are evaluated how. Small, hashable, sent to any worker.
+"""A study: which designs of which robot are evaluated how. Small, sent to any worker.
 
 What it varies are parameters of the gears, links and joints.
 """
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import lru_cache
-from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +18,6 @@ from wbc.effects import load_robot
 from wbc.errors import DesignError, unknown_name
 from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
 from wbc.robot import Robot
-from wbc.robot.fingerprint import fingerprint
 from wbc.transmission import Transmission, wedge_backward_efficiency
 
 # Name in a study -> unit, and the field of the transmission.
@@ -218,14 +214,6 @@ class Study:
         if self.samples:
             return self.samples
         return int(np.prod([len(parameter.grid) for parameter in self.varied]))
-
-    def key(self) -> dict[str, Any]:
-        """Return what the results depend on: equal keys, equal tables."""
-        return {
-            **json.loads(json.dumps(asdict(self))),
-            "fingerprint": fingerprint(loaded(self.robot, self.contact)),
-            "version": version("wbc"),
-        }
 
     def values(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Return the parameters of designs `start` to before `stop` by column."""

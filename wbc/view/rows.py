@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
     from wbc.identification.servo import Rollouts
-    from wbc.identification.trend import FleetDiagnosis, Trend
+    from wbc.identification.trend import Trend
     from wbc.measurement import LogQuality
 
 
@@ -98,18 +98,6 @@ def formula_rows(discovery: Discovery) -> TextTable:
             interval = f"{e.low:.4g} .. {e.high:.4g}"
             cells.append((f"  {name}", f"{e.value:.4g}", interval, e.unit, folds))
     return TextTable.of("~proposed torque|>value|90 % interval|unit|>folds", cells)
-
-
-def fleet_rows(fleet: FleetDiagnosis) -> TextTable:
-    """Return verdict and causes of every machine that has an answer."""
-    answered = [m for m in fleet.machines if not m.failure]
-    return TextTable.of(
-        "machine|date|verdict|~causes",
-        (
-            (m.machine, m.date.removesuffix("T00:00:00"), m.verdict, "\n".join(m.causes))
-            for m in answered
-        ),
-    )
 
 
 def drift_rows(trend: Trend, drifting: bool) -> TextTable:

@@ -14,24 +14,17 @@ from wbc.design.experiment.rivals import (
     typical_values,
 )
 from wbc.design.experiment.search import (
+    CLASSIC,
+    DESIGNED,
+    RANDOM,
     Designed,
+    compare_motions,
     design_experiment,
     expected,
     random_paths,
     torque_misfit,
 )
-from wbc.design.experiment.task import (
-    CLASSIC,
-    DESIGNED,
-    RANDOM,
-    ExperimentTask,
-    compare_motions,
-    plan_experiments,
-    read_diagnosis,
-    read_path,
-    tied_causes,
-    tied_rivals,
-)
+from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
@@ -41,7 +34,6 @@ __all__ = [
     "Aim",
     "Cause",
     "Designed",
-    "ExperimentTask",
     "FourierPath",
     "MotionLimits",
     "Pair",
@@ -54,10 +46,8 @@ __all__ = [
     "informing",
     "parameter_names",
     "parse_cause",
-    "plan_experiments",
     "random_paths",
     "read_diagnosis",
-    "read_path",
     "require_predictable",
     "shrinking",
     "tied_causes",

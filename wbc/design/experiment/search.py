@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.aims import Aim, deciding, slopes_are_exact
+from wbc.design.experiment.aims import Aim, deciding, informing, slopes_are_exact
 from wbc.design.experiment.climb import climbed_path
 from wbc.design.experiment.motions import ROOM, SEARCH_RATE, FourierPath, MotionLimits, Site
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
+from wbc.progress import Watch
 
+RANDOM, CLASSIC, DESIGNED = "random, median", "D-optimal", "designed"
+_RANDOM = 21  # random motions of which the median one is shown
 HARMONICS = 5  # of the first one: Swevers' choice for robot identification
 _BASES = (0.1, 0.2, 0.4)  # [Hz] first harmonics; with five, up to 2 Hz
 _DRAWN = 40  # random motions, of which the best are improved
@@ -86,7 +90,7 @@ def design_experiment(
     seed: int = 0,
     aim: Aim = deciding,
     starts: Sequence[FourierPath] = (),
-    watch: Callable[[int, int], None] | None = None,
+    watch: Watch | None = None,
 ) -> Designed:
     """Return the best motion found for an aim; the same for the same seed.
 
@@ -148,6 +152,49 @@ def design_experiment(
     if rounds:
         path = _higher(site, path, aim, pairs, rate, rounds)
     return expected(rivals, limits, path, rate)
+
+
+def compare_motions(
+    rivals: Rivals,
+    limits: MotionLimits,
+    duration: float,
+    *,
+    rate: float = 100.0,
+    rounds: int = 300,
+    seed: int = 0,
+    watch: Watch | None = None,
+) -> dict[str, Designed]:
+    """Return the designed motion beside the median of random ones and a D-optimal one.
+
+    The D-optimal one is found by changes at random alone, as in the field, and the designed one
+    starts from it too.
+
+    Args:
+        rivals, limits, duration, rate, rounds, seed, watch: as in `design_experiment`.
+    """
+    drawn = random_paths(rivals, limits, duration, seed + 1, _RANDOM)
+    chance = sorted((expected(rivals, limits, path, rate) for path in drawn), key=_said)
+    plan = partial(
+        design_experiment,
+        rivals,
+        limits,
+        duration,
+        rate=rate,
+        rounds=rounds,
+        seed=seed,
+        watch=watch,
+    )
+    classic = plan(aim=replace(informing, climbed=None))
+    return {
+        RANDOM: chance[_RANDOM // 2],
+        CLASSIC: classic,
+        DESIGNED: plan(starts=[classic.path]),
+    }
+
+
+def _said(one: Designed) -> float:
+    """Return by what random motions are put in order: the least odds, or narrow intervals."""
+    return one.worst if one.odds else -one.width
 
 
 def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import csv
-import hashlib
-import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,29 +19,10 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, load_logs
-from wbc.results import Column, ResultTable, fill_table
 from wbc.robot import Robot
-from wbc.robot.fingerprint import fingerprint
 
 Quantity = tuple[str, str, str]
 """(effect, place, parameter); the effect is empty for the error of an output."""
-_TEXT = Column(kind="text")
-_NUMBER = Column("see the column unit")
-
-SESSION_COLUMNS = {
-    "machine": _TEXT,
-    "date": _TEXT,
-    "effect": _TEXT,
-    "where": _TEXT,
-    "parameter": _TEXT,
-    "value": _NUMBER,
-    "low": _NUMBER,
-    "high": _NUMBER,
-    "unit": _TEXT,
-    "failure": _TEXT,
-    "warnings": _TEXT,
-}
-"""A row per session and quantity; a session that failed has one row, with the reason."""
 
 
 @dataclass(frozen=True)
@@ -241,94 +218,3 @@ def _listed(row: dict[str, str], place: Path, line: int) -> Run:
             "2026-03-01T14:30."
         ) from cause
     return Run(str(place.parent / row["log"].strip()), row["machine"].strip(), date)
-
-
-def in_table(
-    path: Path,
-    name: str,
-    work: Callable[[Session], dict[str, Any]],
-    sessions: Sequence[Session],
-    columns: Mapping[str, Column],
-    settings: Mapping[str, Any],
-    **how: Any,
-) -> Path:
-    """Work on every session, and return the path of the table of the results, see `fill_table`.
-
-    The column map and the logs count by path, size and time of the last change, not by content:
-    reading all logs of a fleet would take as long as the work.
-
-    Args:
-        path: of the table.
-        name: of the work.
-        work: returns the rows of a session; what a worker runs.
-        sessions: one or more.
-        columns: of the table.
-        settings: on which the results depend beside robot and column map.
-        **how: workers, cluster and watch.
-    """
-    first = sessions[0]
-    key = {
-        "work": name,
-        "robot": fingerprint(load_robot(first.robot)),
-        "lossless": first.lossless,
-        "columns": _stamp(first.columns) if first.columns else None,
-        "version": version("wbc"),
-        **settings,
-    }
-    parts = tuple(
-        f"{_digest([s.machine, s.date])}-{_digest([_stamp(path) for path in s.paths])}"
-        for s in sessions
-    )
-    table = ResultTable(path, key, columns, len(sessions), parts)
-    return fill_table(table, work, sessions, **how)
-
-
-def _digest(what: Sequence[Any]) -> str:
-    return hashlib.sha256(json.dumps(what).encode("utf-8")).hexdigest()[:24]
-
-
-def _stamp(path: str) -> list[str | int]:
-    file = Path(path.partition("#")[0])
-    try:
-        found = file.stat()
-    except OSError:
-        return [path]
-    return [path, found.st_size, found.st_mtime_ns]
-
-
-def measured_rows(session: Session) -> dict[str, Any]:
-    """Return the rows of one session; what a worker runs."""
-    result = measure_session(session)
-    nothing = {("", "", ""): Estimate(np.nan, "1", np.nan, np.nan)}
-    found = result.values or nothing
-    columns = dict(zip(("effect", "where", "parameter"), zip(*found, strict=True), strict=True))
-    for name in ("value", "low", "high", "unit"):
-        columns[name] = tuple(getattr(estimate, name) for estimate in found.values())
-    shared = {"machine": result.machine, "date": result.date, "failure": result.failure}
-    shared["warnings"] = "\n".join(result.warnings)
-    return columns | {name: (text,) * len(found) for name, text in shared.items()}
-
-
-def stored_sessions(columns: Mapping[str, Any], sessions: Sequence[Session]) -> list[SessionResult]:
-    """Return the sessions of a table."""
-    values: list[dict[Quantity, Estimate]] = [{} for _ in sessions]
-    failures, warnings = [""] * len(sessions), [""] * len(sessions)
-    numbers = {(s.machine, s.date): number for number, s in enumerate(sessions)}
-    for row, session in enumerate(zip(columns["machine"], columns["date"], strict=True)):
-        number = numbers[session]
-        failures[number] = columns["failure"][row]
-        warnings[number] = columns["warnings"][row]
-        if failures[number]:
-            continue
-        effect, where, parameter = (columns[name][row] for name in ("effect", "where", "parameter"))
-        value, low, high = (float(columns[name][row]) for name in ("value", "low", "high"))
-        values[number][effect, where, parameter] = Estimate(value, columns["unit"][row], low, high)
-    return [
-        SessionResult(s.machine, s.date, s.paths, values[k], failures[k], lines_of(warnings[k]))
-        for k, s in enumerate(sessions)
-    ]
-
-
-def lines_of(text: str) -> tuple[str, ...]:
-    """Return the texts that a cell of a table holds."""
-    return tuple(text.split("\n")) if text else ()

@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,17 +24,14 @@ from wbc.identification.answer.diagnosis import Estimate
 from wbc.identification.answer.shown import data_frame
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.trend.sessions import (
-    SESSION_COLUMNS,
     Quantity,
     Run,
     SessionResult,
-    in_table,
-    measured_rows,
+    measure_session,
     sessions_of,
-    stored_sessions,
 )
+from wbc.parallel import run_jobs
 from wbc.progress import Watch
-from wbc.results import read_results
 from wbc.robot.effect import spoken
 
 WRONG = 0.05
@@ -259,9 +254,7 @@ def follow(
     columns: str | None = None,
     lossless: bool = False,
     workers: int = 1,
-    cluster: str | None = None,
     watch: Watch | None = None,
-    out: str | Path | None = None,
 ) -> Trend:
     """Measure every session of every machine, and return what changes over time.
 
@@ -274,22 +267,18 @@ def follow(
         columns: path of a column map.
         lossless: start from perfect gears.
         workers: processes; -1 takes all cores.
-        cluster: address of a Dask scheduler instead.
         watch: called with the sessions done and their total.
-        out: Parquet file for a row per session and quantity. Sessions that it holds already, or
-            that a killed run left beside it, are not measured again; new ones are added.
 
     Raises:
         IdentificationError: no run, or no session that can be measured.
-        ResultsError: the file holds sessions that are not given, or those of another robot.
-        ParallelError: workers is 0, or no cluster at the address.
+        ParallelError: workers is 0.
     """
     sessions = sessions_of(robot, runs, columns, lossless)
-    with TemporaryDirectory() as folder:
-        path = Path(out) if out else Path(folder) / "sessions.parquet"
-        how: dict[str, Any] = {"workers": workers, "cluster": cluster, "watch": watch}
-        in_table(path, "trend", measured_rows, sessions, SESSION_COLUMNS, {}, **how)
-        results = stored_sessions(read_results(path), sessions)
+    results: list[SessionResult] = []
+    for result in run_jobs(measure_session, sessions, workers):
+        results.append(result)
+        if watch:
+            watch(len(results), len(sessions))
     if all(result.failure for result in results):
         raise IdentificationError(f"no session can be measured; the first: {results[0].failure}")
     drifts, scatter = _drifts(results)

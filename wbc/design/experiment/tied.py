@@ -1,0 +1,162 @@
+"""The rivals of a saved diagnosis: what it found, and what explains its logs as well."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.design.experiment.readable import BAND
+from wbc.design.experiment.rivals import Cause, Rivals, require_predictable, typical_values
+from wbc.effects import effect_class
+from wbc.errors import DesignError
+from wbc.files import take_schema
+from wbc.robot import Effect, Robot
+
+_MOST = 4  # causes: pairs grow with the square, and less likely rivals matter less
+
+
+def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Cause, ...]:
+    """Return what a diagnosis found, and the rivals that explain its logs as well.
+
+    Each with all its effects and the parameters that were fitted to the logs. Where nothing ties,
+    the rival that came closest. Rivals whose torque no planned motion tells are left out.
+
+    Args:
+        found: what `wbc diagnose --json` wrote, or the path of its file.
+        robot: the robot that was diagnosed.
+
+    Raises:
+        DesignError: a file that cannot be read or holds no diagnosis, one that found nothing, or
+            no rival that a planned motion could tell from what was found.
+        EffectError: an effect or place that this robot does not have.
+    """
+    table = found if isinstance(found, Mapping) else read_diagnosis(found)
+    own = tuple(_effect(e, robot) for e in _list(table, "effects"))
+    if not own:
+        raise DesignError(
+            f"the diagnosis is '{table.get('verdict')}' and names no effect; there is nothing to "
+            "tell apart. Name causes with --between EFFECT@PLACE EFFECT@PLACE."
+        )
+    rivals = _ranked(table, robot) or _named(table, own, robot)
+    causes, refused = [own], ""
+    for rival in rivals:
+        try:
+            for effect in rival:
+                require_predictable(effect, robot)
+        except DesignError as reason:
+            refused = f" ({reason})"
+            continue
+        if {e.key for e in rival} not in [{e.key for e in cause} for cause in causes]:
+            causes.append(rival)
+    for effect in own:
+        require_predictable(effect, robot)
+    if len(causes) < 2:
+        raise DesignError(
+            f"the diagnosis holds no rival of what it found{refused}. Name causes with --between "
+            "EFFECT@PLACE EFFECT@PLACE."
+        )
+    return tuple(causes[:_MOST])
+
+
+def tied_rivals(
+    found: Mapping[str, Any] | str | Path,
+    robot: Robot,
+    noise: FloatArray,
+    band: float | None = None,
+) -> Rivals:
+    """Return the `tied_causes` of a diagnosis with what its logs leave open of their values.
+
+    Args:
+        found: what `wbc diagnose --json` wrote, or the path of its file.
+        robot: the robot that was diagnosed.
+        noise: (m,) standard deviation of the measured rotor torque [N m].
+        band: [Hz] that the diagnosis of the log will keep of torques; that of `found` when left
+            out, or `BAND` where it does not say.
+
+    Raises:
+        DesignError: as `tied_causes`, and covariances that do not fit their causes.
+        EffectError: an effect or place that this robot does not have.
+    """
+    table = found if isinstance(found, Mapping) else read_diagnosis(found)
+    causes = tied_causes(table, robot)
+    covariances = tuple(_covariance(table, cause) for cause in causes)
+    if band is None:
+        band = float(table.get("band") or BAND)
+    return Rivals(robot, causes, noise, band, covariances)
+
+
+def _covariance(table: Mapping[str, Any], cause: Cause) -> FloatArray | None:
+    """Return the covariance that the ranking holds of a cause, None where it holds none."""
+    keys = [effect.key for effect in cause]
+    for row in table.get("ranking", []):
+        listed = [(e["effect"], e["where"]) for e in row.get("effects", [])]
+        if listed == keys and row.get("covariance") is not None:
+            return np.array(row["covariance"], dtype=np.float64)
+    return None
+
+
+def _ranked(table: Mapping[str, Any], robot: Robot) -> list[Cause]:
+    """Return the rivals of the ranking: those that tie, else the closest one."""
+    rows = [row for row in table.get("ranking", []) if row.get("effects") and row["added"]]
+    instead = [row for row in rows if row["removed"]]
+    tied = [row for row in instead if row["standing"] in ("better", "not distinguishable")]
+    chosen = tied or instead[:1] or rows[:1]
+    return [tuple(_effect(e, robot) for e in row["effects"]) for row in chosen]
+
+
+def _named(table: Mapping[str, Any], own: Cause, robot: Robot) -> list[Cause]:
+    """Return what was found with one effect replaced by an alternative of typical size."""
+    rivals = []
+    for k, entry in enumerate(_list(table, "effects")):
+        for other in entry.get("alternatives", []):
+            values = dict(effect_class(other["effect"]).null_values(robot, other["where"]))
+            instead = _effect(
+                {**other, "parameters": typical_values(other["effect"], values)}, robot
+            )
+            rivals.append((*own[:k], instead, *own[k + 1 :]))
+    return rivals
+
+
+def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
+    try:
+        name, where = entry["effect"], entry["where"]
+        values = {
+            key: float(number["value"] if isinstance(number, Mapping) else number)
+            for key, number in entry["parameters"].items()
+        }
+    except (KeyError, TypeError, ValueError) as cause:
+        raise DesignError(f"--between: an effect of the diagnosis lacks {cause}.") from cause
+    effect = effect_class(name).at(where[0] if isinstance(where, list) else where, values)
+    effect.check_place(robot)
+    return effect
+
+
+def _list(table: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
+    entries = table.get(key)
+    if not isinstance(entries, list):
+        raise DesignError(
+            "--between: this JSON is no diagnosis; give what `wbc diagnose --json FILE` wrote."
+        )
+    return entries
+
+
+def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
+    """Return what `wbc diagnose --json` wrote.
+
+    Raises:
+        DesignError: a file that cannot be read, is no table, or was written by a newer wbc.
+    """
+    try:
+        table = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as cause:
+        raise DesignError(f"--between '{path}' cannot be read as JSON: {cause}.") from cause
+    if not isinstance(table, dict):
+        raise DesignError(f"--between '{path}' is no diagnosis.")
+    if reason := take_schema(table):
+        raise DesignError(f"--between '{path}': {reason}.")
+    return table
