@@ -350,3 +350,21 @@ def test_three_wrists_in_a_wrong_order_are_put_back() -> None:
     back = mended(wrong[0], together(finding.mend for finding in found))
     for name, values in logs[0].columns.items():
         np.testing.assert_array_equal(back.column(name), values)
+
+
+@pytest.mark.parametrize("joint", ["arm_1_joint", "arm_3_joint"])
+def test_a_joint_that_friction_moves_hides_no_mistake_of_another(joint: str) -> None:
+    """TIAGo's first joint reports a hundred times its need: what it strays decided for all.
+
+    A reversed position was called a reversed current, or a torque that follows nothing.
+    """
+    robot, (log,) = recorded("tiago")
+    columns = {
+        n: {"sign": -1} for n in log.names if n in (f"{joint}.position", f"{joint}.velocity")
+    }
+    ((finding,),) = find_suspicions([mended(log, {"columns": columns})], robot)
+    assert f"the sign of {joint}.position is reversed" in finding.text
+    if finding.severity == "error":
+        assert set(finding.mend["columns"]) == set(columns)
+    else:
+        assert f"the sign of {joint}.current is reversed" in finding.text
