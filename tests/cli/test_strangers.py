@@ -18,6 +18,7 @@ from tests.outside import outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.measurement import load_logs
+from wbc.measurement.guess import guess_names
 
 Told = Callable[..., tuple[int, str]]
 
@@ -381,7 +382,32 @@ def of_a_topic(folder: Path) -> list[str]:
     )
 
 
+def with_a_row_for_each_motor(folder: Path) -> list[str]:
+    """As buses are read: the motors of a stamp one after another, named by a column."""
+    return written(
+        folder,
+        ["Time(ms)", "ID", "Position (rad)", "Torque (Nm)"],
+        lambda t, q, dq, tau: [
+            "\n".join(f"{1e3 * t:.0f},{k + 1},{q[k]:.9g},{tau[k]:.9g}" for k in range(3))
+        ],
+    )
+
+
+def with_lines_about_the_file(folder: Path) -> list[str]:
+    """A trace of a cabinet: lines without columns, a blank line, decimal commas between tabs."""
+    kinds = ("AxisAct.A{} [deg]", "MotTorque.A{} [Nm]")
+    return written(
+        folder,
+        ["Zeit [s]", *(kind.format(k) for kind in kinds for k in (1, 2, 3))],
+        lambda t, q, dq, tau: [cell.replace(".", ",") for cell in cells(t, np.degrees(q), tau)],
+        mark="\t",
+        above="Robot Trace;C4\nDate;2024-03-01\n\n",
+    )
+
+
 KINDS = [
+    with_a_row_for_each_motor,
+    with_lines_about_the_file,
     of_a_bag,
     of_a_vendor,
     with_dates,
@@ -393,7 +419,7 @@ KINDS = [
 
 
 @pytest.mark.parametrize("write", KINDS)
-def test_files_of_seven_kinds_become_the_same_logs(
+def test_files_of_nine_kinds_become_the_same_logs(
     write: Callable[[Path], list[str]], told: Told, tmp_path: Path
 ) -> None:
     runs = write(tmp_path)
@@ -620,3 +646,34 @@ def test_vectors_whose_name_says_nothing_are_asked_about_with_lines_that_work(
     assert told("init", model, *runs, "--out", tmp_path / "out", *known)[0] == 0
     read = ["--robot", tmp_path / "out/robot.toml", "--columns", tmp_path / "out/columns.toml"]
     assert told("check", *runs, *read)[0] == 0
+
+
+def test_messages_echoed_without_a_header_are_rows(told: Told, tmp_path: Path) -> None:
+    """Names among the numbers made a header of the first message, and numbers of it a series."""
+
+    def echoed(t: float, q: np.ndarray, dq: np.ndarray, tau: np.ndarray) -> list[str]:
+        return [f"{1700000001 + int(t)}", f"{round(1e9 * (t % 1.0))}", *ARM, *cells(q, tau)]
+
+    runs = written(tmp_path, [], echoed)
+    for run in map(Path, runs):
+        run.write_text(run.read_text().lstrip("\n"))
+    code, said = told("check", *runs, "--robot", stranger("14_missing_knee_ratio") / "robot.toml")
+    assert code == 2
+    assert "has no header line" in said
+    names = ["sec", "nanosec", "a", "b", "c"]
+    names += [f"{joint}.{q}" for q in ("position", "motor_torque") for joint in ARM]
+    (tmp_path / "known.toml").write_text(f"rows.header = {names}\ntime.from = 'sec'")
+    (log, *_) = load_logs(runs, tmp_path / "known.toml")
+    assert log.sample_time == pytest.approx(0.01)
+
+
+def test_numbers_that_differ_tell_the_joints_and_those_that_do_not_are_names(
+    tmp_path: Path,
+) -> None:
+    """Positions and currents of a board with three axes are called after two units of it."""
+    kinds = ("encoder.pos_estimate", "motor.current_control.Iq_measured")
+    names = [f"odrv0.axis{k}.{kind}" for k in range(3) for kind in kinds]
+    path = written(tmp_path, ["t_ms", *names], lambda t, q, dq, tau: cells(1e3 * t, q, tau))[0]
+    guess = guess_names(path, ARM)
+    assert guess.driven == ARM
+    assert guess.table["columns"]["elbow.current"]["from"] == names[-1]

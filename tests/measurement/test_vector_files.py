@@ -1,8 +1,7 @@
-"""Files that hold several joints in one array: NPZ with two axes, LeRobot datasets."""
+"""Files that hold several joints in one array: NPZ with two axes, lists in Parquet."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -49,66 +48,25 @@ def test_init_reads_a_strangers_npz(tmp_path: Path) -> None:
     assert log.with_quantity("motor_torque") == ("pan", "lift")
 
 
-def dataset(folder: Path, names: object) -> np.ndarray:
-    """Two episodes of an arm with two joints, as version 2.1 and 3.0 of the format store them."""
-    state = np.degrees(np.stack([np.sin(TIME), 0.5 * np.cos(2.0 * TIME)], axis=1))
-    vector = pa.list_(pa.float32(), 2)
-    for episode in range(2):
-        path = folder / "data" / "chunk-000" / f"episode_{episode:06}.parquet"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        columns = {
-            "action": pa.array(list(1.01 * state), vector),
-            "observation.state": pa.array(list(state), vector),
-            "timestamp": pa.array(TIME, pa.float32()),
-            "episode_index": np.full(TIME.size, episode),
-        }
-        pq.write_table(pa.table(columns), path)
-    feature = {"dtype": "float32", "shape": [2], "names": names}
-    info = {"fps": 30, "features": {"action": feature, "observation.state": feature}}
-    (folder / "meta").mkdir(exist_ok=True)
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
-    return state
-
-
-@pytest.mark.parametrize(
-    "names", [["pan.pos", "lift.pos"], {"motors": ["pan", "lift"]}, ["pan", "lift"]]
-)
-def test_a_lerobot_dataset_is_its_episodes(names: object, tmp_path: Path) -> None:
-    state = dataset(tmp_path / "set", names)
-    table = tmp_path / "map.toml"
-    joints = "\n".join(
-        f'"{joint}.{what}" = {{unit = "deg"}}'
-        for joint in ("pan", "lift")
-        for what in ("position", "target_position")
-    )
-    table.write_text(f'[rows]\nsplit = "episode_index"\n[columns]\n{joints}\n')
-    logs = load_logs([tmp_path / "set"], table)
-    assert [log.source.part for log in logs] == ["0", "1"]
-    np.testing.assert_allclose(
-        logs[1].stack("position", ["pan", "lift"]), np.radians(state), atol=1e-6
-    )
-    np.testing.assert_allclose(
-        logs[0].column("lift.target_position"), np.radians(1.01 * state[:, 1]), atol=1e-6
-    )
-    assert len(logs[0].source.sha256) == 64
-
-
-def test_init_guesses_the_episodes_of_a_dataset(tmp_path: Path) -> None:
-    dataset(tmp_path / "set", ["pan.pos", "lift.pos"])
+def test_the_files_of_a_lerobot_dataset_are_read_as_its_vectors(tmp_path: Path) -> None:
+    """Two episodes in one file, whose clock starts again; no map is needed."""
     (tmp_path / "arm.xml").write_text(MODEL)
-    files = [str(tmp_path / "arm.xml"), str(tmp_path / "set")]
-    assert main(["init", *files, "--out", str(tmp_path / "out")]) == 0
-    assert "episode_index" in (tmp_path / "out" / "columns.toml").read_text()
+    state = np.stack([np.sin(TIME), 0.5 * np.cos(2.0 * TIME)], axis=1)
+    vectors = {"observation.state": state, "action": 1.01 * state}
+    columns = {
+        name: pa.array(list(np.tile(values, (2, 1))), pa.list_(pa.float64(), 2))
+        for name, values in vectors.items()
+    }
+    path = tmp_path / "episodes.parquet"
+    pq.write_table(pa.table({**columns, "timestamp": np.tile(TIME, 2)}), path)
+    assert main(["init", str(tmp_path / "arm.xml"), str(path), "--out", str(tmp_path / "out")]) == 0
+    logs = load_logs([path], tmp_path / "out" / "columns.toml")
+    assert len(logs) == 2
+    joints = ["pan", "lift"]
+    np.testing.assert_array_equal(logs[1].stack("position", joints), state)
+    np.testing.assert_array_equal(logs[0].stack("target_position", joints), 1.01 * state)
 
 
-def test_a_damaged_dataset_is_told(tmp_path: Path) -> None:
-    folder = tmp_path / "set"
-    folder.mkdir()
+def test_a_folder_without_a_recording_is_told(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="no rosbag2 recording"):
-        load_logs([folder])
-    dataset(folder, None)
-    with pytest.raises(LogError, match=r"'observation.state' with a name for every part"):
-        load_logs([folder])
-    (folder / "meta" / "info.json").write_text("{}")
-    with pytest.raises(LogError, match=r"info.json': KeyError\('features'\)"):
-        load_logs([folder])
+        load_logs([tmp_path])

@@ -112,7 +112,7 @@ def _in_ranges(texts: Sequence[str]) -> str:
         sorted(dict.fromkeys(each), key=float)
         for each in zip(*(p[1::2] for p in parts), strict=True)
     ]
-    numbers = [each[0] if len(each) == 1 else f"{each[0]} to {each[-1]}" for each in ranges]
+    numbers = [each[0] if len(each) == 1 else f"{each[0]}…{each[-1]}" for each in ranges]
     return "".join(sum(zip(parts[0][::2], [*numbers, ""], strict=True), ()))
 
 
@@ -167,7 +167,8 @@ def run_init(options: argparse.Namespace, console: Console) -> Outcome:
         )
     console.print(f"wrote {path}")
     for finding in not_found(robot, options.logs, guess.table):
-        console.print(Spoken(f"not found: {finding.text} {finding.way_out}"))
+        place = f"{finding.column}: " if finding.column else ""
+        console.print(Spoken(f"not found: {place}{finding.text} {finding.way_out}"))
     check = ["wbc", "check", *options.logs, "--robot", str(name), "--columns", str(path)]
     say(f"next: {shlex.join(check)}")
     return 0, {}

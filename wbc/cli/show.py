@@ -20,7 +20,7 @@ from wbc.cli.outputs import Outcome, working
 from wbc.effects import load_robot
 from wbc.errors import ViewError
 from wbc.files import write_text
-from wbc.measurement import Log
+from wbc.measurement import Log, parse_column_map
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.filters import jumps
@@ -52,11 +52,11 @@ _GROUND_WIDTH = 2.0
 
 def run_look(options: argparse.Namespace, console: Console) -> Outcome:
     """Draw the columns of files, and write the page."""
-    rows = read_table(options.columns).get("rows", {})
+    rows = parse_column_map({"rows": read_table(options.columns).get("rows", {})}).rows
     parts = []
     for path in options.logs:
         file, _ = split_path(path)
-        parts.append(_file(open_table(file, rows.get("topic", ""), rows.get("header", ()))))
+        parts.append(_file(open_table(file, rows)))
     page = (
         f"<!doctype html><meta charset='utf-8'><title>wbc look</title><style>{_STYLE}</style>"
         f"<p>{_LEGEND}</p>{''.join(parts)}"

@@ -7,7 +7,6 @@ from wbc.measurement.column_map import (
     parse_column_map,
     read_column_map,
 )
-from wbc.measurement.column_mistakes import require_plausible_units
 from wbc.measurement.filters import (
     WINDOW_SAMPLES,
     align_velocity,
@@ -23,10 +22,8 @@ from wbc.measurement.findings import (
     LogFinding,
     LogQuality,
     SuspiciousLogError,
-    in_degrees,
     merged,
     read_table,
-    say_so,
     together,
     write_map,
 )
@@ -67,7 +64,6 @@ __all__ = [
     "find_repeats",
     "find_suspicions",
     "fit_velocity",
-    "in_degrees",
     "joint_position",
     "load_log",
     "load_logs",
@@ -85,11 +81,9 @@ __all__ = [
     "refusal",
     "reports_current",
     "reports_torque",
-    "require_plausible_units",
     "residual_noise",
     "rotor_torques",
     "save_log",
-    "say_so",
     "suspicions",
     "together",
     "unsmooth",

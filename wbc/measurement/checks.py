@@ -85,7 +85,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     said |= {name for f in suspected for name in f.likeliest.get("columns", {})}
     velocities = check_velocities(log, fits) if "time_unit" not in kinds else []
     certain = any(finding.severity == "error" for finding in suspected)
-    ranges = check_ranges(log, robot) if "gear_side" not in kinds else []
+    ranges = [] if kinds & {"gear_side", "counts"} else check_ranges(log, robot)
     lacks = check_robot(log, robot) if robot is not None else []
     findings = [
         *suspected,

@@ -39,18 +39,18 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import translate
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.findings import ENCODER_RATES, RULE_KEYS, column_entries, read_table
+from wbc.measurement.findings import ENCODER_RATES, column_entries, read_table
 from wbc.measurement.schema import (
     TIME,
     column_units,
@@ -59,10 +59,7 @@ from wbc.measurement.schema import (
     unit_factor,
 )
 
-ROW_KEYS = ("split", "where", "between", "topic", "header")
-TIME_KEYS = ("from", "rate", "unit", "offset", "repeated", "align_velocity")
-_REPEATED = ("error", "first", "spread")
-_MISSING = ("when_needed", "error", "omit", "drop_rows", "bridge")
+_MISSING = ("when_needed", "drop_rows", "bridge")
 SECTIONS = ("rows", "time", "columns", "trusted")
 _SIDES = ("rotor", "motor", "joint")
 _AFTER = (*ENCODER_RATES, "goal_position")
@@ -89,9 +86,8 @@ class ColumnRule:
         sign_bit: number of the bit that is the sign of the sources' counts; 0 for none.
         lag: by how much the channel is late [s].
         empty: number of the sources that stands for no measurement; None for none.
-        missing: what to do with NaN: leave the channel out and refuse it `when_needed`, refuse the
-            file (`error`), `omit` the channel if it is NaN throughout, `drop_rows`, or `bridge`
-            them by straight lines.
+        missing: what to do with NaN: leave the channel out and refuse it `when_needed`,
+            `drop_rows`, or `bridge` them by straight lines.
         optional: whether the file may lack the sources (the channel is then left out).
         implied: whether the map named no source, so that the file's own column of the target's
             name is meant.
@@ -159,58 +155,57 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         if target.partition(".")[0] in SECTIONS:
             hint = " Lines of other sections stand above the first [heading]."
         raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
-    table = _section({"from": entry} if isinstance(entry, str) else entry, RULE_KEYS, place)
-    sources = _names(table.get("from", target), f"{place}.from")
-    factor = _number(table, "scale", 1.0, place) * _number(table, "sign", 1.0, place)
+    entry = {"from": entry} if isinstance(entry, str) else entry
+    said = _section(entry, _RULE, place)
+    sources = said.pop("from", (target,))
+    factor = said.pop("scale", 1.0) * said.pop("sign", 1.0)
     if factor == 0.0:
         raise LogError(f"{place}: scale and sign must not be 0.")
-    if "unit" in table:
-        factor *= unit_factor(str(table["unit"]), units, f"{place}.unit")
-    weights = _per_source(table, "weights", 1.0, len(sources), place)
+    if "unit" in said:
+        factor *= unit_factor(said.pop("unit"), units, f"{place}.unit")
+    weights = _per_source(said.pop("weights", 1.0), len(sources), f"{place}.weights")
+    side, gear_ratio = said.pop("side", ""), said.pop("gear_ratio", None)
     sides = np.ones(len(sources))
-    if "side" in table:
-        given = ratios.get(parts[0])
-        gears = _per_source(table, "gear_ratio", given, len(sources), place)
-        sides = np.array([_side_factor(str(table["side"]), parts[1], N, place) for N in gears])
-    elif "gear_ratio" in table:
+    if side:
+        given = ratios.get(parts[0]) if gear_ratio is None else gear_ratio
+        gears = _per_source(given, len(sources), f"{place}.gear_ratio")
+        sides = np.array([_side_factor(side, parts[1], N, place) for N in gears])
+    elif gear_ratio is not None:
         raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
-    return ColumnRule(
-        target=target,
-        sources=sources,
-        factors=tuple(float(f) for f in factor * np.asarray(weights) * sides),
-        offset=_number(table, "offset", 0.0, place),
-        unwrap=_number(table, "unwrap", 0.0, place),
-        sign_bit=int(_number(table, "sign_bit", 0.0, place)),
-        lag=_number(table, "lag", 0.0, place),
-        empty=_number(table, "empty", 0.0, place) if "empty" in table else None,
-        missing=_choice(table, "missing", _MISSING, place),
-        optional=bool(table.get("optional", False)),
-        implied="from" not in table,
-    )
+    factors = tuple(float(f) for f in factor * np.asarray(weights) * sides)
+    return ColumnRule(target, sources, factors, implied="from" not in entry, **said)
 
 
-def _section(table: Any, keys: Sequence[str], place: str, example: str = "") -> Mapping[str, Any]:
-    """Return a table after checking that it is one and that its keys are known."""
+Read: TypeAlias = Callable[[Any, str], Any]
+"""Value of a key and its place in the map -> the value, checked."""
+
+
+def _section(table: Any, keys: Mapping[str, Read], place: str, example: str = "") -> dict[str, Any]:
+    """Return the values of a table after checking that its keys are known and fit."""
     if not isinstance(table, Mapping):
         raise LogError(f"{place}: a table is expected, such as {example}.")
     for key in table:
         if key not in keys:
             raise LogError(f"{place}: " + unknown_name("key", key, keys))
-    return table
+    return {key: keys[key](value, f"{place}.{key}") for key, value in table.items()}
 
 
-def _choice(table: Mapping[str, Any], key: str, choices: Sequence[str], place: str) -> str:
-    """Return one of some words, the first where the table does not say."""
-    word = str(table.get(key, choices[0]))
-    if word not in choices:
-        raise LogError(f"{place}.{key}: " + unknown_name("choice", word, choices))
+def _text(value: Any, _: str) -> str:
+    return str(value)
+
+
+def _one_of(*words: str) -> Read:
+    def word(value: Any, place: str) -> str:
+        if value not in words:
+            raise LogError(f"{place}: " + unknown_name("choice", str(value), words))
+        return str(value)
+
     return word
 
 
-def _flag(table: Mapping[str, Any], key: str, place: str) -> bool:
-    value = table.get(key, False)
+def _flag(value: Any, place: str) -> bool:
     if not isinstance(value, bool):
-        raise LogError(f"{place}{key}: true or false expected, got {value!r}.")
+        raise LogError(f"{place}: true or false expected, got {value!r}.")
     return value
 
 
@@ -221,28 +216,59 @@ def _names(value: Any, place: str) -> tuple[str, ...]:
     return tuple(str(name) for name in names)
 
 
-def _number(table: Mapping[str, Any], key: str, default: float, place: str) -> float:
-    value = table.get(key, default)
+def _number(value: Any, place: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise LogError(f"{place}.{key}: {value!r} is not a finite number.")
+        raise LogError(f"{place}: {value!r} is not a finite number.")
     return float(value)
 
 
-def _per_source(
-    table: Mapping[str, Any], key: str, default: float | None, count: int, place: str
-) -> list[float]:
-    value = table.get(key, default)
+def _integer(value: Any, place: str) -> int:
+    return int(_number(value, place))
+
+
+def _numbers(value: Any, place: str) -> Any:
+    return [_number(v, place) for v in value] if isinstance(value, list) else _number(value, place)
+
+
+def _patterns(value: Any, place: str) -> dict[str, str]:
+    if not isinstance(value, Mapping):
+        raise LogError(f"{place}: a table of column = pattern is expected.")
+    return {str(column): str(pattern) for column, pattern in value.items()}
+
+
+def _span(value: Any, place: str) -> tuple[float, float]:
+    numbers = isinstance(value, list) and all(isinstance(b, int | float) for b in value)
+    if not numbers or len(value) != 2 or not value[0] < value[1]:
+        raise LogError(f"{place}: [first, last] in seconds is expected, got {value!r}.")
+    return float(value[0]), float(value[1])
+
+
+_RULE: Mapping[str, Read] = {
+    **{"from": _names, "weights": _numbers, "side": _one_of(*_SIDES), "gear_ratio": _numbers},
+    **dict.fromkeys(("scale", "sign", "offset", "unwrap", "lag", "empty"), _number),
+    **{"unit": _text, "sign_bit": _integer, "missing": _one_of(*_MISSING), "optional": _flag},
+}
+_TIME: Mapping[str, Read] = {
+    **{"from": _text, "unit": _text, "rate": _number, "offset": _number},
+    **{"repeated": _one_of("error", "first", "spread"), "align_velocity": _flag},
+}
+_ROWS: Mapping[str, Read] = {
+    **{"split": _text, "where": _patterns, "between": _span, "topic": _text, "header": _names},
+}
+
+
+def _per_source(value: Any, count: int, place: str) -> list[float]:
+    """Return a number for each of some columns; one number is that of all."""
     if value is None:
         raise LogError(
             f"{place}: side needs the gear ratio; add gear_ratio = N, or load with the robot whose "
             "gears are meant."
         )
-    values = value if isinstance(value, list) else [value] * count
-    if len(values) != count:
-        raise LogError(f"{place}.{key}: {len(values)} numbers for {count} foreign columns.")
-    numbers = [_number({key: v}, key, 0.0, place) for v in values]
-    if key == "gear_ratio" and 0.0 in numbers:
-        raise LogError(f"{place}.gear_ratio: a ratio of 0 is no gear.")
+    numbers = value if isinstance(value, list) else [value] * count
+    if len(numbers) != count:
+        raise LogError(f"{place}: {len(numbers)} numbers for {count} foreign columns.")
+    if place.endswith("gear_ratio") and 0.0 in numbers:
+        raise LogError(f"{place}: a ratio of 0 is no gear.")
     return numbers
 
 
@@ -253,10 +279,8 @@ def _side_factor(side: str, quantity: str, gear_ratio: float, place: str) -> flo
     columns of all of them with `weights`.
 
     Raises:
-        LogError: an unknown side, or a quantity for which a side means nothing.
+        LogError: a quantity for which a side means nothing.
     """
-    if side not in _SIDES:
-        raise LogError(f"{place}.side: " + unknown_name("side", side, _SIDES))
     if quantity not in _POWERS:
         raise LogError(
             f"{place}.side: a {quantity} has no side of the gear; leave the key out (use scale for "
@@ -294,18 +318,11 @@ def parse_time(table: Any, place: str) -> TimeRule:
     Raises:
         LogError: a key, unit or number that does not fit.
     """
-    table = _section(table, TIME_KEYS, place, 'time.from = "t"')
-    rate = _number(table, "rate", 0.0, place)
-    if "rate" in table and ("from" in table or rate <= 0.0):
+    said = _section(table, _TIME, place, 'time.from = "t"')
+    if "rate" in said and ("from" in said or said["rate"] <= 0.0):
         raise LogError(f"{place}: give either from, or a rate above 0 [Hz].")
-    return TimeRule(
-        source="" if "rate" in table else str(table.get("from", TIME)),
-        factor=unit_factor(str(table.get("unit", "s")), ("s",), f"{place}.unit"),
-        rate=rate,
-        offset=_number(table, "offset", 0.0, place),
-        repeated=_choice(table, "repeated", _REPEATED, place),
-        align_velocity=_flag(table, "align_velocity", f"{place}."),
-    )
+    factor = unit_factor(said.pop("unit", "s"), ("s",), f"{place}.unit")
+    return TimeRule(said.pop("from", "" if "rate" in said else TIME), factor, **said)
 
 
 @dataclass(frozen=True)
@@ -340,32 +357,6 @@ class RowChoice:
             values, inverse = np.unique(keys[column], return_inverse=True)
             kept &= np.array([matches(str(value)) is not None for value in values])[inverse]
         return kept
-
-
-def parse_rows(table: Any, place: str) -> RowChoice:
-    """Return the choice that the section [rows] of a map states.
-
-    Raises:
-        LogError: a key or value that does not fit.
-    """
-    table = _section(table, ROW_KEYS, place, 'rows.split = "log"')
-    where = table.get("where", {})
-    if not isinstance(where, Mapping):
-        raise LogError(f"{place}.where: a table of column = pattern is expected.")
-    between = table.get("between", [-inf, inf])
-    numbers = isinstance(between, list) and all(isinstance(b, int | float) for b in between)
-    if not numbers or len(between) != 2 or not between[0] < between[1]:
-        raise LogError(f"{place}.between: [first, last] in seconds is expected, got {between!r}.")
-    header = table.get("header", [])
-    if not isinstance(header, list) or not all(isinstance(name, str) for name in header):
-        raise LogError(f"{place}.header: a list of column names is expected, got {header!r}.")
-    return RowChoice(
-        split=str(table.get("split", "")),
-        where={str(column): str(pattern) for column, pattern in where.items()},
-        between=(float(between[0]), float(between[1])),
-        topic=str(table.get("topic", "")),
-        header=tuple(header),
-    )
 
 
 @dataclass(frozen=True)
@@ -430,8 +421,10 @@ def parse_column_map(
     return ColumnMap(
         rules=tuple(rules),
         time=parse_time(table.get("time", {}), f"{label}: time"),
-        rows=parse_rows(table.get("rows", {}), f"{label}: rows"),
+        rows=RowChoice(
+            **_section(table.get("rows", {}), _ROWS, f"{label}: rows", 'rows.split = "log"')
+        ),
         path=path,
         left_out=tuple(name for name, entry in entries if entry is False),
-        trusted=_flag(table, "trusted", f"{label}: "),
+        trusted=_flag(table.get("trusted", False), f"{label}: trusted"),
     )

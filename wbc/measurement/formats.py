@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 import struct
 from collections.abc import Iterator, Sequence
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from wbc.errors import LogError, unknown_name
 from wbc.extras import EXTRAS, needs
 from wbc.files import atomic_write
+from wbc.measurement.column_map import RowChoice
 from wbc.measurement.findings import say_so
 from wbc.measurement.log import Log
 from wbc.measurement.names import guess_name
@@ -29,45 +29,42 @@ from wbc.measurement.tables import Table, columns_of, kept_rows, read_text_file
 _TEXT = (".csv", ".tsv", ".txt", ".dat", ".data", ".log", ".asc")
 _FORMATS = (
     ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or the folder of a "
-    "rosbag2 recording or of a LeRobot dataset"
+    "rosbag2 recording"
 )
 _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
-_INFO = Path("meta") / "info.json"
-_VECTORS = {
-    "observation.state": "position",
-    "observation.velocity": "velocity",
-    "observation.effort": "motor_torque",
-    "action": "target_position",
-}
-_ENDINGS = (".pos", ".position", ".vel", ".velocity", ".effort", ".torque")
+_MOST_TURNS = 64  # motors of a robot
 
 
-def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table:
-    """Read a file by its suffix.
+def open_table(path: Path, rows: RowChoice | None = None) -> Table:
+    """Read a file by its suffix; rows of one stamp that take turns become one row.
 
     Args:
-        path: file, or folder of a rosbag2 recording or of a LeRobot dataset.
-        topic: JointState topic of a bag, empty for the only one.
-        header: names of the columns of a text file without a header line.
+        path: file, or folder of a rosbag2 recording.
+        rows: what a column map says of topic, header and splitting.
 
     Raises:
         LogError: no such file, a format that is not read, or a file that is not what it says.
     """
     parts = _files(path)
+    rows = rows or RowChoice()
     if len(parts) > 1:
-        first, *others = (open_table(part, topic, header) for part in parts)
+        first, *others = (open_table(part, rows) for part in parts)
         return _joined(path, first, others)
+    table = _read(path, rows.topic, rows.header)
+    return table if rows.split else _side_by_side(table)
+
+
+def _read(path: Path, topic: str, header: Sequence[str]) -> Table:
+    """Return the table that a file holds."""
     if not path.exists():
         raise LogError(f"no log at '{path}'.")
     suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
     if suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").is_file()):
         return read_bag(path, topic)
-    if path.is_dir() and (path / _INFO).is_file():
-        return _read_lerobot(path)
     if path.is_dir():
         raise LogError(
-            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml) and no LeRobot "
-            "dataset (no meta/info.json)."
+            f"'{path}' is a folder, but no rosbag2 recording (no metadata.yaml); give the files "
+            "in it, of a LeRobot dataset the Parquet files in its folder data."
         )
     if path.stat().st_size == 0:
         raise LogError(f"'{path}' is empty.")
@@ -78,6 +75,32 @@ def open_table(path: Path, topic: str = "", header: Sequence[str] = ()) -> Table
     if suffix in _TEXT:
         return read_text_file(path, header)
     raise LogError(f"'{path}': the format '{suffix}' is not read; there are {_FORMATS}.")
+
+
+def _side_by_side(table: Table) -> Table:
+    """Return a table with a row for each stamp, where a file has one for each motor of a stamp.
+
+    A column names the motor, by number or by name: from row to row it takes the same values in
+    turn, while the clock stands. Columns are then called `NAME_VALUE`.
+    """
+    clock = next((n for n in table.names if n == TIME or guess_name(n).quantity == TIME), "")
+    for name in table.names if clock else ():
+        cells, stamps = np.asarray(table.columns[name]), np.asarray(table.columns[clock])
+        turn = list(dict.fromkeys(cells[:_MOST_TURNS].tolist()))
+        n, kind = len(turn), cells.dtype.kind
+        rows = table.rows - table.rows % max(n, 1)
+        if kind not in "iuOU" or n < 2 or rows <= n or name == clock:
+            continue
+        stands = np.array_equal(stamps[:rows], np.repeat(stamps[:rows:n], n))
+        if stands and np.array_equal(cells[:rows], np.tile(turn, rows // n)):
+            columns = {clock: stamps[:rows:n]}
+            for other in table.names:
+                if other not in (name, clock):
+                    values = np.asarray(table.columns[other])[:rows]
+                    columns |= {f"{other}_{one}": values[k::n] for k, one in enumerate(turn)}
+            said = f"rows take turns by {name} ({', '.join(map(str, turn))}): put side by side."
+            return Table(table.path, columns, notes=(*table.notes, said))
+    return table
 
 
 def _files(path: Path) -> list[Path]:
@@ -207,60 +230,6 @@ def _nth_rows(array: NDArray[Any], every: int) -> NDArray[Any]:
         return array
     axis = int(np.argmax(array.shape))
     return np.take(array, np.arange(0, array.shape[axis], every), axis=axis)
-
-
-def _read_lerobot(path: Path) -> Table:
-    """Read the episodes of a LeRobot dataset: a folder of Parquet files with vectors.
-
-    `observation.state` is read as positions, `action` as target positions, `observation.velocity`
-    and `observation.effort` as their names say. The clock starts anew with every episode: a column
-    map splits them (`rows.split = "episode_index"`). The format states no units of angles: most
-    datasets hold degrees or shares of the range, which a map must say.
-
-    Raises:
-        LogError: no description, no data, or no vector of positions.
-    """
-    with needs("logs", "reading LeRobot datasets"):
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    try:
-        features = json.loads((path / _INFO).read_text(encoding="utf-8"))["features"]
-    except (OSError, ValueError, KeyError, TypeError) as cause:
-        raise LogError(f"cannot read '{path / _INFO}': {cause!r}.") from cause
-    files = sorted((path / "data").rglob("*.parquet"))
-    if not files:
-        raise LogError(f"'{path}' has no Parquet file in its folder data.")
-    named = {vector: parts for vector in _VECTORS if (parts := _named_parts(features.get(vector)))}
-    if "observation.state" not in named:
-        raise LogError(
-            f"'{path}': no feature 'observation.state' with a name for every part; there are: "
-            f"{', '.join(features)}."
-        )
-    stored = ["timestamp", "episode_index", *named]
-    try:
-        table = pa.concat_tables(pq.read_table(file, columns=stored) for file in files)
-        held = columns_of({name: table.column(name) for name in stored}, path)
-    except (OSError, KeyError, pa.ArrowException) as cause:
-        raise LogError(f"cannot read the dataset '{path}': {cause}.") from cause
-    columns: dict[str, Any] = {TIME: held["timestamp"], "episode_index": held["episode_index"]}
-    for vector, parts in named.items():
-        for k, joint in enumerate(parts):
-            if f"{vector}_{k}" not in held:
-                raise LogError(f"cannot read the dataset '{path}': {vector} holds no part {k}.")
-            columns[f"{joint}.{_VECTORS[vector]}"] = held[f"{vector}_{k}"]
-    return Table(path, columns)
-
-
-def _named_parts(feature: Any) -> list[str]:
-    """Return the names of the parts of a vector, without what they measure; none if unnamed."""
-    names = feature.get("names") if isinstance(feature, dict) else None
-    if isinstance(names, dict):
-        names = next((value for value in names.values() if isinstance(value, list)), None)
-    found = []
-    for name in names if isinstance(names, list) else ():
-        ending = next((e for e in _ENDINGS if str(name).endswith(e)), "")
-        found.append(str(name).removesuffix(ending))
-    return found
 
 
 def save_log(log: Log, path: str | Path) -> Path:

@@ -24,7 +24,7 @@ from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged
 from wbc.measurement.formats import open_table
 from wbc.measurement.log import Log
 from wbc.measurement.mistakes import find_suspicions, single_ratios
-from wbc.measurement.names import NameGuess, asked, guess_name, joints_of
+from wbc.measurement.names import MOTION, NameGuess, asked, channels, guess_name, joints_of
 from wbc.measurement.read import clock_of, read_logs, split_path
 from wbc.measurement.robot_checks import check_robot, told_by_rows
 from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
@@ -35,7 +35,6 @@ from wbc.robot.model_file import driven_joints, read_model
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another
-_PLACES = ("position", "velocity")  # by which a file tells whose its columns are
 _OF_MOTION = (
     "wrap",
     "stale",
@@ -111,9 +110,9 @@ def guess_names(
     given = dict(start or {})
     table = _table(path, given)
     # What the motor does comes last: where the joint's own motion is there, too, it counts.
-    guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in _PLACES)
+    guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
-    place = next((q for q in _PLACES if any(g.quantity == q for g in guesses)), "")
+    place = next((q for q in MOTION if any(g.quantity == q for g in guesses)), "")
     said = {g.quantity for g in guesses} - {TIME, ""} if not place else {place}
     owners = list(dict.fromkeys(g.owner for g in guesses if g.quantity in said))
     if not place and not given.get("columns"):
@@ -133,16 +132,14 @@ def guess_names(
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
     ]
-    columns: dict[str, Any] = {}
-    held: dict[str, set[str]] = {ours: set() for ours, _ in named.values()}
-    for guess in guesses:
-        if guess.owner not in named or guess.quantity in ("", TIME):
-            continue
-        joint, _ = named[guess.owner]
-        target = f"{joint}.{guess.quantity}"
-        held[joint].add(OLD_NAMES.get(guess.quantity, guess.quantity))
-        if target not in (*columns, guess.name) and table.holds_numbers(guess.name):
-            columns[target] = {"from": guess.name, **({"unit": guess.unit} if guess.unit else {})}
+    whose = {owner: joint for owner, (joint, _) in named.items()}
+    read = [g for g in guesses if table.holds_numbers(g.name)]
+    found = channels(read, whose)
+    columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
+    held: dict[str, set[str]] = {joint: set() for joint in whose.values()}
+    for name in found:
+        joint, _, quantity = name.rpartition(".")
+        held[joint].add(OLD_NAMES.get(quantity, quantity))
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     if rate is not None:
         mapped["time"] = {"rate": rate}
@@ -234,11 +231,11 @@ def guess_ratios(
         start: a column map that the user gives.
     """
     table = _table(path, start or {})
-    guesses = [g for g in map(guess_name, table.names) if g.quantity in _PLACES]
+    guesses = [g for g in map(guess_name, table.names) if g.quantity in MOTION]
     own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
     named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
     found: dict[str, RatioGuess] = {}
-    for quantity in reversed(_PLACES):
+    for quantity in reversed(MOTION):
         for rotor in guesses:
             joint = own.get((rotor.owner, quantity))
             name, _ = named.get(rotor.owner, ("", ""))
@@ -284,8 +281,8 @@ def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[s
 
 
 def _table(path: str | Path, start: Mapping[str, Any]) -> Table:
-    rows = start.get("rows", {})
-    return open_table(split_path(path)[0], rows.get("topic", ""), rows.get("header", ()))
+    rows = parse_column_map({"rows": start.get("rows", {})}).rows
+    return open_table(split_path(path)[0], rows)
 
 
 def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
@@ -360,7 +357,7 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
         if isinstance(entry, dict) and isinstance(entry.get("from"), str)
     }
     if not columns:
-        columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in _PLACES}
+        columns = {n: table.numbers(n) for n in table.names if guess_name(n).quantity in MOTION}
     if np.all(np.diff(time) > 0.0):
         return {}
     advancing(time, columns, "spread", np.arange(time.size), str(table.path))  # raises if lost

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wbc.measurement.findings import Mend, say_so
-from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, named_unit, split_column
+from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, TIME, named_unit, split_column
 
+MOTION = ("position", "velocity")
+"""Quantities by which a file tells whose its columns are."""
 _KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)} - {"1"}
 _NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
 _UNITS = {
@@ -21,7 +23,7 @@ _UNITS = {
 _QUANTITIES = {
     quantity: words.split()
     for quantity, words in {
-        "time": "time t stamp timestamp clock zeit zeitstempel",
+        "time": "time t stamp timestamp clock tick zeit zeitstempel",
         "position": "q qpos pos position th theta phi angle ang winkel",
         "velocity": "v dq qd qvel vel velocity w om omega speed qdot geschwindigkeit",
         "motor_torque": "tau torque trq eff effort force moment drehmoment",
@@ -137,20 +139,37 @@ def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[s
     return named
 
 
+def channels(guesses: Sequence[NameGuess], whose: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return channel -> entry of a column map, the first column that a name suggests for each.
+
+    Args:
+        guesses: in the order of the file; what is said of a motor counts after the joint's own.
+        whose: owner -> joint.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for guess in sorted(guesses, key=lambda guess: guess.rotor and guess.quantity in MOTION):
+        if guess.owner in whose and guess.quantity not in ("", TIME):
+            unit = {"unit": guess.unit} if guess.unit else {}
+            name = f"{whose[guess.owner]}.{guess.quantity}"
+            found.setdefault(name, {"from": guess.name, **unit})
+    return found
+
+
 def _owner(words: Sequence[str]) -> str:
     return "_".join(word for word in words if word not in _FILL | _TARGETS)
 
 
-def series(owners: Sequence[str]) -> list[str]:
-    """Return the names that differ in a number alone and count without a hole, in their order."""
-    groups: dict[str, dict[int, str]] = {}
-    for owner in owners:
-        numbers = re.findall(r"\d+", owner)
-        if len(numbers) == 1:
-            groups.setdefault(re.sub(r"\d+", "#", owner), {})[int(numbers[0])] = owner
+def series(names: Sequence[str]) -> list[str]:
+    """Return the names that differ in one number alone and count without a hole, in their order."""
+    groups: dict[tuple[str, ...], dict[int, str]] = {}
+    for name in names:
+        parts = re.split(r"(\d+)", name)
+        for k in range(1, len(parts), 2):
+            key = (*parts[:k], "#", *parts[k + 1 :])
+            groups.setdefault(key, {})[int(parts[k])] = name
     longest = max(groups.values(), key=len, default={})
     ends = sorted(longest)
-    whole = len(ends) > 1 and ends[0] in (0, 1) and ends == list(range(ends[0], ends[-1] + 1))
+    whole = len(ends) > 1 and ends[0] in (0, 1) and ends[-1] - ends[0] == len(ends) - 1
     return [longest[number] for number in ends] if whole else []
 
 
@@ -169,20 +188,17 @@ def unread(ignored: Sequence[str], missing: Sequence[str]) -> tuple[str, Mend]:
     wanted = [parts for parts in map(split_column, missing) if parts is not None]
     quantities = {quantity for _, quantity in wanted}
     fitting = [guess for guess in map(guess_name, ignored) if guess.quantity in quantities]
-    fitting.sort(key=lambda guess: guess.rotor)  # of two columns, that of the joint itself
-    owners = list(dict.fromkeys(guess.owner for guess in fitting))
     joints = list(dict.fromkeys(joint for joint, _ in wanted))
+    owners = list(dict.fromkeys(guess.owner for guess in fitting))
     whose = {
         owner: joint
         for owner, (joint, why) in joints_of(owners, joints).items()
         if len(owners) == len(joints) or why == "by its name"
     }
     found: dict[str, tuple[str, dict[str, str]]] = {}
-    for guess in fitting:
-        joint = whose.get(guess.owner, "")
-        if (joint, guess.quantity) in wanted and joint not in found:
-            unit = {"unit": guess.unit} if guess.unit else {}
-            found[joint] = f"{joint}.{guess.quantity}", {"from": guess.name, **unit}
+    for name, entry in channels(fitting, whose).items():
+        if (parts := split_column(name)) in wanted and parts is not None:
+            found.setdefault(parts[0], (name, entry))
     mend = {"columns": dict(found.values())} if found else {}
     names = [entry["from"] for _, entry in found.values()] or ignored
     quoted = ", ".join(f"'{name}'" for name in names)

@@ -80,8 +80,9 @@ def load_logs(
     """
     logs = read_logs(paths, columns, gear_ratios)
     for log in logs:
-        if log.source.unusable and not log.columns:
-            raise LogError(f"{log.source.label}: " + next(iter(log.source.unusable.values())))
+        if not log.columns:
+            why = next(iter(log.source.unusable.values()), "every column is empty.")
+            raise LogError(f"{log.source.label}: {why}")
         require_plausible_units(log)
     return logs
 
@@ -141,7 +142,7 @@ def clock_of(table: Table, rule: TimeRule) -> FloatArray:
 
 def _load(path: str | Path, columns: ColumnMap) -> list[Log]:
     file, pattern = split_path(path)
-    table = open_table(file, columns.rows.topic, columns.rows.header)
+    table = open_table(file, columns.rows)
     rules, ignored, notes = _patched(columns, table)
     source = LogSource(
         str(file),
@@ -186,9 +187,9 @@ def _log(
     unusable: dict[str, FloatArray] = {}
     for rule in rules.rules:
         column = block[rule.target][apart]
-        if rule.missing == "omit" and np.isnan(column).all():
+        if np.isnan(column).all():
             notes.append(f"{rule.target} left out: {', '.join(rule.sources)} is empty.")
-        elif rule.missing == "when_needed" and not np.isfinite(column).all():
+        elif not np.isfinite(column).all():
             unusable[rule.target] = column
         else:
             columns[rule.target] = column

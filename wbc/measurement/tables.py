@@ -262,8 +262,12 @@ class _Layout:
         cells = [cell for row in rows for cell in row]
         numbers = sum(not c.strip() or self.holds_number(c) for c in cells)
         whole = len(rows) / max(len(self.below), 1) * numbers / max(len(cells), 1)
-        fits = abs(len(self.first) - self.width) <= 1
-        return (whole + 1e-6 * self.width) * (1.0 if fits else 0.5) * (self.width > 1 or 0.5)
+        likely = (1.0 if self.fits(self.first) else 0.5) * (self.width > 1 or 0.5)
+        return (whole + 1e-6 * self.width) * likely
+
+    def fits(self, row: Sequence[str]) -> bool:
+        """Whether a line has a cell for each column; a mark may stand at its end."""
+        return abs(len(row) - self.width) <= 1
 
 
 def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
@@ -360,7 +364,7 @@ def _names(
     They are given, in a comment above the rows, or in the first lines.
     """
     cells = [cell.strip() for cell in layout.first]
-    named = not all(map(layout.is_number, cells))
+    named = not (layout.first_is_a_row or all(map(layout.is_number, cells)))
     if given and len(given) != len(cells):
         raise LogError(
             f"'{path}' has {len(cells)} columns, rows.header of the column map names {len(given)}."
@@ -376,12 +380,15 @@ def _names(
         wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
         way = say_so({"rows": {"header": wanted}}, "give their true names")
         raise LogError(
-            f"'{path}' has no header line: its first line holds numbers ({', '.join(cells)}). "
+            f"'{path}' has no header line: its first line is a row ({', '.join(cells)}). "
             f"Write a line with the names of the {len(cells)} columns above them, or {way}"
         )
     count = _head_lines(layout)
-    for row in layout.below[: count - 1 - _units_line(layout, count)]:
-        pairs = list(zip_longest(cells, (cell.strip() for cell in row), fillvalue=""))
+    head = [layout.first, *layout.below[: count - 1 - _units_line(layout, count)]]
+    # What is not as wide as the rows, tells of the file and not of its columns.
+    cells, *more = [[c.strip() for c in row] for row in filter(layout.fits, head)] or [cells]
+    for row in more:
+        pairs = list(zip_longest(cells, row, fillvalue=""))
         index = not any(below for _, below in pairs[1:])  # of a table with one: its name alone
         cells = [above if index else " ".join(filter(None, (above, x))) for above, x in pairs]
         cells[0] = pairs[0][1] if index else cells[0]
@@ -403,7 +410,7 @@ def _once(path: Path, names: Sequence[str]) -> tuple[str, ...]:
 def _head_lines(layout: _Layout) -> int:
     """Return how many lines stand above the first one with a number."""
     empty = [not any(map(str.strip, row)) for row in layout.below]
-    numbers = [any(map(layout.holds_number, row)) for row in layout.below]
+    numbers = [layout.fits(row) and any(map(layout.holds_number, row)) for row in layout.below]
     return next((k for k, row in enumerate(zip(empty, numbers, strict=True), 1) if any(row)), 1)
 
 
@@ -431,9 +438,8 @@ def _parsed(
     with needs("logs", "reading CSV files"):  # pyarrow is no part of a bare installation
         import pyarrow as pa
         import pyarrow.csv as pc
-    if re.search(r"(?m)^[#%]", text):
-        text = re.sub(r"(?m)^[#%].*\n?", "", text)
-    text = text.lstrip("\r\n")
+    if re.search(r"(?m)^(?:[#%]|[ \t\r]*\n)", text):  # comments and blank lines
+        text = re.sub(r"(?m)^(?:[#%].*|[ \t\r]*)(?:\n|\Z)", "", text)
     if layout.mark == " ":
         text = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
     last = text.rstrip().rpartition("\n")[2]
