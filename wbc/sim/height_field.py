@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
+from scipy.ndimage import maximum_filter
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import SimulationError
@@ -49,9 +50,18 @@ class HeightField(Solid):
         object.__setattr__(self, "heights", heights)
         surface = RectBivariateSpline(self.x, self.y, heights, s=0.0)
         nodes = [surface(self.x, self.y, *order) for order in ((0, 0), (1, 0), (0, 1), (1, 1))]
-        bends = [surface(self.x, self.y, *order) for order in ((2, 0), (1, 1), (0, 2))]
-        bend = np.sqrt(bends[0] ** 2 + 2.0 * bends[1] ** 2 + bends[2] ** 2).max()
-        parts = [_FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend]
+        middles = 0.5 * (self.x[1:] + self.x[:-1]), 0.5 * (self.y[1:] + self.y[:-1])
+        cells = [surface(*middles, *order) for order in ((0, 0), (1, 0), (0, 1))]
+        finer = [
+            np.sort(np.concatenate(two)) for two in zip((self.x, self.y), middles, strict=True)
+        ]
+        bends = [surface(*finer, *order) for order in ((2, 0), (1, 1), (0, 2))]
+        bend = np.sqrt(bends[0] ** 2 + 2.0 * bends[1] ** 2 + bends[2] ** 2)
+        most = maximum_filter(bend, 3)[1::2, 1::2]
+        parts = (
+            [_FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend.max()],
+            np.stack([*cells, most], axis=-1).ravel(),
+        )  # fmt: skip
         object.__setattr__(self, "_numbers", frozen(np.concatenate(parts)))
 
     def numbers(self) -> FloatArray:

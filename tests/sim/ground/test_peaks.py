@@ -94,7 +94,7 @@ def test_a_plank_rocks_on_a_peak_between_nodes_without_sinking() -> None:
         energy = after
 
 
-@pytest.mark.parametrize("seed", [9, 17, 39, 43, 62, 74, 79])
+@pytest.mark.parametrize("seed", [1, 3, 9, 15, 17, 23, 31, 39, 43, 48, 54, 60, 62, 66, 74, 79])
 def test_what_is_thrown_on_a_rough_field_makes_no_energy_and_sinks_nowhere(seed: int) -> None:
     """Balls overran the other side of a hollow by up to 15 mm; to lift them out made 0.12 J."""
     random = np.random.default_rng(seed)

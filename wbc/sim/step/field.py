@@ -1,9 +1,10 @@
 """Ground given by heights on a grid, for compiled loops: the nearest place of a smooth surface.
 
 A field is a row of numbers like any solid: FIELD, the lengths a and b of both axes, x (a,), y (b,),
-then for each of the nodes (a, b) height, slopes along x and along y, and mixed derivative, and last
-the largest curvature [1/m]. Between nodes these make one bicubic (Hermite) patch per cell; the
-surface is level beyond its border.
+then for each of the nodes (a, b) height, slopes along x and along y, and mixed derivative, then the
+largest curvature [1/m], and for each of the cells (a - 1, b - 1) height and both slopes in its
+middle, and its own largest curvature. Between nodes there is one bicubic (Hermite) patch per cell;
+the surface is level beyond its border.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from wbc.sim.step.pairs import to_segment
 
 AHEAD = 0.02
 """[m] up to which gaps are known before they close: what comes at 20 m/s in steps of 1 ms."""
-_ROUNDS = 12  # of Newton's iteration, which settles in 1 to 4 where a place is near
+_ROUNDS = 20  # of Newton's iteration, which settles in 1 to 4 where a place is near
 _FLAT = 1e-5  # share of a curvature beside which another one is none
 _SETTLED = 1e-6  # [m]; the next step would be about this, squared, over the radius of curvature
 
@@ -89,6 +90,17 @@ def way_out(at: FloatArray, normal: FloatArray) -> None:
     normal[0], normal[1], normal[2] = -at[1] / size, -at[2] / size, 1.0 / size
 
 
+@compiled(Number, Number, Number, Number, Number, Number, OutRow, counted=False)
+def newton_step(
+    a: float, b: float, d: float, slope_x: float, slope_y: float, place: FloatArray
+) -> float:
+    """Move a place (2,) to where slopes end that rise by [[a, b], [b, d]]; return how far."""
+    whole = a * d - b * b
+    x, y = (d * slope_x - b * slope_y) / whole, (a * slope_y - b * slope_x) / whole
+    place[0], place[1] = place[0] - x, place[1] - y
+    return max(abs(x), abs(y))
+
+
 @compiled(Flag, Row, Row, Row, Number, Number, OutRow, OutRow, counted=False)
 def go_nearest(
     field: FloatArray,
@@ -102,7 +114,7 @@ def go_nearest(
     """Move a place of a field to the nearest one to a segment among those about it.
 
     The way from there to the segment is at right angles to the surface: Newton's iteration on the
-    square of the distance, of a point for a segment without length.
+    square of the distance, of a point for a segment without length. No turn goes farther away.
 
     Args:
         field: see above.
@@ -113,10 +125,10 @@ def go_nearest(
         at: (6,) to write, see `surface_at`.
 
     Returns:
-        whether it settles at a least distance, on the side of the first place and no farther away.
+        whether it settles at a least distance, on the side of the first place.
     """
     spot, near, settled, x, y = local(3), local(3), False, place[0], place[1]
-    first = side = 0.0
+    least = side = last_x = last_y = 0.0
     length = sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
     for turn in range(_ROUNDS):
         surface_at(field, place[0], place[1], at)
@@ -126,25 +138,28 @@ def go_nearest(
         for k in range(3):
             square += (spot[k] - near[k]) ** 2
         if turn == 0:
-            first, side = square, deep
+            side = deep
             if square > reach * reach:
                 return False
-        if settled:
-            return deep * side >= 0.0 and square <= first
-        u = v = 0.0
+        elif settled:
+            outside: bool = deep * side >= 0.0
+            return outside
+        elif square > least:
+            place[0], place[1] = 0.5 * (place[0] + last_x), 0.5 * (place[1] + last_y)
+            continue
+        least, last_x, last_y, u, v = square, place[0], place[1], 0.0, 0.0
         if 0.0 < place[2] < 1.0:
             u = (end[0] - start[0] + (end[2] - start[2]) * at[1]) / length
             v = (end[1] - start[1] + (end[2] - start[2]) * at[2]) / length
         a = 1.0 + at[1] * at[1] + deep * at[3] - u * u
         b = at[1] * at[2] + deep * at[4] - u * v
         d = 1.0 + at[2] * at[2] + deep * at[5] - v * v
-        whole = a * d - b * b
-        if not (a > 0.0 and whole > _FLAT * a * d):
-            return False
+        rising = a > 0.0 and a * d - b * b > _FLAT * a * d
+        if not rising:  # downhill all the same, where the square is not convex yet
+            more = 2.0 * sqrt(0.25 * (a - d) ** 2 + b * b) - a - d + _FLAT
+            a, d = a + max(more, 0.0), d + max(more, 0.0)
         off_x, off_y = place[0] - near[0] + deep * at[1], place[1] - near[1] + deep * at[2]
-        step_x, step_y = (d * off_x - b * off_y) / whole, (a * off_y - b * off_x) / whole
-        place[0], place[1] = place[0] - step_x, place[1] - step_y
-        settled = max(abs(step_x), abs(step_y)) <= _SETTLED
+        settled = newton_step(a, b, d, off_x, off_y, place) <= _SETTLED and rising
         if max(abs(place[0] - x), abs(place[1] - y)) > width:
             return False
     return False
@@ -155,9 +170,8 @@ def field_gap(field: FloatArray, point: FloatArray, reach: float, normal: FloatA
     """Return the distance of a point (3,) from a field, and write the way out (3,).
 
     The nearest place is the one to which Newton's iteration leads from straight below the point.
-    Where it does not settle (a point above a hollow is as near to two sides), or finds a place that
-    is farther away, the place is straight below; and where curvature cannot bring the field within
-    `reach` [m] of the point.
+    Where it does not settle on the point's side, the place is straight below; and where curvature
+    cannot bring the field within `reach` [m] of the point.
     """
     at, place, a, b = local(6), local(3), int(field[1]), int(field[2])
     place[0], place[1] = point[0], point[1]

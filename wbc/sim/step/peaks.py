@@ -2,10 +2,11 @@
 
 A body touches where the height of its underside over the field is least: at corners (which are
 contact points), along an edge where the field is convex along it, in a face where the field has a
-peak under it, and round ones where their distance is least. Each is found from the grid, then
-exactly on the smooth surface. Of places that would close together only the first is a barrier. A
-barrier keeps its identity while its place stays
-near one node of the grid.
+peak under it, and round ones where their distance is least. There the slope is zero. It changes no
+faster than the curvature allows, so that steep stretches and cells of the grid, and those that are
+far away, are left out; the others are cut into halves, down to a part of a cell, from which
+Newton's iteration leads to the place. Of places that would close together only the first is a
+barrier. A barrier keeps its identity while its place stays near one node of the grid.
 """
 
 from __future__ import annotations
@@ -26,9 +27,10 @@ from wbc.compiled import (
     Row,
     compiled,
     local,
+    several,
 )
-from wbc.sim.step.field import AHEAD, cell_of, go_nearest, surface_at, way_out
-from wbc.sim.step.pairs import FAR, pose_of, turned
+from wbc.sim.step.field import AHEAD, cell_of, go_nearest, newton_step, surface_at, way_out
+from wbc.sim.step.pairs import FAR, pose_of, to_segment, turned
 from wbc.sim.step.tables import OPENED, Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
@@ -37,6 +39,8 @@ _INSIDE = 1e-6  # [m] by which a place may lie beside a face
 _STEEP = 1e-3  # upward part of a normal; faces with less are upright
 _ROUNDS = 20  # of Newton's iteration
 _SETTLED = 1e-8  # [m]
+_PART = 0.125  # of a cell, from which on it is not cut further
+_STARTS = 512  # most places from which to look for touches of a body
 
 
 @compiled(Flag, Row, Row, Row, counted=False)
@@ -69,7 +73,7 @@ def offer(
     j += place[1] - field[3 + a + j] > field[4 + a + j] - place[1]
     size, at, free = len(touch), -1, False
     for k in range(size):
-        slot = (7 * feature + i * b + j + k) % size
+        slot = (7 * feature + 9 * i + 5 * j + k) % size
         if touch[slot, 0] >= FAR:
             at, free = at if free else slot, True
         elif is_same(field, touch[slot], place):
@@ -91,40 +95,146 @@ def spacing_of(field: FloatArray) -> float:
     return finer
 
 
-@compiled(Nothing, OPENED, Count, Row, Count, OutDense, counted=False)
-def meet_round(plant: Opened, which: int, field: FloatArray, known: int, touch: FloatArray) -> None:
+@compiled(Flag, Row, Number, Number, Number, Number, Dense, Count, Row, Row, Number, counted=False)
+def may_touch(
+    at: FloatArray,
+    bend: float,
+    size: float,
+    x: float,
+    y: float,
+    planes: FloatArray,
+    down: int,
+    start: FloatArray,
+    end: FloatArray,
+    radius: float,
+) -> bool:
+    """Return whether a body may be lowest, and near, within a distance of a place of a field.
+
+    Args:
+        at: (6,) z and slopes at the place, see `surface_at`.
+        bend: largest curvature about it [1/m].
+        size: the distance [m], level.
+        x, y: of the place.
+        planes, down: see `go_under`; none for a round body.
+        start, end, radius: of a round body.
+    """
+    steep = sqrt(at[1] * at[1] + at[2] * at[2])
+    if down == 0:
+        spot, near, square = local(3), local(3), 0.0
+        spot[0], spot[1], spot[2] = x, y, at[0]
+        to_segment(start, end, spot, near)
+        for k in range(3):
+            square += (spot[k] - near[k]) ** 2
+        steepest, deep = steep + bend * size, at[0] - near[2]
+        if square > (radius + AHEAD + size * sqrt(1.0 + steepest * steepest)) ** 2:
+            return False
+        off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
+        turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
+        even: bool = off_x * off_x + off_y * off_y <= (turns * size) ** 2
+        return even
+    highest, slope, level = -np.inf, 0.0, False
+    for f in range(down):
+        height = planes[f, 0] + planes[f, 1] * x + planes[f, 2] * y - at[0]
+        own = (planes[f, 1] - at[1]) ** 2 + (planes[f, 2] - at[2]) ** 2
+        level = level or own <= (bend * size) ** 2
+        if height > highest:
+            highest, slope = height, own
+    return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < AHEAD * (1.0 + steep)
+
+
+@compiled(Count, Row, Row, Row, Number, Dense, Count, Row, Row, Number, OutDense)
+def starts_of(
+    field: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    fine: float,
+    planes: FloatArray,
+    down: int,
+    start: FloatArray,
+    end: FloatArray,
+    radius: float,
+    places: FloatArray,
+) -> int:
+    """Write places (n, 2) near which a body may be lowest over a field; return how many.
+
+    Args:
+        field: see `wbc.sim.step.field`.
+        low, high: (3,) of the body, world.
+        fine: [m] half the width of a place that is cut no more.
+        planes, down, start, end, radius: see `may_touch`.
+        places: to write.
+    """
+    a, b, count, at, left = int(field[1]), int(field[2]), 0, local(6), local(96)
+    for i in range(cell_of(field, 3, a, low[0]), a - 1):
+        if field[3 + i] > high[0]:
+            break
+        for j in range(cell_of(field, 3 + a, b, low[1]), b - 1):
+            if field[3 + a + j] > high[1]:
+                break
+            cell, depth = 4 + a + b + 4 * a * b + 4 * (i * (b - 1) + j), 0
+            wide, long = 0.5 * (field[4 + i] - field[3 + i]), field[4 + a + j] - field[3 + a + j]
+            x, y, bend, long = field[3 + i] + wide, field[3 + a + j], field[cell + 3], 0.5 * long
+            y, size = y + long, sqrt(wide * wide + long * long)
+            for k in range(3):
+                at[k] = field[cell + k]
+            if may_touch(at, bend, size, x, y, planes, down, start, end, radius):
+                left[0], left[1], left[2], depth = x, y, 1.0, 1
+            while depth > 0:
+                depth -= 1
+                x, y, share = left[3 * depth], left[3 * depth + 1], 0.5 * left[3 * depth + 2]
+                if 2.0 * share * max(wide, long) <= fine or depth > 27:
+                    if count < len(places):
+                        places[count, 0], places[count, 1] = x, y
+                        count += 1
+                    continue
+                for k in range(4):
+                    u = x + share * (wide if k % 2 else -wide)
+                    v = y + share * (long if k // 2 else -long)
+                    beside = low[0] > u + share * wide or high[0] < u - share * wide
+                    if beside or low[1] > v + share * long or high[1] < v - share * long:
+                        continue
+                    surface_at(field, u, v, at)
+                    if may_touch(at, bend, share * size, u, v, planes, down, start, end, radius):
+                        left[3 * depth], left[3 * depth + 1] = u, v
+                        left[3 * depth + 2], depth = share, depth + 1
+    return count
+
+
+@compiled(Nothing, OPENED, Count, Row, OutDense)
+def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) -> None:
     """Write the touches of a ball, or of what two of them and the line between them are round.
 
-    Places all around, as near to each other as nodes or half a radius, lead there.
+    They stand for those of the contact points at its ends, too.
 
     Args:
         plant: with the poses, and the touches of contact points.
         which: number of the hull.
         field: see `wbc.sim.step.field`.
-        known: first touch of the contact points at its ends with the field.
         touch: (s, 7) to write.
     """
     hull, radius = plant.bodies.hulls[which], plant.bodies.shapes[which, 4]
     start, end = plant.obstacles.points[hull[8]], plant.obstacles.points[hull[8] + hull[3] - 1]
-    place, at, spot, normal = local(3), local(6), local(3), local(3)
-    reach, fine, ends = radius + AHEAD, min(spacing_of(field), 0.5 * radius), plant.obstacles.touch
-    x, y = min(start[0], end[0]) - reach, min(start[1], end[1]) - reach
-    for i in range(int((abs(end[0] - start[0]) + 2.0 * reach) / fine) + 2):
-        for j in range(int((abs(end[1] - start[1]) + 2.0 * reach) / fine) + 2):
-            place[0], place[1] = x + i * fine, y + j * fine
-            if not go_nearest(field, start, end, reach + fine, fine, place, at):
-                continue
-            way_out(at, normal)
-            gap, share = -radius, min(max(place[2], 0.0), 1.0)
-            place[2] = at[0]
-            for k in range(3):
-                spot[k] = start[k] + share * (end[k] - start[k])
-                gap += (spot[k] - place[k]) * normal[k]
-                spot[k] -= radius * normal[k]
-            if -radius < gap < AHEAD and not (
-                is_same(field, ends[known], spot) or is_same(field, ends[known + hull[3] - 1], spot)
-            ):
-                offer(field, touch, 0, gap, normal, spot)
+    place, at, spot, normal, low, high = (
+        local(3), local(6), local(3), local(3), local(3), local(3)
+    )  # fmt: skip
+    reach, fine = radius + AHEAD, min(spacing_of(field), radius)
+    for k in range(3):
+        low[k], high[k] = min(start[k], end[k]) - reach, max(start[k], end[k]) + reach
+    places, none = np.empty((_STARTS, 2)), np.empty((0, 4))
+    count = starts_of(field, low, high, _PART * fine, none, 0, start, end, radius, places)
+    for i in range(count):
+        place[0], place[1] = places[i, 0], places[i, 1]
+        if not go_nearest(field, start, end, reach + fine, 0.5 * fine, place, at):
+            continue
+        way_out(at, normal)
+        gap, share = -radius, min(max(place[2], 0.0), 1.0)
+        place[2] = at[0]
+        for k in range(3):
+            spot[k] = start[k] + share * (end[k] - start[k])
+            gap += (spot[k] - place[k]) * normal[k]
+            spot[k] -= radius * normal[k]
+        if -radius < gap < AHEAD:
+            offer(field, touch, 0, gap, normal, spot)
 
 
 @compiled(Number, Row, Row, counted=False)
@@ -162,12 +272,65 @@ def least_along(
     return share
 
 
-@compiled(Nothing, OPENED, Count, Row, Count, OutDense, counted=False)
-def meet_edges(plant: Opened, which: int, field: FloatArray, known: int, touch: FloatArray) -> None:
-    """Write the touches along the edges of a hull; arguments as of `meet_round`.
+@compiled(several(Number, Number), Row, Number, Number, Row, counted=False)
+def cell_ahead(field: FloatArray, x: float, y: float, way: FloatArray) -> tuple[float, float]:
+    """Return the largest curvature in the cell of a place, and the share of a way that is in it."""
+    a, b, share = int(field[1]), int(field[2]), np.inf
+    i, j = cell_of(field, 3, a, x), cell_of(field, 3 + a, b, y)
+    bend = field[4 + a + b + 4 * a * b + 4 * (i * (b - 1) + j) + 3]
+    for k in range(2):
+        line, here = (3 + i, x) if k == 0 else (3 + a + j, y)
+        beyond = field[line + (way[k] > 0.0)] - here
+        if way[k] * beyond > 0.0:
+            share = min(share, beyond / way[k])
+    return bend, share
 
-    The height over the field is least where its slope along the edge rises through zero. Steps of
-    half a spacing find this; where the curvature cannot bring the field within reach, longer ones.
+
+@compiled(Number, Number, Number, Number, counted=False)
+def steady_share(slope: float, beyond: float, turns: float) -> float:
+    """Return the share of a way on which a height has no least place within reach.
+
+    Args:
+        slope: of the height over the field, along the way.
+        beyond: height beyond reach.
+        turns: how fast the slope changes at most.
+    """
+    steep = abs(slope)
+    if beyond > 0.0:
+        steep = max(steep, sqrt(slope * slope + 2.0 * turns * beyond) - steep)
+    return steep / turns if turns > 0.0 else 1.0
+
+
+@compiled(Flag, Row, Row, Row, counted=False)
+def bounds_underside(edge: FloatArray, pose: FloatArray, way: FloatArray) -> bool:
+    """Return whether a face beside an edge (12,), see `Hull`, faces down.
+
+    Args:
+        edge: of the hull.
+        pose: (12,) of the hull.
+        way: (3,) of the edge, world.
+    """
+    one, other = local(3), local(3)
+    turned(pose, edge[6:9], one)
+    turned(pose, edge[9:], other)
+    first = way[0] * one[1] - way[1] * one[0]  # upward parts of the normals, of either sign
+    second = way[0] * other[1] - way[1] * other[0]
+    outward = 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        outward -= (way[i] * one[j] - way[j] * one[i]) * other[k]
+    down: bool = first * outward < 0.0 or second * outward > 0.0
+    return down
+
+
+@compiled(Nothing, OPENED, Count, Row, Row, Count, OutDense, counted=False)
+def meet_edges(
+    plant: Opened, which: int, field: FloatArray, pose: FloatArray, known: int, touch: FloatArray
+) -> None:
+    """Write the touches along the edges of a hull, in a pose (12,); the rest as of `meet_round`.
+
+    `known` is the first touch of the contact points at its corners with the field.
+    The height over the field is least where its slope along the edge rises through zero.
     """
     bodies, points, touches = plant.bodies, plant.obstacles.points, plant.obstacles.touch
     hull, a, b = bodies.hulls[which], int(field[1]), int(field[2])
@@ -179,16 +342,18 @@ def meet_edges(plant: Opened, which: int, field: FloatArray, known: int, touch: 
         for k in range(3):
             way[k] = points[hull[8] + last, k] - start[k]
             square += way[k] * way[k]
+        level = way[0] * way[0] + way[1] * way[1]
         least = min(touches[known + first, 0], touches[known + last, 0])
-        if least > AHEAD + 0.125 * bend * square:
+        far = least > AHEAD + 0.125 * bend * level
+        if far or not bounds_underside(bodies.edges[hull[6] + e], pose, way):
             continue
-        part, share, before = 1.0 / (int(2.0 * sqrt(square) / spacing) + 1), 0.0, 0.0
+        part, came, share, before = _PART * spacing / sqrt(square), 0.0, 0.0, 0.0
         while True:
-            surface_at(field, start[0] + share * way[0], start[1] + share * way[1], at)
+            x, y = start[0] + share * way[0], start[1] + share * way[1]
+            surface_at(field, x, y, at)
             slope = way[2] - at[1] * way[0] - at[2] * way[1]
-            beyond, step = start[2] + share * way[2] - at[0] - AHEAD, part
             if before < 0.0 <= slope:
-                here = least_along(field, start, way, share - part, share, at)
+                here = least_along(field, start, way, came, share, at)
                 for k in range(3):
                     spot[k] = start[k] + here * way[k]
                 way_out(at, normal)
@@ -198,14 +363,13 @@ def meet_edges(plant: Opened, which: int, field: FloatArray, known: int, touch: 
                 bulges = 0.125 * rise * spacing**2 > _BULGE * square
                 if deepest <= gap < AHEAD and bulges and not corner:
                     offer(field, touch, 1 + e, gap, normal, spot)
-            before = slope
-            if beyond > 0.0 and bend > 0.0:
-                turns = bend * square
-                step = (sqrt(slope * slope + 2.0 * turns * beyond) - abs(slope)) / turns
-                before = slope if step < part else 0.0
             if share >= 1.0:
                 break
-            share = min(share + max(step, part), 1.0)
+            beyond = start[2] + share * way[2] - at[0] - AHEAD * (1.0 + abs(at[1]) + abs(at[2]))
+            own, within = cell_ahead(field, x, y, way)
+            step = min(steady_share(slope, beyond, own * level), within)
+            step = max(step, steady_share(slope, beyond, bend * level))
+            came, before, share = share, slope, min(share + max(step, part), 1.0)
 
 
 @compiled(Count, Dense, Count, Number, Number, counted=False)
@@ -253,10 +417,7 @@ def go_under(
         face, off_x, off_y = now, planes[now, 1] - at[1], planes[now, 2] - at[2]
         if least < flat:  # towards the peak all the same, where the field is not convex yet
             a, d = a + flat - 2.0 * least, d + flat - 2.0 * least
-        whole = a * d - b * b
-        step_x, step_y = (d * off_x - b * off_y) / whole, (a * off_y - b * off_x) / whole
-        place[0], place[1] = place[0] - step_x, place[1] - step_y
-        settled = max(abs(step_x), abs(step_y)) <= _SETTLED
+        settled = newton_step(a, b, d, off_x, off_y, place) <= _SETTLED
         if max(abs(place[0] - x), abs(place[1] - y)) > width:
             return False
     return False
@@ -266,12 +427,9 @@ def go_under(
 def meet_faces(
     plant: Opened, which: int, field: FloatArray, pose: FloatArray, touch: FloatArray
 ) -> None:
-    """Write the touches in the faces of a hull, in a pose (12,); the rest as of `meet_round`.
-
-    Nodes under the hull that stick out lead to peaks.
-    """
+    """Write the touches in the faces of a hull, in a pose (12,); the rest as of `meet_round`."""
     bodies, points, hull = plant.bodies, plant.obstacles.points, plant.bodies.hulls[which]
-    a, b, faces, down, up = int(field[1]), int(field[2]), hull[5], 0, hull[5]
+    faces, down, up = hull[5], 0, hull[5]
     planes, own, spacing = np.empty((faces, 4)), local(3), spacing_of(field)
     place, at, normal, low, high = local(3), local(6), local(3), local(3), local(3)
     low[:], high[:], deepest = np.inf, -np.inf, -0.5 * bodies.shapes[which, 5]
@@ -292,37 +450,23 @@ def meet_faces(
             planes[up, 3] = out
     if down == 0:
         return
-    bend = field[3 + a + b + 4 * a * b]
-    for i in range(cell_of(field, 3, a, low[0]), a):
-        if i > 0 and field[2 + i] > high[0]:
-            break
-        for j in range(cell_of(field, 3 + a, b, low[1]), b):
-            if j > 0 and field[2 + a + j] > high[1]:
-                break
-            for k in range(3):
-                at[k] = field[3 + a + b + 4 * (i * b + j) + k]
-            reach = AHEAD + 0.25 * bend * spacing**2 + at[0]  # half a diagonal of a cell away
-            if low[2] > reach + 0.71 * spacing * sqrt(at[1] ** 2 + at[2] ** 2):
-                continue
-            place[0], place[1] = field[3 + i], field[3 + a + j]
-            f = underneath(planes, down, place[0], place[1])
-            height = planes[f, 0] + planes[f, 1] * place[0] + planes[f, 2] * place[1]
-            slope = sqrt((planes[f, 1] - at[1]) ** 2 + (planes[f, 2] - at[2]) ** 2)
-            if height > reach + 0.71 * spacing * slope:
-                continue
-            if not go_under(planes, down, field, spacing, place, at):
-                continue
-            f = underneath(planes, down, place[0], place[1])
-            place[2] = planes[f, 0] + planes[f, 1] * place[0] + planes[f, 2] * place[1]
-            within = True
-            for f in range(up, faces):
-                plane = planes[f]
-                beside = plane[0] * place[0] + plane[1] * place[1] + plane[2] * place[2]
-                within = within and beside <= plane[3] + _INSIDE
-            way_out(at, normal)
-            gap = (place[2] - at[0]) * normal[2]
-            if within and deepest <= gap < AHEAD:
-                offer(field, touch, 0, gap, normal, place)
+    places = np.empty((_STARTS, 2))
+    count = starts_of(field, low, high, _PART * spacing, planes, down, low, low, 0.0, places)
+    for i in range(count):
+        place[0], place[1] = places[i, 0], places[i, 1]
+        if not go_under(planes, down, field, spacing, place, at):
+            continue
+        f = underneath(planes, down, place[0], place[1])
+        place[2] = planes[f, 0] + planes[f, 1] * place[0] + planes[f, 2] * place[1]
+        within = True
+        for f in range(up, faces):
+            plane = planes[f]
+            beside = plane[0] * place[0] + plane[1] * place[1] + plane[2] * place[2]
+            within = within and beside <= plane[3] + _INSIDE
+        way_out(at, normal)
+        gap = (place[2] - at[0]) * normal[2]
+        if within and deepest <= gap < AHEAD:
+            offer(field, touch, 0, gap, normal, place)
 
 
 @compiled(Nothing, OPENED, Count, counted=False)
@@ -342,12 +486,14 @@ def meet_fields(plant: Opened, first: int) -> None:
         known, least = solid * len(obstacles.contacts) + hull[8], np.inf
         for i in range(hull[3]):
             least = min(least, obstacles.touch[known + i, 0])
+            if bodies.shapes[own[0], 4] > 0.0:
+                obstacles.touch[known + i, 0] = FAR
         a, b, around = int(field[1]), int(field[2]), bodies.shapes[own[0], 3]
         if least > AHEAD + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
             continue
         if bodies.shapes[own[0], 4] > 0.0:
-            meet_round(plant, own[0], field, known, touch)
+            meet_round(plant, own[0], field, touch)
         else:
             pose_of(plant.placed.poses, hull[0], pose)
             meet_faces(plant, own[0], field, pose, touch)
-            meet_edges(plant, own[0], field, known, touch)
+            meet_edges(plant, own[0], field, pose, known, touch)
