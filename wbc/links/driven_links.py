@@ -60,6 +60,7 @@ class DrivenLinks:
         speed, level, counted: of the motors, of the links' dry friction, and the friction that the
             load has already (N, n).
         step: distance of the samples [s].
+        coarse: times as long as usual are the steps between.
     """
 
     inertia: FloatArray
@@ -70,10 +71,11 @@ class DrivenLinks:
     level: FloatArray
     counted: FloatArray
     step: float
+    coarse: float = 1.0
     _between: dict[int, FloatArray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, responses: Sequence[LinkResponse]) -> DrivenLinks:
+    def of(cls, responses: Sequence[LinkResponse], coarse: float = 1.0) -> DrivenLinks:
         """Return what drives these links along one log, under the same load."""
         rows, nothing = [r.row for r in responses], np.zeros(len(responses[0].load))
 
@@ -89,6 +91,7 @@ class DrivenLinks:
             responses[0].load[:, rows],
             *(rubbing("velocity"), rubbing("level"), rubbing("counted")),
             responses[0].step,
+            coarse,
         )
 
     @cached_property
@@ -192,10 +195,10 @@ class DrivenLinks:
         parts = 1
         for gear, inertia in zip(gears, self.least_inertia, strict=True):
             if gear.play == 0.0:
-                parts = max(parts, round(self.step / _STEP))
+                parts = max(parts, round(self.step / (self.coarse * _STEP)))
                 continue
             most = max(1.0, self.step / _FINEST)
-            wanted = self.step * np.sqrt(gear.stiffness / inertia) / _TURN
+            wanted = self.step * np.sqrt(gear.stiffness / inertia) / (self.coarse * _TURN)
             parts = max(parts, int(2 ** np.ceil(np.log2(min(max(wanted, 1.0), most)))))
         return parts
 

@@ -8,12 +8,13 @@ from itertools import product
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import link_response, rubbing_responses
-from wbc.identification.model.yielding import deflects, loose, plays
+from wbc.identification.model.yielding import deflects, plays
 from wbc.identification.records.record import Record
 from wbc.links import LinkResponse, deflections
 from wbc.robot import Effect, Robot
@@ -43,6 +44,7 @@ _KNOWN = 0.0016  # ... this share at most
 # Share of what is unexplained that the best of a grid leaves, above which none is fitted: the play
 # of the practice leg leaves 0.83 on the coarse grid, gears of robots without one 0.99 or more.
 _HOPELESS = 0.9
+_FOLLOWED = 3  # of a grid, that are followed fully
 _OFFERS = 6  # gears that are fitted for one addition
 _SCREENED = 10.0  # [s] of a log on which they are ranked
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
@@ -110,19 +112,31 @@ def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list
     record, _ = _loudest(problem)
     first = problem.residual @ problem.whitening
     joints = _loudest_joints(problem, np.mean(first**2, axis=0))[:_JOINTS_OF_TWO]
-    nothing = evaluate(problem.robot, (), [record], problem.whitening).cost
-    best: dict[tuple[tuple[str, str], ...], tuple[float, Offer]] = {}
-    for offer in product(*(_coarse(joint, record, kinds) for joint, _ in joints)):
-        if len(offer) < _JOINTS_OF_TWO or not loose(offer):
-            continue
-        try:
-            left = evaluate(problem.robot, offer, [record], problem.whitening).cost
-        except IMPOSSIBLE:
-            continue
-        way = tuple(gear.key for gear in offer)
-        if left < best.get(way, (_PAIRED * nothing, offer))[0]:
-            best[way] = left, offer
-    return [offer for _, offer in sorted(best.values(), key=lambda pair: pair[0])]
+    links = [link_response(problem.robot, record, joint) for joint, _ in joints]
+    floors = np.array([problem.floor.values[output] for _, output in joints])
+    ways: dict[tuple[type[YieldingGear], ...], list[tuple[float, Offer]]] = {}
+    for pair in product(*(_coarse(link, kinds) for link in links)):
+        way = tuple(kind for kind, _ in pair)
+        if len(pair) == _JOINTS_OF_TWO and any(kind.has_play for kind in way):
+            left = _left(links, [flanks for _, flanks in pair], rough=True)
+            places = zip(pair, joints, strict=True)
+            offer = tuple(kind.having(joint, flanks) for (kind, flanks), (joint, _) in places)
+            ways.setdefault(way, []).append((float(np.sum(left / floors**2)), offer))
+    nothing, best = _cost(problem, record, ()), []
+    for ranked in ways.values():
+        ranked.sort(key=lambda pair: pair[0])
+        known = [(_cost(problem, record, offer), offer) for _, offer in ranked[:_FOLLOWED]]
+        best.append(min(known, key=lambda pair: pair[0]))
+    best.sort(key=lambda pair: pair[0])
+    return [offer for left, offer in best if left < _PAIRED * nothing]
+
+
+def _cost(problem: EstimationProblem, record: Record, effects: Offer) -> float:
+    """Return the squares that effects leave of one log, infinite where they are impossible."""
+    try:
+        return evaluate(problem.robot, effects, [record], problem.whitening).cost
+    except IMPOSSIBLE:
+        return np.inf
 
 
 def best_gears(
@@ -131,7 +145,7 @@ def best_gears(
     """Return what flanks leave unexplained, and them: the `count` that leave least, best first.
 
     A lightly damped swing keeps its phase for long, and a strike its time: around the best of a
-    grid more are tried.
+    grid more are tried. Grids are followed roughly; the best of each as well as it can be.
     A link without inertia about the joint (a point on its axis) swings behind nothing: the list is
     empty. So it is where no link stays behind a gear.
 
@@ -150,32 +164,42 @@ def best_gears(
         tried = [replace(flank, play=float(play)) for play in _PLAYS]
     else:
         tried = [_swinging(typical, *pair) for pair in product(_SWINGS, _DAMPING)]
-    known: dict[Flanks, float] = {}
+    roughly: dict[Flanks, float] = {}
+    fully: dict[Flanks, float] = {}
+
+    def left(gear: Flanks, rough: bool) -> float:
+        return sum(float(_left([response], [gear], rough)[0]) for response in responses)
 
     def try_all(gears: Sequence[Flanks]) -> list[Flanks]:
-        new = [g for g in gears if g not in known and plays(g, load) == has_play]
-        new = [g for g in new if g.stiffness >= _SOFTEST]
-        known.update((gear, _left(responses, gear)) for gear in new)
-        return sorted(known, key=lambda gear: known[gear])
+        """Return the best, followed fully, of all that were tried."""
+        new = [g for g in gears if g not in roughly and plays(g, load) == has_play]
+        roughly.update((g, left(g, rough=True)) for g in new if g.stiffness >= _SOFTEST)
+        best = sorted(roughly, key=lambda gear: roughly[gear])[:_FOLLOWED]
+        fully.update((gear, left(gear, rough=False)) for gear in best if gear not in fully)
+        return sorted(fully, key=lambda gear: fully[gear])
 
     best = try_all(tried)
     whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
     for factors in _NEAR_PLAYS if has_play else _NEAR_SPRINGS:
-        if best and known[best[0]] < _HOPELESS * whole:
+        if best and fully[best[0]] < _HOPELESS * whole:
             near = [gear.scaled(*few) for gear in best[:_COUNT] for few in product(*factors)]
             best = try_all(near)
-    return [(known[gear], gear) for gear in best if np.isfinite(known[gear])][:count]
+    return [(fully[gear], gear) for gear in best if np.isfinite(fully[gear])][:count]
 
 
-def _left(responses: Sequence[LinkResponse], gear: Flanks) -> float:
-    """Return the squares that a gear leaves, infinite where the link flies off."""
-    total = 0.0
-    for response in responses:
-        bent = deflections([response], [gear])
-        if not bent.finite:
-            return np.inf
-        total += _squares(response, response.torque(bent.paths[0])[:, response.row])
-    return total
+def _left(links: Sequence[LinkResponse], gears: Sequence[Flanks], rough: bool) -> FloatArray:
+    """Return the squares (n,) that gears of n links leave in a log, infinite where one flies off.
+
+    Args:
+        links: along the log.
+        gears: in front of them.
+        rough: as in `deflections`.
+    """
+    bent = deflections(links, gears, rough=rough)
+    if not bent.finite:
+        return np.full(len(links), np.inf)
+    torque = np.sum([r.torque(path) for r, path in zip(links, bent.paths, strict=True)], axis=0)
+    return np.array([_squares(response, torque[:, response.row]) for response in links])
 
 
 def _squares(response: LinkResponse, torque: np.ndarray) -> float:
@@ -218,20 +242,17 @@ def _gears(kinds: Sequence[type[Effect]]) -> list[type[YieldingGear]]:
     return [kind for kind in kinds if issubclass(kind, YieldingGear)]
 
 
-def _coarse(joint: str, record: Record, kinds: Sequence[type[Effect]]) -> list[YieldingGear]:
+def _coarse(
+    link: LinkResponse, kinds: Sequence[type[Effect]]
+) -> list[tuple[type[YieldingGear], Flanks]]:
     """Return the gears to try in front of one of two links: their flanks go by what it weighs."""
-    response = record.response(joint)
-    inertia = float(np.mean(response.inertia[:, response.row]))
+    inertia = float(np.mean(link.inertia[:, link.row]))
     if inertia <= 0.0:
         return []
     swings = [_swinging(inertia, f, _FLANK_DAMPING) for f in _COARSE_SWINGS]
     flank = _swinging(inertia, _COARSE_FLANK, _FLANK_DAMPING)
     bounces = [replace(flank, play=play) for play in _COARSE]
-    return [
-        kind.having(joint, f)
-        for kind in _gears(kinds)
-        for f in (bounces if kind.has_play else swings)
-    ]
+    return [(kind, f) for kind in _gears(kinds) for f in (bounces if kind.has_play else swings)]
 
 
 def _swinging(inertia: float, frequency: float, damping: float) -> Flanks:
