@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from math import cos, sin, tanh
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,31 +31,19 @@ MASS, LENGTH, REFLECTED, RATIO, GRAVITY = 2.0, 0.4, 0.02666666666666667, 20.0, 9
 TIME = np.arange(0.0, 4.0, 0.002)
 FREQUENCY = np.array([[0.7, 1.9, 3.1], [0.5, 1.6, 3.7]])  # [Hz]
 SIZE = np.array([[0.35, 0.1, 0.04], [0.4, 0.12, 0.05]])  # [rad]
+CENTER = np.array([0.45, -0.8])  # [rad]
+CENTER_OF, TURNS = CENTER.tolist(), 2.0 * np.pi * FREQUENCY
 
 
-def _motors(t: float | np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return position, velocity and acceleration of both motors, (3, 2, ...)."""
+def _motors(t: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Return position, velocity and acceleration of both motors, (3, 2, N)."""
     rate = 2.0 * np.pi * FREQUENCY[..., None]
-    angle = rate * np.asarray(t).reshape(1, 1, -1) + phase[..., None]
+    angle = rate * t + phase[..., None]
     size = SIZE[..., None]
     parts = (size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle))
     moved = np.array([part.sum(axis=1) for part in parts])
-    moved[0] += np.array([[0.45], [-0.8]])
+    moved[0] += CENTER[:, None]
     return moved
-
-
-def _links(q: np.ndarray, v: np.ndarray, foot: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return mass matrix (2, 2) and bias (2,) of two rods with a point mass at the end."""
-    rod, half = MASS * LENGTH**2 / 12.0, 0.5 * LENGTH
-    first, second = MASS * half + foot * LENGTH, rod + MASS * half**2 + foot * LENGTH**2
-    cross = LENGTH * first * np.cos(q[1])
-    far = rod + MASS * half**2 + (MASS + foot) * LENGTH**2
-    mass = np.array([[far + second + 2 * cross, second + cross], [second + cross, second]])
-    h = -LENGTH * first * np.sin(q[1])
-    upper = (MASS * half + (MASS + foot) * LENGTH) * GRAVITY * np.sin(q[0])
-    lower = first * GRAVITY * np.sin(q[0] + q[1])
-    bias = np.array([h * (2 * v[0] * v[1] + v[1] ** 2) + upper + lower, -h * v[0] ** 2 + lower])
-    return mass, bias
 
 
 @dataclass(frozen=True)
@@ -63,11 +54,10 @@ class Rubbing:
     viscous: tuple[float, float] = (0.0, 0.0)
     drag: tuple[float, float] = (0.0, 0.0)
 
-    def torque(self, speed: np.ndarray) -> np.ndarray:
-        """Return the torque (..., 2) that opposes speeds (..., 2)."""
-        square = np.abs(speed) * speed
-        dry = np.multiply(self.dry, np.tanh(speed / 3e-4))
-        return np.asarray(dry + np.multiply(self.viscous, speed) + np.multiply(self.drag, square))
+    def torque(self, joint: int, speed: Any, tanh: Callable[[Any], Any]) -> Any:
+        """Return the torque that opposes speeds of one joint."""
+        smooth = (self.viscous[joint] + self.drag[joint] * abs(speed)) * speed
+        return self.dry[joint] * tanh(speed / 3e-4) + smooth
 
 
 NOTHING = Rubbing()
@@ -85,24 +75,39 @@ def _log(
     wound: tuple[float, float] = (0.02, 0.01),
     play: tuple[float, float] = (0.0, 0.0),
 ) -> Log:
-    random, k, c = np.random.default_rng(seed), np.array(stiffness), np.array(damping)
+    random = np.random.default_rng(seed)
     phase = random.uniform(0.0, 2.0 * np.pi, FREQUENCY.shape)
+    waves = [list(zip(*rows.tolist(), strict=True)) for rows in np.stack([SIZE, TURNS, phase], 1)]
+    rod = MASS * LENGTH**2 / 12.0
+    first = MASS * 0.5 * LENGTH + foot * LENGTH
+    second = rod + MASS * (0.5 * LENGTH) ** 2 + foot * LENGTH**2
+    far = rod + MASS * (0.5 * LENGTH) ** 2 + (MASS + foot) * LENGTH**2
+    upper = (MASS * 0.5 * LENGTH + (MASS + foot) * LENGTH) * GRAVITY
 
-    def held(t: float, state: np.ndarray) -> np.ndarray:
-        position, velocity, _ = _motors(t, phase)[..., 0]
-        lag = position - state[:2]
-        wind = lag - np.clip(lag, -0.5 * np.array(play), 0.5 * np.array(play))
-        push = k * wind + (wind != 0.0) * c * (velocity - state[2:])
+    def held(j: int, t: float, position: float, speed: float) -> float:
+        """Return the torque that a gear passes on, in plain floats as all that follows."""
+        lag, slip = -position + CENTER_OF[j], -speed
+        for size, turn, at in waves[j]:
+            lag += size * sin(turn * t + at)
+            slip += size * turn * cos(turn * t + at)
+        wind = lag - min(max(lag, -0.5 * play[j]), 0.5 * play[j])
+        push = stiffness[j] * wind + (wind != 0.0) * damping[j] * slip
         # A flank pushes and does not pull: where its damping would, it lets go. A spring does both.
-        lets_go = (np.array(play) > 0.0) & (push * wind < 0.0)
-        return np.where(lets_go, 0.0, push)
+        return 0.0 if play[j] > 0.0 and push * wind < 0.0 else push
 
-    def rate(t: float, state: np.ndarray) -> np.ndarray:
-        mass, bias = _links(state[:2], state[2:], foot)
-        push = held(t, state) - bias - at_link.torque(state[2:])
-        return np.concatenate([state[2:], np.linalg.solve(mass, push)])
+    def rate(t: float, state: np.ndarray) -> tuple[float, ...]:
+        """Return the rates of two rods with a point mass at the end."""
+        q1, q2, v1, v2 = state.tolist()
+        cross, h = LENGTH * first * cos(q2), -LENGTH * first * sin(q2)
+        low = first * GRAVITY * sin(q1 + q2)
+        a = held(0, t, q1, v1) - h * (2.0 * v1 * v2 + v2**2) - upper * sin(q1) - low
+        b = held(1, t, q2, v2) + h * v1**2 - low
+        a, b = a - at_link.torque(0, v1, tanh), b - at_link.torque(1, v2, tanh)
+        m11, m12 = far + second + 2.0 * cross, second + cross
+        size = m11 * second - m12 * m12
+        return v1, v2, (second * a - m12 * b) / size, (m11 * b - m12 * a) / size
 
-    begin = _motors(0.0, phase)[:2, :, 0]
+    begin = _motors(np.zeros(1), phase)[:2, :, 0]
     start = np.concatenate([begin[0] - wound, begin[1]])
     span = (0.0, float(TIME[-1]))
     path = solve_ivp(
@@ -115,9 +120,13 @@ def _log(
         atol=1e-10,
         max_step=1e-3 if any(play) else 5e-3,
     ).y
-    passed = np.array([held(t, state) for t, state in zip(TIME, path.T, strict=True)])
+    passed = [
+        [held(j, t, *state[j::2]) for j in (0, 1)]
+        for t, state in zip(TIME.tolist(), path.T.tolist(), strict=True)
+    ]
     position, velocity, acceleration = (part.T for part in _motors(TIME, phase))
-    torque = (passed + REFLECTED * acceleration + at_motor.torque(velocity)) / RATIO
+    rubs = [at_motor.torque(j, velocity[:, j], np.tanh) for j in (0, 1)]
+    torque = (np.array(passed) + REFLECTED * acceleration + np.transpose(rubs)) / RATIO
     columns = {}
     for j, joint in enumerate(("hip", "knee")):
         drawn = np.array(noise)[:, None] * random.standard_normal((3, TIME.size))
