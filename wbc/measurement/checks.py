@@ -23,7 +23,7 @@ from wbc.measurement.clocks import (
     gaps,
     too_short,
 )
-from wbc.measurement.filters import VelocityFit, velocity_fits
+from wbc.measurement.filters import VelocityFit, turns_ratio, velocity_fits
 from wbc.measurement.findings import LogFinding, LogQuality, Mend, by_severity, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.mistakes import find_suspicions, motionless, single_ratios
@@ -212,12 +212,10 @@ def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[LogFind
         name = f"{joint}.rotor_position"
         if not log.has(f"{joint}.position") or joint not in ratios:
             continue
-        position, rotor = (
-            values - values.mean() for values in (log.column(f"{joint}.position"), log.column(name))
-        )
+        position = log.column(f"{joint}.position")
+        seen = turns_ratio(position, log.column(name))
         if np.ptp(position) < 1e-3:
             continue
-        seen = float(position @ rotor / (position @ position))
         if abs(seen / ratios[joint] - 1.0) > _SCALE_ERROR:
             text = (
                 f"it moves {seen:.4g} times as far as the joint, the gear ratio being "

@@ -20,6 +20,7 @@ from wbc.files import write_text
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.column_mistakes import mirrored
+from wbc.measurement.filters import turns_ratio
 from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged
 from wbc.measurement.formats import open_table
 from wbc.measurement.log import Log
@@ -47,9 +48,6 @@ _OF_MOTION = (
     "counts",
 )
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
-_EXPLAINED = 0.99
-"""Share of the motor's motion that the joint's must explain: play, flexible gears and noise leave
-little, and at this share the ratio is off by no more than a hundredth."""
 _DIRECT = 0.1
 """How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
 it tells no ratio."""
@@ -289,16 +287,7 @@ def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
     """Return how many times one column follows the other; 0 where the rows do not tell."""
     if bool(rotor.unit) != bool(joint.unit):
         return 0.0
-    x, y = (_in_log_units(table, column) for column in (joint, rotor))
-    known = np.isfinite(x) & np.isfinite(y)
-    if known.sum() < 3 or np.ptp(x[known]) == 0.0:
-        return 0.0
-    x, y = (values[known] - np.mean(values[known]) for values in (x, y))
-    slope = float(x @ y / (x @ x))
-    if not slope or float(np.sum((y - slope * x) ** 2)) > (1.0 - _EXPLAINED) * float(y @ y):
-        return 0.0
-    # Read from the motor, whose encoder turns N times further: its noise counts the least.
-    ratio = abs(float(y @ y) / float(x @ y))
+    ratio = abs(turns_ratio(*(_in_log_units(table, column) for column in (joint, rotor))))
     return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
 
 

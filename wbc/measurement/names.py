@@ -26,7 +26,7 @@ _QUANTITIES = {
         "time": "time t stamp timestamp clock tick zeit zeitstempel",
         "position": "q qpos pos position th theta phi angle ang winkel",
         "velocity": "v dq qd qvel vel velocity w om omega speed qdot geschwindigkeit",
-        "motor_torque": "tau torque trq eff effort force moment drehmoment",
+        "motor_torque": "tau torque trq eff effort force qfrc moment drehmoment",
         "current": "i iq cur current amp amps strom",
         "temperature": "temp temperature",
     }.items()

@@ -115,7 +115,7 @@ def _with_holes(log: Log, robot: Robot) -> list[LogFinding]:
         quantities = ("joint_torque",) if joint in robot.sensor_only else _TORQUES
         names = [f"{joint}.{quantity}" for quantity in quantities]
         if not any(log.has(name) for name in names):
-            needed += names
+            needed += [*names, f"{joint}.target_position"]
     held = [name for name in needed if name in log.source.unusable]
     if not held:
         return []
@@ -241,17 +241,11 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
         if joint in bare:
             continue
         told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
-        target = f"{joint}.target_position"
         if told == ["current"] and not np.isfinite(gears.torque_constant[k]):
             silent.append(joint)
         elif told or made:
             continue
-        elif log.recorded(target) and gained[k]:
-            hole = log.source.unusable.get(target, "a number of its gear is missing.")
-            text = f"the torque of {joint} is made from its target, and {hole}"
-            way = "If nothing drives the joint, take its gear out of robot.toml."
-            found.append(LogFinding("error", "no_target", joint, text, way))
-        else:
+        elif not (log.recorded(f"{joint}.target_position") and gained[k]):
             lacking.append(joint)
     if lacking and all(log.recorded(f"{joint}.target_position") for joint in lacking):
         text = (
