@@ -109,6 +109,8 @@ def told(name: str, case: Case, data: Path, console: Console) -> list[dict[str, 
                     pattern = rf'= {guess}, (unit = "[^"]+", source = )"guess[^"]*"'
                     text = re.sub(pattern, rf'= {number}, \1"its maker"', text)
                 path.write_text(text, encoding="utf-8")
+    longest = max(float(str(step["wall"])) for step in steps)
+    console.print(f"{name}: {len(steps)} commands, the longest of {longest:.0f} s\n")
     return steps
 
 

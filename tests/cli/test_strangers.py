@@ -662,7 +662,7 @@ def test_messages_echoed_without_a_header_are_rows(told: Told, tmp_path: Path) -
     assert "has no header line" in said
     names = ["sec", "nanosec", "a", "b", "c"]
     names += [f"{joint}.{q}" for q in ("position", "motor_torque") for joint in ARM]
-    (tmp_path / "known.toml").write_text(f"rows.header = {names}\ntime.from = 'sec'")
+    (tmp_path / "known.toml").write_text(f"rows.header = {names}\ntime.from = 'stamp'")
     (log, *_) = load_logs(runs, tmp_path / "known.toml")
     assert log.sample_time == pytest.approx(0.01)
 

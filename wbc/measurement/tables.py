@@ -136,8 +136,10 @@ def _with_stamps(columns: dict[str, Any]) -> dict[str, Any]:
         rest = next((part for part in parts if part in columns), "")
         if whole and rest:
             seconds, nanos = (np.asarray(columns[n], dtype=np.float64) for n in (name, rest))
-            stamp = {name: seconds + 1e-9 * nanos}
-            columns = {n: stamp.get(n, values) for n, values in columns.items() if n != rest}
+            stamp = seconds + 1e-9 * nanos
+            called = name if whole[1] else "stamp"
+            columns = {called if n == name else n: v for n, v in columns.items() if n != rest}
+            columns[called] = stamp
     return columns
 
 
