@@ -92,12 +92,14 @@ def commands(case: Case, data: Path) -> list[list[str]]:
 def told(name: str, case: Case, data: Path, console: Console) -> list[dict[str, object]]:
     """Run the commands of a case, print and return what each says."""
     steps = []
+    walls = []
     with TemporaryDirectory() as folder:
         for words in commands(case, data):
             quiet = [] if words[0] in ("look", "init") else ["--quiet"]
             start, used = perf_counter(), getrusage(RUSAGE_CHILDREN).ru_utime
             code, said = _run([*words, *quiet], folder)
-            wall, cpu = perf_counter() - start, getrusage(RUSAGE_CHILDREN).ru_utime - used
+            walls.append(wall := perf_counter() - start)
+            cpu = getrusage(RUSAGE_CHILDREN).ru_utime - used
             shown = shlex.join(["wbc", *(w.replace(f"{data}/", "") for w in words)])
             console.print(f"[bold]{name}[/]: {shown}", soft_wrap=True)
             console.print(f"  exit code {code}, {wall:.1f} s ({cpu:.1f} s of CPU): {said}\n")
@@ -109,8 +111,7 @@ def told(name: str, case: Case, data: Path, console: Console) -> list[dict[str, 
                     pattern = rf'= {guess}, (unit = "[^"]+", source = )"guess[^"]*"'
                     text = re.sub(pattern, rf'= {number}, \1"its maker"', text)
                 path.write_text(text, encoding="utf-8")
-    longest = max(float(str(step["wall"])) for step in steps)
-    console.print(f"{name}: {len(steps)} commands, the longest of {longest:.0f} s\n")
+    console.print(f"{name}: {len(walls)} commands, the longest of {max(walls):.0f} s\n")
     return steps
 
 

@@ -265,25 +265,21 @@ def _usual(steps: FloatArray) -> float:
     return float(np.median(later)) if later.size else np.inf
 
 
-REPEAT_TOLERANCE = 0.05
-"""Largest rms distance of two position trajectories, relative to their motion, of repeats."""
+_REPEATS = 0.05  # largest rms distance of two positions, relative to their motion, of repeats
 
 _NOISE_ALLOWANCE = 3.0
 
 
-def find_repeats(
-    logs: Sequence[Log], tolerance: float = REPEAT_TOLERANCE
-) -> tuple[tuple[int, ...], ...]:
+def find_repeats(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
     """Return groups of logs of the same excitation, as indices into `logs`.
 
     Two logs belong together when they have the same joints, the same length and rate within 1 %,
-    and every joint's position (without one, its velocity) agrees within `tolerance` of its motion
+    and every joint's position (without one, its velocity) agrees within 5 % of its motion
     (rms, time counted from the start). The response may thus differ a little, as a closed loop
     makes it; identical copies are no repeats and stay out (the first of them counts).
 
     Args:
         logs: of one robot.
-        tolerance: relative rms distance allowed, per joint.
 
     Returns:
         Groups of two or more indices, in order of their first member.
@@ -293,7 +289,7 @@ def find_repeats(
     for k, log in enumerate(logs):
         if k in copies:
             continue
-        home = next((g for g in groups if _same_excitation(logs[g[0]], log, tolerance)), None)
+        home = next((g for g in groups if _same_excitation(logs[g[0]], log)), None)
         if home is None:
             groups.append([k])
         else:
@@ -322,7 +318,7 @@ def _fingerprint(log: Log) -> str:
     return total.hexdigest()
 
 
-def _same_excitation(a: Log, b: Log, tolerance: float) -> bool:
+def _same_excitation(a: Log, b: Log) -> bool:
     names = _motions(a)
     if names != _motions(b) or not names:
         return False
@@ -332,7 +328,7 @@ def _same_excitation(a: Log, b: Log, tolerance: float) -> bool:
     for name in names:
         difference, motion, noise = _distance(a, b, name)
         # A joint that stands still repeats its place within the noise of its sensor.
-        if difference > tolerance * motion + _NOISE_ALLOWANCE * noise:
+        if difference > _REPEATS * motion + _NOISE_ALLOWANCE * noise:
             return False
         moved += motion > _NOISE_ALLOWANCE * noise
     return moved > 0
