@@ -17,12 +17,10 @@ from wbc.transmission import mesh_input
 
 def link_torque(robot: Robot, motion: Motion) -> FloatArray:
     """Return H_l a + c_l (N, nv) [N m, N], what the links need, without rotors and contacts."""
-    data = robot.model.createData()
-    acceleration = _acceleration(motion)
-    rows = zip(motion.position, motion.velocity, acceleration, strict=True)
-    return np.array([pin.rnea(robot.model, data, q, v, a) for q, v, a in rows]).reshape(
-        acceleration.shape
-    )
+    # One call for the log: sample by sample, Python takes nine times as long as a leg's dynamics.
+    columns = (values.T for values in (motion.position, motion.velocity, _acceleration(motion)))
+    torque = pin.rneaInParallel(1, pin.ModelPool(robot.model, 1), *columns)
+    return np.ascontiguousarray(torque.T)
 
 
 def inertial_regressor(robot: Robot, motion: Motion) -> FloatArray:
