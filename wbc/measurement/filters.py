@@ -186,8 +186,6 @@ _BLOCK_ROWS = 40
 _FILTER_SAMPLES = 2.0
 _LONGEST_DELAY = 0.2
 _OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
-_WINDOW_SAMPLES = 11
-_DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -332,8 +330,8 @@ def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatA
     velocity = log.column(f"{joint}.velocity")
     if not fit.filtered:
         return np.asarray(CubicSpline(log.time, velocity)(time + fit.delay))
-    width = _WINDOW_SAMPLES * log.sample_time
-    slope = local_polynomial_operator(log.time, width, _DEGREE, 1) @ velocity
+    width = WINDOW_SAMPLES * log.sample_time
+    slope = local_polynomial_operator(log.time, width, derivative=1) @ velocity
     return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))
 
 

@@ -81,11 +81,14 @@ def _side_by_side(table: Table) -> Table:
     """Return a table with a row for each stamp, where a file has one for each motor of a stamp.
 
     A column names the motor, by number or by name: from row to row it takes the same values in
-    turn, while the clock stands. Columns are then called `NAME_VALUE`.
+    turn, while the clock stands. Columns are then called `NAME_VALUE`. Channels of ours stay: rows
+    of one joint that share a stamp are of several runs.
     """
     clock = next((n for n in table.names if n == TIME or guess_name(n).quantity == TIME), "")
-    for name in table.names if clock else ():
-        cells, stamps = np.asarray(table.columns[name]), np.asarray(table.columns[clock])
+    stamps = np.asarray(table.columns[clock]) if clock else np.arange(2)
+    told = any(is_column(name) for name in table.names if name != TIME)
+    for name in table.names if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
+        cells = np.asarray(table.columns[name])
         turn = list(dict.fromkeys(cells[:_MOST_TURNS].tolist()))
         n, kind = len(turn), cells.dtype.kind
         rows = table.rows - table.rows % max(n, 1)
@@ -99,7 +102,8 @@ def _side_by_side(table: Table) -> Table:
                     values = np.asarray(table.columns[other])[:rows]
                     columns |= {f"{other}_{one}": values[k::n] for k, one in enumerate(turn)}
             said = f"rows take turns by {name} ({', '.join(map(str, turn))}): put side by side."
-            return Table(table.path, columns, notes=(*table.notes, said))
+            units = {f"{n}_{one}": unit for n, unit in table.units.items() for one in turn}
+            return Table(table.path, columns, {**table.units, **units}, (*table.notes, said))
     return table
 
 
