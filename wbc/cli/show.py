@@ -90,8 +90,7 @@ def _file(table: Table) -> str:
 
 
 def _clock(table: Table) -> tuple[str, FloatArray]:
-    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
-    for name in names:
+    for name in table.clocks:
         if table.holds_numbers(name) and np.isfinite(table.numbers(name)).all():
             return f"'{name}'", table.numbers(name)
     return "none found, rows are counted", np.arange(table.rows, dtype=np.float64)

@@ -22,7 +22,6 @@ from wbc.files import atomic_write
 from wbc.measurement.column_map import RowChoice
 from wbc.measurement.findings import say_so
 from wbc.measurement.log import Log
-from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME, is_column
 from wbc.measurement.tables import Table, columns_of, kept_rows, read_text_file
 
@@ -84,7 +83,7 @@ def _side_by_side(table: Table) -> Table:
     turn, while the clock stands. Columns are then called `NAME_VALUE`. Channels of ours stay: rows
     of one joint that share a stamp are of several runs.
     """
-    clock = next((n for n in table.names if n == TIME or guess_name(n).quantity == TIME), "")
+    clock = next(iter(table.clocks), "")
     stamps = np.asarray(table.columns[clock]) if clock else np.arange(2)
     told = any(is_column(name) for name in table.names if name != TIME)
     for name in table.names if not told and stamps.size > 1 and stamps[0] == stamps[1] else ():
@@ -122,11 +121,16 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
     Raises:
         LogError: a table without a column that looks like a clock.
     """
+    for table in (first, *others):
+        if not table.clocks:
+            raise LogError(
+                f"{table.path}: no column looks like a clock, so nothing can be put beside."
+            )
     columns = dict(first.columns)
-    time = first.numbers(_clock(first))
+    time = first.numbers(first.clocks[0])
     notes = list(first.notes)
     for table in others:
-        clock = _clock(table)
+        clock = table.clocks[0]
         stamps = table.numbers(clock)
         rows = np.searchsorted(stamps, time, side="right") - 1
         known = rows >= 0
@@ -142,13 +146,6 @@ def _joined(path: Path, first: Table, others: Sequence[Table]) -> Table:
 
 def _words_of(path: Path) -> list[str]:
     return re.findall(r"[A-Za-z0-9]+", re.sub(r"(\.gz)?$", "", path.name).rpartition(".")[0])
-
-
-def _clock(table: Table) -> str:
-    names = [n for n in table.names if n == TIME or guess_name(n).quantity == TIME]
-    if not names:
-        raise LogError(f"{table.path}: no column looks like a clock, so nothing can be put beside.")
-    return names[0]
 
 
 def digest(path: Path) -> str:

@@ -142,7 +142,7 @@ def guess_names(
     if rate is not None:
         mapped["time"] = {"rate": rate}
     elif "time" not in given:
-        mapped |= _clock(guesses, table)
+        mapped |= _clock(table)
     mapped = merged(mapped, given)
     if rate is None:
         mapped = merged(mapped, _parts(table, mapped))
@@ -309,16 +309,13 @@ def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -
     return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
 
 
-def _clock(guesses: Sequence[NameGuess], table: Table) -> dict[str, Any]:
-    times = [g for g in guesses if g.quantity == TIME or g.name == TIME]
-    # Dates are a clock, whatever their column is called.
-    times += [g for g in guesses if not times and table.holds_dates(g.name)]
-    if not times:
+def _clock(table: Table) -> dict[str, Any]:
+    if not table.clocks:
         raise LogError(
             f"{table.path}: no column looks like a clock. There are: {', '.join(table.names)}. "
             "Give the rows per second: --rate HZ."
         )
-    first = times[0]
+    first = guess_name(table.clocks[0])
     clock: dict[str, Any] = {} if first.name == TIME else {"from": first.name}
     if first.unit and first.unit != "s":
         clock["unit"] = first.unit

@@ -27,7 +27,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import LogError
 from wbc.extras import needs
 from wbc.measurement.findings import say_so
-from wbc.measurement.schema import is_column, named_unit
+from wbc.measurement.names import guess_name
+from wbc.measurement.schema import TIME, is_column, named_unit
 
 _DAYS = ("%d.%m.%Y ", "%d/%m/%Y ", "%m/%d/%Y ", "%Y/%m/%d ", "")
 _HOURS = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
@@ -54,6 +55,12 @@ class Table:
     def names(self) -> tuple[str, ...]:
         """Names of the columns, in file order."""
         return tuple(self.columns)
+
+    @property
+    def clocks(self) -> list[str]:
+        """Names of the columns that look like a clock; dates are one, whatever they are called."""
+        named = [name for name in self.names if name == TIME or guess_name(name).quantity == TIME]
+        return named or [name for name in self.names if self.holds_dates(name)]
 
     @property
     def rows(self) -> int:
