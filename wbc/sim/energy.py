@@ -15,12 +15,14 @@ from wbc.sim.state import SimState
 from wbc.sim.step.books import spring_energy
 from wbc.sim.step.compliant import stored_at
 from wbc.sim.step.contacts import solid_gap, touch_ground
+from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds
 from wbc.sim.step.tables import (
     DEFLECTION,
     HERTZ,
     INERTIA,
     OPENED,
+    REACH,
     STIFFNESS,
     Opened,
     point_of_reference,
@@ -184,7 +186,9 @@ def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[fl
             for c in range(len(v)):
                 energy += motor[g] * gears.coupling[g, c] * v[c]
     if plant.bounds[HERTZ] > 0.0:
-        touch_ground(plant, time)
+        plant.bounds[REACH] = AHEAD
+        touch_ground(plant, time, np.zeros(0, dtype=np.bool_))
+        plant.obstacles.stands[:] = np.nan
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     return energy, deepest, lowest

@@ -34,6 +34,7 @@ from wbc.mechanics.linear import (
     solve_factored,
 )
 from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
+from wbc.sim.step.field import AHEAD
 from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import ACTING, Acting
@@ -43,6 +44,7 @@ from wbc.sim.step.tables import (
     HERTZ,
     INERTIA,
     OPENED,
+    REACH,
     RETURN_SPEED,
     TOUCH,
     Gears,
@@ -204,7 +206,7 @@ def take_back(
         last[:], gap_last[:] = q, gap
         moved_along(joints, last, shift, 1.0, q)
         place(joints, shapes, q, poses)
-        gaps_at(plant, q, time, gap)
+        gaps_at(plant, q, time, closed[:0], gap)
         before, off, row = off, 0.0, 0
         for i in range(len(closed)):
             if closed[i]:
@@ -271,7 +273,7 @@ def arrive(plant: Opened, acting: Acting, matrix: FloatArray, pushes: FloatArray
     moved_along(joints, end.middle, end.after, half, end.position)
     place(joints, shapes, end.position, poses)
     advance(plant.tree, plant.flight, half, end.position, poses)
-    gaps_at(plant, end.position, time, end.gap)
+    gaps_at(plant, end.position, time, end.closed[:0], end.gap)
     pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
     off, deepest = drifts(plant, pushes, acting.step, pressed, drift)
     end.moved[:], end.depth[:] = 0.0, 0.0
@@ -303,9 +305,10 @@ def lift(plant: Opened, stiff: FloatArray, q: FloatArray, gap: FloatArray) -> bo
     n, size, d = len(stiff), len(gap), plant.obstacles.tangents
     near, here, start = np.empty(size, dtype=np.bool_), np.empty(size), q.copy()
     metric, shift, last = np.empty((n, n)), np.empty(n), np.empty(len(q))
+    plant.bounds[REACH] = AHEAD
     for turn in range(_TRIES):
         place(joints, shapes, q, placed.poses)
-        gaps_at(plant, q, 0.0, here)
+        gaps_at(plant, q, 0.0, near[:0], here)
         deepest, count, touching = 0.0, 0, 0
         for i in range(size):
             deepest = min(deepest, here[i])

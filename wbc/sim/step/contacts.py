@@ -23,10 +23,10 @@ from wbc.compiled import (
     compiled,
     local,
 )
-from wbc.sim.step.field import AHEAD, field_gap
+from wbc.sim.step.field import field_gap
 from wbc.sim.step.pairs import FAR, meet_all, pair_of
 from wbc.sim.step.peaks import meet_fields
-from wbc.sim.step.tables import OPENED, RETURN_SPEED, Opened, point_of_reference
+from wbc.sim.step.tables import OPENED, REACH, RETURN_SPEED, Opened, point_of_reference
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
 """Kinds of solids, first of the numbers of a solid; zeros may follow them.
@@ -109,9 +109,12 @@ def solid_gaps(
         gaps[i] = solid_gap(solid, points[i], normals[i])
 
 
-@compiled(Nothing, OPENED, Number, counted=False)
-def touch_ground(plant: Opened, time: float) -> None:
-    """Write gap, normal and place of every contact barrier, for the poses in memory and a time."""
+@compiled(Nothing, OPENED, Number, Flags, counted=False)
+def touch_ground(plant: Opened, time: float, closed: BoolArray) -> None:
+    """Write gap, normal and place of contact barriers, for the poses in memory and a time.
+
+    Of those whose flag (2 j + c,) is set, or, without flags, of all.
+    """
     obstacles, poses = plant.obstacles, plant.placed.poses
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
     for i in range(len(contacts)):
@@ -125,31 +128,35 @@ def touch_ground(plant: Opened, time: float) -> None:
     if obstacles.asked != 0:
         ask(obstacles.asked, GAPS, time, time)
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
+    limits, some = 2 * len(obstacles.limit_at), len(closed) > 0
     for b in range(ground):
+        if some and not closed[limits + b]:
+            continue
         contact, one = b % count, touch[b]
         radius = contacts[contact, 3]
         if obstacles.asked == 0:
             solid, point = obstacles.solids[b // count], points[contact]
             if solid[0] == FIELD:
-                one[0] = field_gap(solid, point, radius + AHEAD, one[1:4])
+                one[0] = field_gap(solid, point, radius + plant.bounds[REACH], one[1:4])
             else:
                 one[0] = solid_gap(solid, point, one[1:4])
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
     if len(plant.bodies.pairs):
-        meet_all(plant, ground)
-        meet_fields(plant, ground)
+        meet_all(plant, ground, closed[limits + ground :] if some else closed)
+        meet_fields(plant, ground, closed[limits + ground :] if some else closed)
 
 
-@compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)
-def gaps_at(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
+@compiled(Nothing, OPENED, Row, Number, Flags, OutRow, counted=False)
+def gaps_at(plant: Opened, q: FloatArray, time: float, closed: BoolArray, gap: FloatArray) -> None:
     """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid, pairs.
 
     Args:
         plant: whose poses stand at q.
         q: (nq,).
         time: [s] for ground that moves.
+        closed: (2 j + c,) barriers whose gaps are enough, empty for all.
         gap: to write.
     """
     limit_at, limit_range = plant.obstacles.limit_at, plant.obstacles.limit_range
@@ -157,7 +164,10 @@ def gaps_at(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
     for i in range(j):
         gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
         gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
-    touch_ground(plant, time)
+    touch_ground(plant, time, closed)
+    for i in range(len(q)):
+        plant.obstacles.stands[i] = q[i]
+    plant.obstacles.stands[len(q)] = time if len(closed) == 0 else np.nan
     for b in range(len(plant.obstacles.touch)):
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 

@@ -20,7 +20,8 @@ from wbc.sim.ground import Terrain
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
 from wbc.sim.step.compliant import NEVER
-from wbc.sim.step.contacts import GAPS
+from wbc.sim.step.contacts import FIELD, GAPS
+from wbc.sim.step.field import AHEAD
 from wbc.sim.step.flanks import grip_laws
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.gears import Drivetrain
@@ -157,10 +158,12 @@ class Core:
             *barriers.tables(tree),
             _padded(known),
             np.zeros((points, 3)),
+            np.full(nq + 1, np.nan),
             np.zeros((barriers.contacts, 7)),
             np.zeros((barriers.contacts, 3)),
             tangents,
             barriers.moving,
+            any(numbers[0] == FIELD for numbers in known) and asked == 0,
             asked,
         )
         stored = m + nv + size + tangents * barriers.contacts
@@ -181,7 +184,7 @@ class Core:
             "fresh": np.zeros(size, dtype=np.bool_),
             "closed": np.zeros(size, dtype=np.bool_),
         }
-        bounds = return_speed, TOLERANCE, DRIFT, TOUCH, *compliance
+        bounds = return_speed, TOLERANCE, DRIFT, TOUCH, *compliance, AHEAD
         gears = drive.tables(robot.rotors_turn_with_links)
         self.tree = tree
         self.plant = opened(

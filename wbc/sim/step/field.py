@@ -18,7 +18,7 @@ from wbc.compiled import Count, Flag, Nothing, Number, OutRow, Row, compiled, lo
 from wbc.sim.step.pairs import to_segment
 
 AHEAD = 0.02
-"""[m] up to which gaps are known before they close: what comes at 20 m/s in steps of 1 ms."""
+"""[m] up to which gaps are known at most before they close: 20 m/s in steps of 1 ms."""
 _ROUNDS = 20  # of Newton's iteration, which settles in 1 to 4 where a place is near
 _FLAT = 1e-5  # share of a curvature beside which another one is none
 _SETTLED = 1e-6  # [m]; the next step would be about this, squared, over the radius of curvature

@@ -27,11 +27,12 @@ from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import SYSTEM, RowSystem
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at, ground_speeds, world_pushes
+from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.motion import look
 from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved, part_system, rows_where
 from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
-from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, TOUCH, Opened
+from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, REACH, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -131,7 +132,8 @@ def mesh_loss(
 def gaps_of(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
     """Write all gaps (2 j + c,) at q (nq,) and a time."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    gaps_at(plant, q, time, gap)
+    plant.bounds[REACH] = AHEAD
+    gaps_at(plant, q, time, plant.hit.closed[:0], gap)
 
 
 @compiled(ROWS, OPENED, Flags, Row, Number)
@@ -299,8 +301,7 @@ def impact_in_rows(
         targets: speeds at which they part.
         after: v (nv,) after it where that is known, else empty.
     """
-    place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    gaps_at(plant, q, time, np.empty(len(together)))
+    gaps_of(plant, q, time, np.empty(len(together)))
     look(plant.tree, plant.flight, len(v), plant.placed)
     rows = impact_rows(plant, together, v, time)
     rows.targets[:] = targets

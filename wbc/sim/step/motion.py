@@ -12,6 +12,7 @@ their part on the joints.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
     Count,
+    Flag,
     Flags,
     Nothing,
     Number,
@@ -35,6 +37,7 @@ from wbc.mechanics.momentum import momentum_at, velocity_at
 from wbc.mechanics.tree import Tree
 from wbc.robot import Robot
 from wbc.sim.step.contacts import rates_at, touch_ground
+from wbc.sim.step.field import AHEAD
 from wbc.sim.step.tables import (
     FIRST,
     FLIGHT,
@@ -44,6 +47,7 @@ from wbc.sim.step.tables import (
     PLACED,
     PLACES,
     PLANAR,
+    REACH,
     TREE,
     Flight,
     Opened,
@@ -51,6 +55,7 @@ from wbc.sim.step.tables import (
     point_of_reference,
 )
 
+_NEAR = 1e-3  # [m] beside what speed and weight do in a step
 _PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
 
 
@@ -179,6 +184,43 @@ def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: Float
                     poses[body, 9 + k] += missing[k]
 
 
+@compiled(Nothing, OPENED, Row, Number, counted=False)
+def look_ahead(plant: Opened, v: FloatArray, step: float) -> None:
+    """Write up to which gap height fields are known: how far a body may come in a step, twice.
+
+    Args:
+        plant: whose poses and columns stand at the start.
+        v: (nv,) at the start.
+        step: h [s].
+    """
+    poses, bodies, gravity, far = plant.placed.poses, plant.bodies, plant.tree.gravity, 0.0
+    about, speed, weight = point_of_reference(plant.flight.bases, poses), 0.0, 0.0
+    for h in range(len(bodies.hulls)):
+        joint, around, own = bodies.hulls[h, 0], bodies.shapes[h, 3], 0.0
+        for k in range(3):
+            around += abs(bodies.shapes[h, k])
+            own += (poses[joint, 9 + k] - about[k]) ** 2 if joint >= 0 else 0.0
+        far = max(far, sqrt(own) + around)
+    for i in range(len(v)):
+        straight = turning = 0.0
+        for k in range(3):
+            straight += plant.placed.columns[i, k] ** 2
+            turning += plant.placed.columns[i, 3 + k] ** 2
+        speed += abs(v[i]) * (sqrt(straight) + far * sqrt(turning))
+    for k in range(3):
+        weight += gravity[k] * gravity[k]
+    plant.bounds[REACH] = min(_NEAR + 2.0 * step * (speed + step * sqrt(weight)), AHEAD)
+
+
+@compiled(Flag, OPENED, Row, Number, counted=False)
+def stands_at(plant: Opened, q: FloatArray, time: float) -> bool:
+    """Return whether the touches are those at q (nq,) and a time."""
+    same: bool = plant.obstacles.stands[len(q)] == time
+    for i in range(len(q)):
+        same = same and plant.obstacles.stands[i] == q[i]
+    return same
+
+
 @compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, counted=False)
 def to_middle(
     plant: Opened, q: FloatArray, v: FloatArray, time: float, half: float, closed: BoolArray
@@ -196,11 +238,15 @@ def to_middle(
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
-    if len(bases) or touching:
+    if len(bases) or touching or plant.obstacles.fields:
         place(joints, shapes, q, poses)
         look(tree, flight, upto, placed)
+    if plant.obstacles.fields:
+        look_ahead(plant, v, 2.0 * half)
     if touching:
-        touch_ground(plant, time)
+        if not stands_at(plant, q, time):
+            touch_ground(plant, time, closed)
+            plant.obstacles.stands[:] = np.nan
         rates_at(plant, closed, v, rate)
     for i in range(len(v)):
         speed[i] = v[i]

@@ -12,11 +12,12 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
     Dense,
     Flag,
+    Flags,
     Nothing,
     Number,
     OutDense,
@@ -369,14 +370,26 @@ def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> Non
             touch[i, 0] = FAR
 
 
-@compiled(Nothing, OPENED, Count, counted=False)
-def meet_all(plant: Opened, first: int) -> None:
-    """Write the touches of all pairs of hulls, which begin at `first`, for the poses in memory."""
+@compiled(Flag, OPENED, Count, Flags, counted=False)
+def is_asked(plant: Opened, pair: int, closed: BoolArray) -> bool:
+    """Return whether a flag of the pairs' barriers (s,) is set for a pair, or there are none."""
+    found = len(closed) == 0
+    for i in range(0 if found else plant.bodies.pairs[pair, 2], plant.bodies.pairs[pair, 4]):
+        found = found or closed[i]
+    return found
+
+
+@compiled(Nothing, OPENED, Count, Flags, counted=False)
+def meet_all(plant: Opened, first: int, closed: BoolArray) -> None:
+    """Write the touches of pairs of hulls, which begin at `first`, for the poses in memory.
+
+    `closed` are flags of the pairs' barriers, see `is_asked`.
+    """
     bodies, touch = plant.bodies, plant.obstacles.touch
     for pair in range(len(bodies.pairs)):
         start = first + bodies.pairs[pair, 2]
         end = first + bodies.pairs[pair, 4]
-        if bodies.pairs[pair, 5] < 0:
+        if bodies.pairs[pair, 5] < 0 and is_asked(plant, pair, closed):
             meet(bodies, plant.placed.poses, pair, touch[start:end])
 
 

@@ -58,7 +58,7 @@ def close(plant: Opened, before: BoolArray, acting: Acting) -> None:
     for i in range(len(before)):
         end.closed[i] = before[i] or acting.kept[i]
     if plant.bounds[HERTZ] > 0.0:
-        gaps_at(plant, end.middle, acting.time + half, end.gap)
+        gaps_at(plant, end.middle, acting.time + half, before[:0], end.gap)
         for i in range(2 * len(plant.obstacles.limit_at), len(before)):
             end.closed[i] = end.gap[i] < half * _FASTEST
 

@@ -299,7 +299,7 @@ def rows_of(plant: Opened, acting: Acting) -> PartRows:
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
-        gaps_at(plant, end.middle, acting.time + 0.5 * acting.step, end.gap)
+        gaps_at(plant, end.middle, acting.time + 0.5 * acting.step, end.closed, end.gap)
     rows = rows_where(plant, end.closed, acting.v, rubbing)
     free_velocity(plant, acting.step, rows)
     gear_laws(plant, rows.motor, acting.step, rows.laws)

@@ -15,11 +15,12 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
     Dense,
     Flag,
+    Flags,
     Nothing,
     Number,
     OutDense,
@@ -29,9 +30,9 @@ from wbc.compiled import (
     local,
     several,
 )
-from wbc.sim.step.field import AHEAD, cell_of, go_nearest, newton_step, surface_at, way_out
-from wbc.sim.step.pairs import FAR, pose_of, to_segment, turned
-from wbc.sim.step.tables import OPENED, Opened
+from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
+from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment, turned
+from wbc.sim.step.tables import OPENED, REACH, Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
 _SAME = 2e-6  # [m] twice what the curvature lifts a place that is one with another, at most
@@ -95,13 +96,14 @@ def spacing_of(field: FloatArray) -> float:
     return finer
 
 
-@compiled(Flag, Row, Number, Number, Number, Number, Dense, Count, Row, Row, Number, counted=False)
+@compiled(Flag, Row, *(Number,) * 5, Dense, Count, Row, Row, Number, counted=False)
 def may_touch(
     at: FloatArray,
     bend: float,
     size: float,
     x: float,
     y: float,
+    reach: float,
     planes: FloatArray,
     down: int,
     start: FloatArray,
@@ -115,6 +117,7 @@ def may_touch(
         bend: largest curvature about it [1/m].
         size: the distance [m], level.
         x, y: of the place.
+        reach: [m] up to which the body is near.
         planes, down: see `go_under`; none for a round body.
         start, end, radius: of a round body.
     """
@@ -126,7 +129,7 @@ def may_touch(
         for k in range(3):
             square += (spot[k] - near[k]) ** 2
         steepest, deep = steep + bend * size, at[0] - near[2]
-        if square > (radius + AHEAD + size * sqrt(1.0 + steepest * steepest)) ** 2:
+        if square > (radius + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
             return False
         off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
         turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
@@ -139,15 +142,16 @@ def may_touch(
         level = level or own <= (bend * size) ** 2
         if height > highest:
             highest, slope = height, own
-    return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < AHEAD * (1.0 + steep)
+    return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < reach * (1.0 + steep)
 
 
-@compiled(Count, Row, Row, Row, Number, Dense, Count, Row, Row, Number, OutDense)
+@compiled(Count, Row, Row, Row, Number, Number, Dense, Count, Row, Row, Number, OutDense)
 def starts_of(
     field: FloatArray,
     low: FloatArray,
     high: FloatArray,
     fine: float,
+    reach: float,
     planes: FloatArray,
     down: int,
     start: FloatArray,
@@ -161,7 +165,7 @@ def starts_of(
         field: see `wbc.sim.step.field`.
         low, high: (3,) of the body, world.
         fine: [m] half the width of a place that is cut no more.
-        planes, down, start, end, radius: see `may_touch`.
+        reach, planes, down, start, end, radius: see `may_touch`.
         places: to write.
     """
     a, b, count, at, left = int(field[1]), int(field[2]), 0, local(6), local(96)
@@ -177,7 +181,7 @@ def starts_of(
             y, size = y + long, sqrt(wide * wide + long * long)
             for k in range(3):
                 at[k] = field[cell + k]
-            if may_touch(at, bend, size, x, y, planes, down, start, end, radius):
+            if may_touch(at, bend, size, x, y, reach, planes, down, start, end, radius):
                 left[0], left[1], left[2], depth = x, y, 1.0, 1
             while depth > 0:
                 depth -= 1
@@ -194,7 +198,9 @@ def starts_of(
                     if beside or low[1] > v + share * long or high[1] < v - share * long:
                         continue
                     surface_at(field, u, v, at)
-                    if may_touch(at, bend, share * size, u, v, planes, down, start, end, radius):
+                    if may_touch(
+                        at, bend, share * size, u, v, reach, planes, down, start, end, radius
+                    ):
                         left[3 * depth], left[3 * depth + 1] = u, v
                         left[3 * depth + 2], depth = share, depth + 1
     return count
@@ -217,11 +223,12 @@ def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) 
     place, at, spot, normal, low, high = (
         local(3), local(6), local(3), local(3), local(3), local(3)
     )  # fmt: skip
-    reach, fine = radius + AHEAD, min(spacing_of(field), radius)
+    ahead, fine = plant.bounds[REACH], min(spacing_of(field), radius)
+    reach = radius + ahead
     for k in range(3):
         low[k], high[k] = min(start[k], end[k]) - reach, max(start[k], end[k]) + reach
     places, none = np.empty((_STARTS, 2)), np.empty((0, 4))
-    count = starts_of(field, low, high, _PART * fine, none, 0, start, end, radius, places)
+    count = starts_of(field, low, high, _PART * fine, ahead, none, 0, start, end, radius, places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
         if not go_nearest(field, start, end, reach + fine, 0.5 * fine, place, at):
@@ -233,7 +240,7 @@ def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) 
             spot[k] = start[k] + share * (end[k] - start[k])
             gap += (spot[k] - place[k]) * normal[k]
             spot[k] -= radius * normal[k]
-        if -radius < gap < AHEAD:
+        if -radius < gap < ahead:
             offer(field, touch, 0, gap, normal, spot)
 
 
@@ -336,6 +343,7 @@ def meet_edges(
     hull, a, b = bodies.hulls[which], int(field[1]), int(field[2])
     way, spot, at, normal, spacing = local(3), local(3), local(6), local(3), spacing_of(field)
     bend, deepest = field[3 + a + b + 4 * a * b], -0.5 * bodies.shapes[which, 5]
+    reach = plant.bounds[REACH]
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
         square, start = 0.0, points[hull[8] + first]
@@ -344,7 +352,7 @@ def meet_edges(
             square += way[k] * way[k]
         level = way[0] * way[0] + way[1] * way[1]
         least = min(touches[known + first, 0], touches[known + last, 0])
-        far = least > AHEAD + 0.125 * bend * level
+        far = least > reach + 0.125 * bend * level
         if far or not bounds_underside(bodies.edges[hull[6] + e], pose, way):
             continue
         part, came, share, before = _PART * spacing / sqrt(square), 0.0, 0.0, 0.0
@@ -361,11 +369,11 @@ def meet_edges(
                 corner = is_same(field, touches[known + first], spot)
                 corner = corner or is_same(field, touches[known + last], spot)
                 bulges = 0.125 * rise * spacing**2 > _BULGE * square
-                if deepest <= gap < AHEAD and bulges and not corner:
+                if deepest <= gap < reach and bulges and not corner:
                     offer(field, touch, 1 + e, gap, normal, spot)
             if share >= 1.0:
                 break
-            beyond = start[2] + share * way[2] - at[0] - AHEAD * (1.0 + abs(at[1]) + abs(at[2]))
+            beyond = start[2] + share * way[2] - at[0] - reach * (1.0 + abs(at[1]) + abs(at[2]))
             own, within = cell_ahead(field, x, y, way)
             step = min(steady_share(slope, beyond, own * level), within)
             step = max(step, steady_share(slope, beyond, bend * level))
@@ -450,8 +458,8 @@ def meet_faces(
             planes[up, 3] = out
     if down == 0:
         return
-    places = np.empty((_STARTS, 2))
-    count = starts_of(field, low, high, _PART * spacing, planes, down, low, low, 0.0, places)
+    places, reach = np.empty((_STARTS, 2)), plant.bounds[REACH]
+    count = starts_of(field, low, high, _PART * spacing, reach, planes, down, low, low, 0.0, places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
         if not go_under(planes, down, field, spacing, place, at):
@@ -465,17 +473,17 @@ def meet_faces(
             within = within and beside <= plane[3] + _INSIDE
         way_out(at, normal)
         gap = (place[2] - at[0]) * normal[2]
-        if within and deepest <= gap < AHEAD:
+        if within and deepest <= gap < reach:
             offer(field, touch, 0, gap, normal, place)
 
 
-@compiled(Nothing, OPENED, Count, counted=False)
-def meet_fields(plant: Opened, first: int) -> None:
-    """Write the touches of all pairs with fields, as `meet_all` does those of all other pairs."""
+@compiled(Nothing, OPENED, Count, Flags, counted=False)
+def meet_fields(plant: Opened, first: int, closed: BoolArray) -> None:
+    """Write the touches of pairs with fields, as `meet_all` does those of all other pairs."""
     bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)
     for pair in range(len(bodies.pairs)):
         own, solid = bodies.pairs[pair], bodies.pairs[pair, 5]
-        if solid < 0:
+        if solid < 0 or not is_asked(plant, pair, closed):
             continue
         hull, field = bodies.hulls[own[0]], obstacles.solids[solid]
         touch = obstacles.touch[first + own[2] : first + own[4]]
@@ -484,14 +492,20 @@ def meet_fields(plant: Opened, first: int) -> None:
                 touch[i] = 0.0
                 touch[i, 0], touch[i, 3] = FAR, 1.0
         known, least = solid * len(obstacles.contacts) + hull[8], np.inf
+        radius, reach = bodies.shapes[own[0], 4], plant.bounds[REACH]
         for i in range(hull[3]):
-            least = min(least, obstacles.touch[known + i, 0])
-            if bodies.shapes[own[0], 4] > 0.0:
-                obstacles.touch[known + i, 0] = FAR
+            point, one = obstacles.points[hull[8] + i], obstacles.touch[known + i]
+            if len(closed):  # those of open corners have not been written
+                one[0] = field_gap(field, point, radius + reach, one[1:4]) - radius
+                for k in range(3):
+                    one[4 + k] = point[k] - radius * one[1 + k]
+            least = min(least, one[0])
+            if radius > 0.0:
+                one[0] = FAR
         a, b, around = int(field[1]), int(field[2]), bodies.shapes[own[0], 3]
-        if least > AHEAD + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
+        if least > reach + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
             continue
-        if bodies.shapes[own[0], 4] > 0.0:
+        if radius > 0.0:
             meet_round(plant, own[0], field, touch)
         else:
             pose_of(plant.placed.poses, hull[0], pose)

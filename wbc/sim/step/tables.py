@@ -35,10 +35,12 @@ class Obstacles(NamedTuple):
         contacts: (k, 5) place on the joint (3), radius, friction.
         solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
+        stands: (nq + 1,) memory: q and time [s] of `touch`.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
         ground: (c, 3) memory: speed of the ground where they touch, world.
         tangents: d per contact, one where contact points move in x-z only, else two.
         moving: whether any ground moves.
+        fields: whether any of it is a height field.
         asked: address of a function of Python that fills `touch` and `ground`, see `Ground`.
     """
 
@@ -48,10 +50,12 @@ class Obstacles(NamedTuple):
     contacts: FloatArray
     solids: FloatArray
     points: FloatArray
+    stands: FloatArray
     touch: FloatArray
     ground: FloatArray
     tangents: int
     moving: bool
+    fields: bool
     asked: int
 
 
@@ -238,10 +242,10 @@ class Opened(NamedTuple):
 
     Attributes:
         tree, flight, obstacles, gears, placed, bodies, forces, end, hit: see there.
-        bounds: (6,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
+        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
             solution; DRIFT_FROM: overlap from which on it is taken back; TOUCH: gap up to which a
             barrier counts as closed; HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for
-            rigid ones.
+            rigid ones; REACH: memory, gap up to which those from height fields are known.
     """
 
     tree: Tree
@@ -265,10 +269,12 @@ _OBSTACLES = Structure(
     contacts=OutDense,
     solids=OutDense,
     points=OutDense,
+    stands=OutRow,
     touch=OutDense,
     ground=OutDense,
     tangents=Count,
     moving=Flag,
+    fields=Flag,
     asked=Count,
 )
 _GEARS = Structure(
@@ -321,7 +327,7 @@ OPENED = _OPENED.kind
 JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
 
-RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION = range(6)
+RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH = range(7)
 
 
 def opened(
