@@ -129,11 +129,6 @@ class ColumnRule:
         return values
 
 
-def identity_rule(name: str) -> ColumnRule:
-    """Return the rule of a column that already has its name and unit."""
-    return ColumnRule(name, (name,), (1.0,))
-
-
 def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float]) -> ColumnRule:
     """Return the rule that a map's entry states.
 

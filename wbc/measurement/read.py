@@ -18,7 +18,6 @@ from wbc.measurement.column_map import (
     ColumnMap,
     ColumnRule,
     TimeRule,
-    identity_rule,
     parse_column_map,
     read_column_map,
 )
@@ -361,13 +360,14 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
     rules: dict[str, ColumnRule] = {}
     notes: dict[str, str] = {}
     for name in table.names:
+        effort = f"{name.removesuffix(_EFFORT)}.motor_torque"
         if name != TIME and is_column(name):
-            rules[name] = _in_unit(identity_rule(name), table.units.get(name, ""))
-    for name in table.names:
-        target = name.removesuffix(_EFFORT) + ".motor_torque"
-        if name.endswith(_EFFORT) and len(name) > len(_EFFORT) and target not in rules:
-            rules[target] = replace(identity_rule(name), target=target)
-            notes[target] = _taken(name, target)
+            kind, factor = LOG_UNITS.get(table.units.get(name, ""), ("", 1.0))
+            known = kind in (column_units(name) or ())
+            rules[name] = ColumnRule(name, (name,), (factor if known else 1.0,))
+        elif name.endswith(_EFFORT) and is_column(effort) and effort not in table.names:
+            rules[effort] = ColumnRule(effort, (name,), (1.0,))
+            notes[effort] = _taken(name, effort)
     return rules, notes
 
 
@@ -380,12 +380,6 @@ def _taken(name: str, target: str) -> str:
         f"{name} is taken for {target}. If it is the rotor's torque, {say_so(torque)}\n"
         f"If it is a current [A], {say_so(current)}"
     )
-
-
-def _in_unit(rule: ColumnRule, unit: str) -> ColumnRule:
-    """Return a rule with the factor of the unit that the file itself states, if we know it."""
-    kind, factor = LOG_UNITS.get(unit, ("", 1.0))
-    return replace(rule, factors=(factor,)) if kind in (column_units(rule.target) or ()) else rule
 
 
 def _resolved(rule: ColumnRule, own: dict[str, ColumnRule]) -> ColumnRule:
