@@ -76,7 +76,7 @@ def of_robot(name, each):
 
 def own_method(ours):
     """Return what solves the program that stands in a controller, from nothing."""
-    alone = search.ProgramSolver(ours._level.program, (), (TOLERANCE, MOST), guesses=True)
+    alone = search.ProgramSolver(ours._level.program, (), guesses=True)
     alone.forget()
     return lambda: alone.solve()
 

@@ -25,7 +25,6 @@ from wbc.control import (
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
-    GazeTask,
     JointLimit,
     LinearMomentumTask,
     MeshLossEffort,
@@ -127,7 +126,6 @@ def scenes():
         "distance": quadruped(
             lambda r: FrameDistanceTask(frame=frame(r, 0), other=frame(r, 1), weight=0.5)
         ),
-        "gaze": quadruped(lambda r: GazeTask(frame="base_link")),
         "relative": quadruped(
             lambda r: FramePoseTask(
                 name="foot", frame=frame(r, 0), relative_to="base_link", weight=0.2

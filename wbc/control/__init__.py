@@ -23,7 +23,6 @@ from wbc.control.rows.frame_tasks import (
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
-    GazeTask,
 )
 from wbc.control.rows.limits import JointLimit, MotorBraking, RotorTorqueLimit
 from wbc.control.rows.point_foot import PointFootBalanceTask
@@ -61,7 +60,6 @@ __all__ = [
     "FrameOrientationTask",
     "FramePoseTask",
     "FramePositionTask",
-    "GazeTask",
     "JointLimit",
     "JouleHeatEffort",
     "LetDown",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,21 +15,11 @@ from wbc.control.gears import gear_directions
 from wbc.control.qp.problem import BlockProblem, QPSolution
 
 
-class RowNames(Protocol):
-    """What the rows of a program are called."""
-
-    def equality_label(self, row: int) -> tuple[str, str]:
-        """Return the name of an equality and its unit."""
-
-    def inequality_label(self, row: int) -> tuple[str, float, str]:
-        """Return the name of an inequality, what a violation is multiplied with, and its unit."""
-
-
 class Refused(NamedTuple):
-    """A program without a usable solution, and what its rows are called."""
+    """A program without a usable solution, and the `Program` that names its rows."""
 
     problem: BlockProblem
-    names: RowNames
+    names: Any
 
 
 class Status(Enum):
@@ -47,19 +37,6 @@ class Status(Enum):
     def usable(self) -> bool:
         """Whether the rotor torque is that of the program, not the safe one."""
         return self in (Status.SOLVED, Status.INACCURATE, Status.LATE)
-
-
-class Prospect(Protocol):
-    """What a tick leads to, worked out only where somebody asks for it.
-
-    Fields of `Command` that it was made without are attributes of its prospect.
-    """
-
-    def forces(self) -> Mapping[str, FloatArray]:
-        """Return the force of every active contact."""
-
-    def targets(self) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity of the driven joints (m,) one tick later."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +58,7 @@ class Command:
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
-        prospect: what `forces`, `position` and `velocity` are worked out from, None once they are.
+        prospect: the `SolvedLevel` that other fields are read from, None where they are given.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
         passed: limit of a joint or distance -> by how much [rad/s^2, m/s^2] the acceleration is
             beyond it, because nothing that the motors and the ground can do keeps it.
@@ -101,7 +78,7 @@ class Command:
     rounds: int
     iterations: int
     solution: QPSolution | None
-    prospect: Prospect | None = field(repr=False)
+    prospect: Any = field(repr=False)
     refused: Refused | None = None
     passed: Mapping[str, float] = field(default_factory=dict)
 

@@ -14,22 +14,21 @@ from wbc.arrays import FloatArray
 from wbc.compiled import make_ready
 from wbc.control.command import Command, Refused, Status
 from wbc.control.drivetrain import GearModel
-from wbc.control.fallback import Fallback, Standing
+from wbc.control.fallback import Fallback
 from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
     Complaint,
     InputCheck,
     StateCheck,
+    TickInputError,
     TickInputs,
     size_complaint,
 )
 from wbc.control.kinematics import Kinematics
-from wbc.control.outcome import command_of
 from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
 from wbc.control.qp.problem import QPProblem
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import check_solver
-from wbc.control.qp.torque_stage import RotorTorqueStage
 from wbc.control.reference import Reference, State
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contact_set import ContactSet
@@ -39,7 +38,7 @@ from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.task import Task
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import MOVED, RESTED
+from wbc.control.tick import DRIVE, MOVED, RESTED, TORQUE_ROW
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
@@ -109,13 +108,8 @@ class Controller:
             settings.disturbance,
         )
         self._drivetrain = GearModel(robot, self._kinematics, law, torque, blend, observer)
-        self._fallback = Fallback(
-            robot,
-            self._drivetrain,
-            Standing(robot, self._drivetrain, frames),
-            settings,
-            tuple(self._contacts.values()),
-        )
+        bound = tuple(self._contacts.values())
+        self._fallback = Fallback(robot, self._drivetrain, settings, bound)
         efforts = tuple(task for task in self.tasks if isinstance(task, Effort))
         for effort in efforts:
             effort.check(robot)
@@ -138,16 +132,12 @@ class Controller:
             joint_limit=joint_limit,
             joints=self._joints,
             collision=self._collision,
-            weights=(settings.acceleration_weight, settings.force_weight),
+            settings=settings,
             efforts=efforts,
             force_tasks=force_tasks,
             stacks=self._stacks,
-            tolerance=settings.tolerance,
         )
-        stage = RotorTorqueStage(
-            self._drivetrain, settings.solver, settings.tolerance, settings.max_iterations
-        )
-        self._levels = Levels(recipe, self._contacts, settings, stage)
+        self._levels = Levels(recipe, self._contacts)
         alone = self._kinematics.known_by_joints and not self._drivetrain.coupled
         self._asks_ahead = not alone or self._collision is not None
         self._free = Lock()
@@ -217,31 +207,24 @@ class Controller:
             self._free.release()
 
     def _step(self, given: TickInputs, start: float) -> Command:
-        motion = None
+        motion, hook = None, self.settings.state_hook
         try:
-            admitted = self._admitted(given)
-            if not isinstance(admitted, Motion):
-                return self._fallback.command(None, admitted, given.dt, start)
-            motion = admitted
-            complaint = self._inputs.complaint(given)
-            if complaint is not None:
-                return self._fallback.command(motion, complaint, given.dt, start)
+            motion = self._states.admitted(given.state if hook is None else hook(given.state))
+            self._inputs.check(given)
             motion = self._drivetrain.true_motion(motion)
             levels, ceilings = self._levels.of(given.contacts, given.dt)
             asked = self._asked(motion, given, ceilings, levels[0].program.contacts)
-            if not isinstance(asked, PendingTick):
-                return self._fallback.command(motion, asked, given.dt, start)
             answer = descend(levels, asked)
             self._level = answer.level
             if isinstance(answer, Refusal):
                 return self._refused(answer, asked, start)
             self._remember(answer, asked)
-            return command_of(
-                answer, self._drivetrain, motion, given.dt, start, self.settings.deadline
-            )
+            return self._command(answer, motion, start)
+        except TickInputError as cause:
+            complaint = cause.status, str(cause)
         except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._fallback.command(motion, complaint, given.dt, start)
+        return self._fallback.command(motion, complaint, given.dt, start)
 
     def _asked(
         self,
@@ -249,8 +232,12 @@ class Controller:
         given: TickInputs,
         ceilings: Mapping[str, float] | None,
         contacts: ContactSet,
-    ) -> PendingTick | Complaint:
-        """Write what only Python can say of a state; nothing is remembered."""
+    ) -> PendingTick:
+        """Write what only Python can say of a state; nothing is remembered.
+
+        Raises:
+            TickInputError: a reference that does not fit its task.
+        """
         kinematics, moved = self._kinematics, self._asks_ahead
         try:
             for stack in self._stacks:
@@ -265,7 +252,7 @@ class Controller:
             else:
                 kinematics.take(motion.position, motion.velocity)
         except ControlError as cause:
-            return Status.BAD_INPUT, str(cause)
+            raise TickInputError(str(cause)) from cause
         if self._collision is not None:
             self._collision.fill(kinematics)
         if rested:
@@ -273,10 +260,26 @@ class Controller:
         self._drivetrain.take(motion, contacts.contacts)
         return PendingTick(motion, given.references, ceilings, given.dt, self._last, told)
 
-    def _admitted(self, given: TickInputs) -> Motion | Complaint:
-        """Return the state that the settings' hook makes of a state, or what is wrong with it."""
-        hook, state = self.settings.state_hook, given.state
-        return self._states.admitted(state if hook is None else hook(state))
+    def _command(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
+        """Return the command of a usable solution of a tick that began at `start` [s]."""
+        found, (status, message), drive = answer.found, answer.verdict, answer.row(DRIVE)
+        if self._drivetrain.differs or answer.slopes is not None:
+            drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
+        elapsed, deadline = perf_counter() - start, self.settings.deadline
+        if deadline is not None and elapsed > deadline:
+            status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
+        return Command.of(
+            rotor_torque=drive,
+            status=status,
+            message=message,
+            solve_time=answer.time if found is None else found.solve_time,
+            tick_time=elapsed,
+            rounds=1 if found is None else found.rounds,
+            iterations=0 if found is None else found.iterations,
+            prospect=answer,
+            refused=None,
+            passed=answer.passed,
+        )
 
     def _refused(self, refusal: Refusal, asked: PendingTick, start: float) -> Command:
         """Return the safe command of a tick that has no usable solution."""

@@ -124,7 +124,7 @@ class GearModel:
         self._drives_act, self._gears_act = self._table.act_on_drives, self._table.act_on_gears
         self.differs = bool(self._rotor or self._drive)
         self._acts = bool(self._gears_act or self._smooth or self._dry or self._efficient)
-        self._varies = limit is not None and (not limit.is_constant or bool(self._rotor))
+        self._varies = limit is not None and (limit.knee is not None or bool(self._rotor))
         self._contacts: object = None
         from_joints, own = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
         own[:, robot.actuated] = gears.reflected_inertia[:, None] * from_joints
@@ -299,19 +299,3 @@ class GearModel:
         for effect in self._drive:
             rotor = effect.drive_inverse(self.robot, motion, rotor)
         return np.asarray(rotor)
-
-
-def joint_targets(
-    robot: Robot, state: tuple[FloatArray, FloatArray], acceleration: FloatArray, dt: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return where the driven joints are, and how fast (m,), after `dt` [s] of qdd (nv,).
-
-    Args:
-        robot: the robot.
-        state: q (nq,) and v (nv,).
-        acceleration: qdd (nv,).
-        dt: [s].
-    """
-    rate, gain = state[1][robot.actuated], acceleration[robot.actuated]
-    place = state[0][robot.actuated_position] + dt * (rate + 0.5 * dt * gain)
-    return place, rate + dt * gain

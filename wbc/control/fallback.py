@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from time import perf_counter
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
-from wbc.control.inputs import Complaint, step_complaint
+from wbc.control.inputs import Complaint, is_step
 from wbc.control.kinematics import Kinematics
 from wbc.control.policies import LastGood, Situation, Statics
 from wbc.control.qp.directions import DirectedSolution
@@ -27,52 +25,6 @@ from wbc.robot import Motion, Robot
 _SOFT = 1e-9
 
 
-class Standing:
-    """Torques that hold a robot at rest, and the inertia that its motors feel."""
-
-    def __init__(self, robot: Robot, drivetrain: GearModel, frames: Sequence[pin.Frame]) -> None:
-        """Make memory of its own, so that nothing of a tick is overwritten."""
-        self._robot, self._drivetrain = robot, drivetrain
-        self._kinematics = Kinematics(robot, frames)
-        self._sets: dict[tuple[str, ...], ContactSet] = {}
-
-    def statics(self, position: FloatArray, contacts: tuple[BoundContact, ...]) -> Statics:
-        """Return what holds the robot at q (nq,) on some contacts.
-
-        Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
-        coordinates u as far as they can; what they cannot balance moves the base, and the driven
-        joints m are held beside it:
-
-            a = M_uu^-1 (J_u' f - g_u),    T = D' (M_mu a + g_m - J_m' f).
-
-        Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
-        (J M^-1)_m while the contacts rest.
-        """
-        robot, kinematics = self._robot, self._kinematics
-        rest, names = np.zeros(robot.model.nv), tuple([contact.name for contact in contacts])
-        if names not in self._sets:
-            self._sets[names] = ContactSet(contacts, kinematics.model)
-        rows, pushing = self._sets[names], np.zeros(robot.model.nv)
-        kinematics.update(position, rest)
-        rows.fill(kinematics)
-        self._drivetrain.on_joints(Motion(position, rest), pushing, np.empty(len(rest)))
-        gears, u, m = robot.transmission, robot.unactuated, robot.actuated
-        B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
-        mass = kinematics.mass_matrix.copy()
-        mass[np.ix_(m, m)] += B.T @ (gears.reflected_inertia[:, None] * B)
-        force, Ju = rows.load_share(kinematics.mass * kinematics.gravity), J[:, u]
-        soft = _SOFT * np.eye(len(u))
-        force += Ju @ np.linalg.solve(Ju.T @ Ju + soft, gravity[u] - Ju.T @ force)
-        left = gravity - J.T @ force
-        base = np.linalg.solve(mass[np.ix_(u, u)], -left[u])
-        hold = left[m] + mass[np.ix_(m, u)] @ base
-        moved = np.linalg.solve(mass, np.hstack([np.eye(len(mass))[:, m], J.T]))
-        free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
-        normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
-        rested = free - across.T @ np.linalg.solve(normal, across)
-        return Statics(gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
-
-
 class Fallback:
     """Commands what a safety policy chooses, from the last tick that had a solution."""
 
@@ -80,7 +32,6 @@ class Fallback:
         self,
         robot: Robot,
         drivetrain: GearModel,
-        standing: Standing,
         settings: ControllerSettings,
         contacts: tuple[BoundContact, ...],
     ) -> None:
@@ -88,12 +39,14 @@ class Fallback:
 
         Args:
             robot, drivetrain: of the controller.
-            standing: what finds the torques that hold the robot.
             settings: of the controller, with the policy that chooses the torque.
             contacts: that carry the robot until a good tick says which do.
         """
         self._robot, self._motors = robot, drivetrain
-        self._standing, self._all = standing, contacts
+        self._all = contacts
+        # of its own, so that nothing of a tick is overwritten
+        self._kinematics = Kinematics(robot, [f for bound in contacts for f in bound.frames])
+        self._sets: dict[tuple[str, ...], ContactSet] = {}
         self._policy, self._time_step = settings.safety, settings.time_step
         gears = robot.transmission
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
@@ -143,7 +96,7 @@ class Fallback:
             refused: the program that has no solution, None where there is none.
         """
         self._motors.interrupt()
-        dt = dt if step_complaint(dt) is None else self._time_step
+        dt = dt if is_step(dt) else self._time_step
         self._ticks += 1
         self._time += dt
         return self._made(self._rotor_torque(motion, dt), motion, complaint, start, found, refused)
@@ -216,7 +169,7 @@ class Fallback:
         def statics() -> Statics:
             if place is None:
                 return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
-            return self._standing.statics(place, self._contacts)
+            return self._statics(place)
 
         return Situation(
             last=LastGood(self._torque, None if last is None else self._motors.position(last)),
@@ -227,6 +180,42 @@ class Fallback:
             dt=dt,
             find_statics=statics,
         )
+
+    def _statics(self, position: FloatArray) -> Statics:
+        """Return what holds the robot at q (nq,) on the contacts of the last good tick.
+
+        Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
+        coordinates u as far as they can; what they cannot balance moves the base, and the driven
+        joints m are held beside it:
+
+            a = M_uu^-1 (J_u' f - g_u),    T = D' (M_mu a + g_m - J_m' f).
+
+        Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
+        (J M^-1)_m while the contacts rest.
+        """
+        robot, kinematics, names = self._robot, self._kinematics, [c.name for c in self._contacts]
+        rest = np.zeros(robot.model.nv)
+        if tuple(names) not in self._sets:
+            self._sets[tuple(names)] = ContactSet(self._contacts, kinematics.model)
+        rows, pushing = self._sets[tuple(names)], np.zeros(robot.model.nv)
+        kinematics.update(position, rest)
+        rows.fill(kinematics)
+        self._motors.on_joints(Motion(position, rest), pushing, np.empty(len(rest)))
+        gears, u, m = robot.transmission, robot.unactuated, robot.actuated
+        B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
+        mass = kinematics.mass_matrix.copy()
+        mass[np.ix_(m, m)] += B.T @ (gears.reflected_inertia[:, None] * B)
+        force, Ju = rows.load_share(kinematics.mass * kinematics.gravity), J[:, u]
+        soft = _SOFT * np.eye(len(u))
+        force += Ju @ np.linalg.solve(Ju.T @ Ju + soft, gravity[u] - Ju.T @ force)
+        left = gravity - J.T @ force
+        base = np.linalg.solve(mass[np.ix_(u, u)], -left[u])
+        hold = left[m] + mass[np.ix_(m, u)] @ base
+        moved = np.linalg.solve(mass, np.hstack([np.eye(len(mass))[:, m], J.T]))
+        free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
+        normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
+        rested = free - across.T @ np.linalg.solve(normal, across)
+        return Statics(gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
 
 
 def _clipped(torque: object, limit: FloatArray) -> FloatArray:

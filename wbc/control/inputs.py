@@ -15,10 +15,20 @@ from wbc.control.command import Status
 from wbc.control.reference import Reference, State
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.rows.efforts import ContactForceTask
-from wbc.errors import unknown_name
+from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
 Complaint = tuple[Status, str]
+
+
+class TickInputError(ControlError):
+    """What is wrong with the inputs of a tick, and the status that it gets."""
+
+    def __init__(self, message: str, status: Status = Status.BAD_INPUT) -> None:
+        """Take the message."""
+        super().__init__(message)
+        self.status = status
+
 
 _FLOAT = np.dtype(np.float64)  # numpy keeps one of it, and comparing types takes 0.2 us
 LONGEST = 0.1
@@ -41,40 +51,40 @@ class StateCheck:
         self._starts = frozen([start for start, _ in parts], np.int_)
         self._lengths = frozen([length for _, length in parts], np.int_)
 
-    def admitted(self, state: State) -> Motion | Complaint:
-        """Return the state as a motion of arrays, or what is wrong with it."""
+    def admitted(self, state: State) -> Motion:
+        """Return the state as a motion of arrays.
+
+        Raises:
+            TickInputError: it is none, or none of this robot.
+        """
         try:
             q, v = state.position, state.velocity
         except AttributeError:
             kind = type(state).__name__
-            return Status.BAD_INPUT, f"a state has position and velocity; got {kind}."
+            raise TickInputError(f"a state has position and velocity; got {kind}.") from None
         if not (_of_floats(q) and _of_floats(v)):
             try:
                 motion = _motion(reals(q), reals(v))
             except (TypeError, ValueError) as cause:
-                return Status.BAD_INPUT, f"position and velocity of a state are numbers: {cause}."
+                message = f"position and velocity of a state are numbers: {cause}."
+                raise TickInputError(message) from cause
         else:
             motion = state if isinstance(state, Motion) else _motion(q, v)
-        complaint = self.complaint(motion)
-        return motion if complaint is None else complaint
-
-    def complaint(self, motion: Motion) -> Complaint | None:
-        """Return what is wrong with a motion of arrays, None if nothing is."""
         (nq, nv), q, v = self._sizes, motion.position, motion.velocity
         if q.shape != (nq,) or v.shape != (nv,):
-            return Status.BAD_INPUT, (
+            raise TickInputError(
                 f"'{self._name}' needs q of shape ({nq},) and v of shape ({nv},), "
                 f"got {q.shape} and {v.shape}."
             )
         error = state_error(q, v, self._starts, self._lengths)
-        if error <= _UNIT:
-            return None
-        if error < inf:
-            return Status.BAD_INPUT, (
+        if error == inf:
+            raise TickInputError("the state holds a value that is not finite.", Status.NOT_FINITE)
+        if error > _UNIT:
+            raise TickInputError(
                 "a quaternion of the state (or a pair cos, sin) must have length one; "
                 f"its square is off by {error:.2g}."
             )
-        return Status.NOT_FINITE, "the state holds a value that is not finite."
+        return motion
 
 
 @compiled(Number, Vector, Vector, Places, Places)
@@ -129,91 +139,63 @@ def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
     return made
 
 
-def name_complaint(
-    references: object,
-    tasks: Collection[str],
-    active: object,
-    contacts: Collection[str],
-) -> Complaint | None:
-    """Return what is wrong with the names and limits given, None if nothing is."""
+def _check_names(
+    references: object, tasks: Collection[str], active: object, contacts: Collection[str]
+) -> None:
+    """Check the names and limits given."""
     if type(references) is not dict and not isinstance(references, Mapping):
         kind = type(references).__name__
-        return Status.BAD_INPUT, f"references map a task's name to a Reference; got {kind}."
+        raise TickInputError(f"references map a task's name to a Reference; got {kind}.")
     for name, reference in references.items():
         if name not in tasks:
-            return Status.BAD_INPUT, unknown_name("task with a reference", str(name), tasks)
+            raise TickInputError(unknown_name("task with a reference", str(name), tasks))
         if type(reference) is not Reference and not isinstance(reference, Reference):
             kind = type(reference).__name__
-            return Status.BAD_INPUT, f"task '{name}' needs a Reference, got {kind}."
+            raise TickInputError(f"task '{name}' needs a Reference, got {kind}.")
     if active is None:
-        return None
+        return
     if type(active) is not dict and not isinstance(active, Mapping):
-        return Status.BAD_INPUT, (
+        raise TickInputError(
             "contacts map a name to the greatest normal force [N], as in "
             f"{{'{next(iter(contacts), 'foot')}': inf}}; got {type(active).__name__}."
         )
     for name, limit in active.items():
         if name not in contacts:
-            return Status.BAD_INPUT, unknown_name("contact", str(name), contacts)
+            raise TickInputError(unknown_name("contact", str(name), contacts))
         if not (type(limit) is float or is_real(limit)) or not limit >= 0.0:
-            return Status.BAD_INPUT, (
+            raise TickInputError(
                 f"the force limit of contact '{name}' must be a number >= 0 N, got {limit!r}."
             )
-    return None
 
 
-def share_complaint(
-    kind: str, given: object, names: Collection[str], greatest: float
-) -> Complaint | None:
-    """Return what is wrong with numbers given by name, None if nothing is."""
+def _check_shares(kind: str, given: object, names: Collection[str], greatest: float) -> None:
+    """Check numbers given by name."""
     if given is None:
-        return None
+        return
     if not isinstance(given, Mapping):
         got = type(given).__name__
-        return Status.BAD_INPUT, f"{kind} maps a task's name to a number; got {got}."
+        raise TickInputError(f"{kind} maps a task's name to a number; got {got}.")
     for name, value in given.items():
         if name not in names:
-            return Status.BAD_INPUT, unknown_name("task", str(name), names)
+            raise TickInputError(unknown_name("task", str(name), names))
         if not is_real(value) or not 0.0 <= value <= greatest or value == inf:
             end = "" if greatest == inf else f" and <= {greatest:g}"
-            return Status.BAD_INPUT, (
+            raise TickInputError(
                 f"{kind} of task '{name}' must be a number >= 0{end}, got {value!r}."
             )
-    return None
 
 
-def force_complaint(
-    tasks: Collection[ContactForceTask],
-    contacts: Mapping[str, BoundContact],
-    references: Mapping[str, Reference],
-) -> Complaint | None:
-    """Return what is wrong with the forces asked of contacts, None if nothing is."""
-    for task in tasks:
-        reference = references.get(task.name)
-        if reference is None or reference.position is None:
-            continue
-        try:
-            reals(reference.position)
-        except (TypeError, ValueError) as cause:
-            return Status.BAD_INPUT, f"the reference of task '{task.name}': {cause}."
-        shape = (3,) if contacts[task.contact].rows <= 3 else (6,)
-        if np.shape(reference.position) != shape:
-            return Status.BAD_INPUT, (
-                f"the reference of task '{task.name}': position has shape "
-                f"{np.shape(reference.position)}, expected {shape}."
-            )
-        if not reference.is_finite():
-            return Status.NOT_FINITE, f"the reference of task '{task.name}' is not finite."
-    return None
+def is_step(dt: object) -> bool:
+    """Whether a time step [s] can be one."""
+    return is_real(dt) and 0.0 < dt <= LONGEST
 
 
-def step_complaint(dt: object) -> Complaint | None:
-    """Return what is wrong with a time step [s], None if nothing is."""
-    if is_real(dt) and 0.0 < dt <= LONGEST:
-        return None
-    return Status.BAD_INPUT, (
-        f"dt must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
-    )
+def check_step(dt: object) -> None:
+    """Raise TickInputError where a time step [s] cannot be one."""
+    if not is_step(dt):
+        raise TickInputError(
+            f"dt must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
+        )
 
 
 def size_complaint(references: Mapping[str, Reference]) -> Complaint:
@@ -250,14 +232,25 @@ class InputCheck(NamedTuple):
     contacts: Mapping[str, BoundContact]
     force_tasks: tuple[ContactForceTask, ...]
 
-    def complaint(self, given: TickInputs) -> Complaint | None:
-        """Return what is wrong with the inputs besides the state, None if nothing is."""
-        references, contacts, dt = given.references, given.contacts, given.dt
-        found = name_complaint(references, self.names, contacts, self.contacts)
-        if found is None and given.weights is not None:
-            found = share_complaint("weights", given.weights, self.weighed, inf)
-        if found is None and given.activation is not None:
-            found = share_complaint("activation", given.activation, self.weighed, 1.0)
-        if found is None and self.force_tasks:
-            found = force_complaint(self.force_tasks, self.contacts, references)
-        return step_complaint(dt) if found is None else found
+    def check(self, given: TickInputs) -> None:
+        """Raise TickInputError where something besides the state is wrong."""
+        _check_names(given.references, self.names, given.contacts, self.contacts)
+        _check_shares("weights", given.weights, self.weighed, inf)
+        _check_shares("activation", given.activation, self.weighed, 1.0)
+        for task in self.force_tasks:
+            reference = given.references.get(task.name)
+            if reference is not None and reference.position is not None:
+                self._check_force(task, reference)
+        check_step(given.dt)
+
+    def _check_force(self, task: ContactForceTask, reference: Reference) -> None:
+        """Check the force asked of a contact."""
+        told, shape = f"the reference of task '{task.name}'", (self.contacts[task.contact].size,)
+        try:
+            wanted = reals(reference.position)
+        except (TypeError, ValueError) as cause:
+            raise TickInputError(f"{told}: {cause}.") from cause
+        if wanted.shape != shape:
+            raise TickInputError(f"{told}: position has shape {wanted.shape}, expected {shape}.")
+        if not reference.is_finite():
+            raise TickInputError(f"{told} is not finite.", Status.NOT_FINITE)

@@ -48,9 +48,7 @@ class Kinematics:
         gravity: magnitude of the acceleration of gravity [m/s^2].
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
-        joint_jacobian: J (6, nv) of all joints in world axes at the world's origin.
         joint_places: rotation, column by column, and translation of every joint (j, 12).
-        joint_drifts: A = dJ/dt v of every joint (j, 6), likewise.
         tree: all of it, as compiled functions read it.
         known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it.
     """
@@ -75,18 +73,18 @@ class Kinematics:
         self._rest = np.zeros(nv)
         self._frames: dict[str, int] = {}
         self._moved = False
-        self.joint_jacobian: FloatArray = data.J.reshape(6, nv)
+        jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
         starts, columns = joint_columns(model)
         joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
         joints[:, [0, 4]] += 1
         self.tree = TREE.of(
-            jacobian=self.joint_jacobian,
+            jacobian=jacobian,
             places=self.joint_places,
             mass_matrix=self.mass_matrix,
             momentum=data.Ag.reshape(6, nv),  # one column comes as a vector
             com=data.com[0],
-            motions=self.joint_jacobian.T,
+            motions=jacobian.T,
             joints=np.insert(joints, 0, [-1, -1, 0, 0, 0], axis=0),
             shapes=np.insert(shapes, 0, 0.0, axis=0),
             gravity=frozen(model.gravity.linear),
@@ -103,7 +101,6 @@ class Kinematics:
             bias=np.zeros(nv),
         )
         self.bias: FloatArray = self.tree.bias
-        self.joint_drifts = self.tree.drifts
         self.known_by_joints = _axes_turn_with_bodies(model)
 
     @property
@@ -133,7 +130,7 @@ class Kinematics:
         self.bias[:] = pin.rnea(self.model, self._data, self.position, self.velocity, self._rest)
         data, tree = self.data, self.tree
         for i in range(1, self.model.njoints):
-            self.joint_drifts[i] = data.oMi[i].act(data.a[i]).vector
+            tree.drifts[i] = data.oMi[i].act(data.a[i]).vector
         pin.centerOfMass(self.model, data, pin.KinematicLevel.ACCELERATION, False)
         tree.com_drift[:] = data.acom[0]
         pin.computeCentroidalMomentumTimeVariation(self.model, data)

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.gears import RestPolicy
-from wbc.control.inputs import step_complaint
+from wbc.control.inputs import TickInputError, check_step
 from wbc.control.policies import LetDown, SafetyPolicy
 from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import State
@@ -69,9 +69,10 @@ class ControllerSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        complaint = step_complaint(self.time_step)
-        if complaint is not None:
-            raise ControlError(f"setting time_step: {complaint[1]}")
+        try:
+            check_step(self.time_step)
+        except TickInputError as cause:
+            raise ControlError(f"setting time_step: {cause}") from cause
         positive = ("tolerance", "max_iterations", "max_rounds", "acceleration_weight")
         for name in positive:
             if not getattr(self, name) > 0:

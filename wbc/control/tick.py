@@ -95,9 +95,11 @@ PROGRAM = Structure(
     undriven=Places,
     counts=OutPlaces,
     numbers=Row,
-    effort_weight=OutDense,
-    effort_slope=OutDense,
-    effort_rotor=OutRow,
+    efforts=Dense,
+    effort_kinds=Dense,
+    slopes=OutDense,
+    turning=OutRow,
+    output=OutRow,
     positive=OutPlaces,
     stated_lower=OutRow,
     stated_upper=OutRow,
@@ -105,8 +107,10 @@ PROGRAM = Structure(
 """The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
 undriven coordinates, contacts, what a more important level has decided.
 
-`effort_weight` and `effort_slope` (2 e, m) hold each effort for T <= 0 and below it for T > 0;
-`positive` (m,) says which was right last. The stated bounds are those of the solver but where a
+`efforts` (e, m) are weights, of N tau_phi where the first of `effort_kinds` (e, 2) is one, of T
+where it is zero, and of what the mesh loses where the second one, a least torque, is not zero. They
+read the slopes of the mesh law (2, m) for T <= 0 and for T > 0, the expected dpsi, T of the last
+tick and, in `positive` (m,), whether T > 0. The stated bounds are those of the solver but where a
 more important level has to pass.
 """
 
@@ -331,18 +335,24 @@ def place_tasks(program: Any) -> float:
     return total
 
 
-@compiled(Nothing, PROGRAM.kind, OutPlaces)
+@compiled(Nothing, PROGRAM.kind, Places)
 def place_efforts(program: Any, positive: IntArray) -> None:
-    """Write the rows of efforts, root weight (slope T + rotor share), for directions (m,) of T."""
+    """Write the rows of efforts for directions (m,) of T, see `Effort`.
+
+    They are root weight (e T + rotor share) or root weight T; what the mesh loses is a parabola.
+    """
     limited, gears, solver = program.limited, program.gears, program.solver
     torque_map, m, nv = limited.map, len(limited.output_bias), len(gears.bias)
     row = program.counts[COST] - program.counts[EFFORTS] * m
     for effort in range(program.counts[EFFORTS]):
-        rotor = program.effort_rotor[effort]
+        rotor, least = program.effort_kinds[effort, 0], program.effort_kinds[effort, 1]
         for i in range(m):
-            entry = 2 * effort + (1 if positive[i] != 0 else 0)
-            root = np.sqrt(program.effort_weight[entry, i])
-            slope = root * program.effort_slope[entry, i]
+            e, weight = program.slopes[min(positive[i], 1), i], program.efforts[effort, i]
+            if least > 0.0:
+                rate = abs(e - 1.0) * abs(program.turning[i])
+                weight *= rate / max(abs(program.output[i]), least)
+            root = sqrt(weight)
+            slope = root * (e if rotor > 0.0 else 1.0)
             for j in range(torque_map.shape[1]):
                 solver.rows[row, j] = slope * torque_map[i, j]
             for j in range(nv):
@@ -368,11 +378,10 @@ def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
     """
     counts, numbers, limited = program.counts, program.numbers, program.limited
     jacobian, scale, m = program.contacts.rows.jacobian, numbers[SCALE], gears.shape[1]
-    efforts, positive, slopes = counts[EFFORTS], program.positive, np.empty((2, m))
+    efforts, positive, slopes = counts[EFFORTS], program.positive, program.slopes
     last = counts[COST] + counts[HARD]
     if efforts > 0:
         place_map(program.gears, jacobian, scale, limited.map, limited.output_bias)
-        place_slopes(program.gears, gears[SIGMA], slopes[1], slopes[0])
     for _ in range(GUESSES):
         if efforts > 0:
             place_efforts(program, positive)
@@ -397,7 +406,7 @@ def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatA
 
     Args:
         program: PROGRAM.
-        last: block of the last tick, which expected v (nv,) [rad/s] of this state.
+        last: block of the last tick, with v (nv,) [rad/s] expected of this state, and T.
         dt: time until the next tick [s].
         told: MOVED, RESTED and BASED where they hold.
         block: holds the state; results.
@@ -419,9 +428,16 @@ def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatA
     expected = last[nq + 2 * nv : nq + 3 * nv]
     place_judged(program.gears, expected, velocity, dt, corrected, of_motors)
     place_loads(program.gears, tree, position, velocity, corrected, of_motors)
+    if counts[EFFORTS] > 0:
+        place_slopes(program.gears, gears[SIGMA], program.slopes[1], program.slopes[0])
+        program.turning[:] = gears[TURNING]
+        program.output[:] = view(last, nq + 3 * nv, GEAR_ROWS, m)[OUTPUT]
+        for i in range(m):
+            program.positive[i] = 1 if program.output[i] > 0.0 else 0
     if len(program.joints.rows) > 0:
         bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
-        place_joint_bounds(program.joints, program.gears, position, velocity, dt, bounds)
+        bias, mass = program.gears.bias, program.gears.mass
+        place_joint_bounds(program.joints, bias, mass, position, velocity, dt, bounds)
     place_balance(program, told & BASED == 0)
     return UNSOLVED if place_tasks(program) < numbers[GREATEST] else TOO_LARGE
 

@@ -22,7 +22,6 @@ from wbc.control import (
     FrameOrientationTask,
     FramePoseTask,
     FramePositionTask,
-    GazeTask,
     JointLimit,
     JouleHeatEffort,
     LinearMomentumTask,
@@ -90,7 +89,6 @@ TASKS = {
     FrameOrientationTask: lambda r: [frame(r, FrameOrientationTask)],
     FramePoseTask: lambda r: [frame(r, FramePoseTask, relative_to=foot(r))],
     FramePositionTask: lambda r: [frame(r, FramePositionTask, axes="xz")],
-    GazeTask: lambda r: [GazeTask(frame=TRUNK[r.name])],
     LinearMomentumTask: lambda r: [LinearMomentumTask(weight=0.1)],
     PostureTask: lambda r: [],
 }

@@ -15,7 +15,6 @@ from wbc.control import (
     ControllerSettings,
     FrameOrientationTask,
     FramePositionTask,
-    GazeTask,
     JointLimit,
     PointContact,
     PostureTask,
@@ -41,27 +40,6 @@ def moving(robot, pose, seed=0):
     generator = np.random.default_rng(seed)
     q = pin.integrate(robot.model, pose, 0.2 * generator.normal(size=robot.model.nv))
     return q, *generator.normal(size=(2, robot.model.nv))
-
-
-def test_gaze_turns_as_the_frame_turns():
-    """About the origin of the frame, as the rows say: the error falls by what they move."""
-    task = GazeTask(frame="head_2_link", axis=(0.3, 0.2, 1.0))
-    q, v, a = moving(TALOS, HALF)
-    before, after = Kinematics(TALOS), Kinematics(TALOS)
-    before.update(q, v)
-    h = 1e-6
-    after.update(pin.integrate(TALOS.model, q, h * v), v + h * a)
-    number = before.frame_id("head_2_link")
-    place = task.value(before)
-    fallen = task.error(
-        after,
-        place + after.placement(number).translation.copy() - before.placement(number).translation,
-    ) - task.error(before, place)
-    np.testing.assert_allclose(fallen / h, -task.jacobian(before) @ v, atol=1e-5)
-    gained = task.jacobian(after) @ (v + h * a) - task.jacobian(before) @ v
-    np.testing.assert_allclose(
-        gained / h, task.jacobian(before) @ a + task.drift(before), atol=1e-4
-    )
 
 
 def talos_controller(*tasks, **settings):
@@ -192,8 +170,6 @@ def test_levels_are_whole_numbers():
             CenterOfMassTask(level=level)
     with pytest.raises(ControlError, match="weight"):
         CenterOfMassTask(weight=np.nan)
-    with pytest.raises(ControlError, match="axis"):
-        GazeTask(frame="base_link", axis=(0.0, 0.0, 0.0))
     with pytest.raises(ControlError, match="height"):
         CapturePointTask(height=0.0)
 

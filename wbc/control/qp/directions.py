@@ -10,12 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.qp.active_set import (
-    CONTRADICTION,
-    UNSETTLED,
-    place_multipliers,
-    settle,
-)
+from wbc.control.qp.active_set import CONTRADICTION, UNSETTLED, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     place_beyond,
     place_directed_rows,
@@ -72,19 +67,17 @@ class ProgramSolver:
         blocking: bound that a program could not keep beside the others, -1 where that is unknown.
     """
 
-    def __init__(
-        self, program: Program, names: tuple[str, ...], numbers: tuple[float, int], guesses: bool
-    ) -> None:
+    def __init__(self, program: Program, names: tuple[str, ...], *, guesses: bool) -> None:
         """Take a program and solvers.
 
         Args:
             program: the program.
             names: of the solvers, each asked where those before it fail.
-            numbers: tolerance, and iterations that solvers may take in one tick.
             guesses: whether the rows that bound the last solution are tried.
         """
         self._program, self._names, self._guesses = program, names, guesses
-        self._tolerance, self._most = numbers
+        settings = program.recipe.settings
+        self._tolerance, self._most = settings.tolerance, settings.max_iterations
         self.start_tick()
 
     def start_tick(self) -> None:
@@ -120,15 +113,12 @@ class ProgramSolver:
 
     def _guessed(self, directed: bool) -> QPSolution:
         """Return the solution from the rows taken as binding, where they lead to it or to none."""
-        program, solver, counts = (
-            self._program,
-            self._program.memory.solver,
-            self._program.memory.counts,
-        )
+        program, memory = self._program, self._program.memory
+        solver, counts = memory.solver, memory.counts
         first, hard = int(counts[FIRST]), int(counts[HARD])
         last = int(counts[COST]) + hard
         bounds = len(solver.lower) if directed else program.plain
-        x = np.empty(program.n)
+        x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
         # limits that give way bind by the dozen, and of 92 such programs of Talos none settled; nor
         # did of 88 that followed one which did not
         climbs = self._climbs and not solver.give.any()
@@ -139,10 +129,8 @@ class ProgramSolver:
             self.blocking = row if row < program.plain else row - program.plain
         if size < 0:
             return CONTRADICTORY if size == CONTRADICTION else NOTHING
-        y, z = np.empty(hard), np.empty(bounds)
         place_multipliers(solver, last - first, last - first - hard, size, y, z)
-        y = program.with_hard_tasks(y)
-        return QPSolution(x, y, z, QPStatus.SOLVED, 0)
+        return QPSolution(x, program.with_hard_tasks(y), z, QPStatus.SOLVED, 0)
 
     def _asked(self, directed: bool) -> QPSolution:
         """Return what the solvers say, the first one that finds a solution."""

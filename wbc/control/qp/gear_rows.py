@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import types
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
     Count,
     Dense,
@@ -21,7 +20,6 @@ from wbc.compiled import (
     Number,
     OutDense,
     OutFlags,
-    OutPlaces,
     OutRow,
     Places,
     Row,
@@ -210,28 +208,6 @@ def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: 
         along, against = forward[i] - rest[i], backward[i] - rest[i]
         positive[i] = ahead * along + astern * against + rest[i]
         negative[i] = ahead * against + astern * along + rest[i]
-
-
-@compiled(Nothing, GEARS.kind, *[Vector] * 2, Number, Row, OutDense, OutPlaces)
-def place_prospects(
-    gears: Any,
-    expected: FloatArray,
-    measured: FloatArray,
-    dt: float,
-    output: FloatArray,
-    motors: FloatArray,
-    positive: IntArray,
-) -> None:
-    """Write what efforts are told: expected dpsi, its certainty, e for T <= 0 and for T > 0 (5, m).
-
-    Arguments as for `place_judged`; a row of the result is memory. `positive` (m,) is written, too:
-    whether `output` T (m,) is.
-    """
-    judged = motors[0], motors[1], motors[2]
-    place_judged(gears, expected, measured, dt, np.empty(len(measured)), judged)
-    place_slopes(gears, motors[2], motors[4], motors[3])
-    for i in range(len(output)):
-        positive[i] = 1 if output[i] > 0.0 else 0
 
 
 @compiled(Flag, GEARS.kind, *[Row] * 3, _Three)

@@ -11,30 +11,31 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Status
+from wbc.control.gears import consistent
 from wbc.control.inputs import Complaint
 from wbc.control.qp.directions import DirectedSolution, DirectionSearch, ProgramSolver
-from wbc.control.qp.gear_rows import place_prospects
-from wbc.control.qp.lock_rows import hold, place_above
+from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
 from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
 from wbc.control.qp.solvers import WarmStart, solver_names
-from wbc.control.qp.torque_stage import RotorTorqueStage
+from wbc.control.qp.torque_stage import bend_torques
 from wbc.control.reference import Reference
 from wbc.control.rows.contact_set import ContactRanks, ContactSet
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.rows.schedule import ContactRamp
-from wbc.control.settings import ControllerSettings
 from wbc.control.tick import (
     BASED,
     DECIDED,
     DONE,
     GEAR_ROWS,
     HARD,
+    MESH,
     MOVED,
     OUTPUT,
     SIGMA,
     TOO_LARGE,
     TRIES,
+    TURNING,
     evaluate,
     finish,
     solve,
@@ -70,7 +71,7 @@ class PendingTick(NamedTuple):
 
 
 class SolvedLevel(NamedTuple):
-    """A usable solution and the torques that bring it about.
+    """A usable solution and the torques that bring it about: fields of `Command`.
 
     Attributes:
         level: that was solved.
@@ -78,8 +79,9 @@ class SolvedLevel(NamedTuple):
         stated: solution of its last program, None where it is what the block holds.
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
-        exact: whether no limit bent the torques.
         time: [s] it took.
+        dt: time until the next tick [s].
+        slopes: of the mesh law (2, m), forward and backward, where limits bent the torques.
         passed: limit -> by how much it is passed, as it could not be kept.
         hard: how many hard rows the program has, where the block holds the solution.
     """
@@ -89,8 +91,9 @@ class SolvedLevel(NamedTuple):
     stated: QPSolution | None
     found: DirectedSolution | None
     verdict: Complaint
-    exact: bool
     time: float
+    dt: float
+    slopes: FloatArray | None = None
     passed: Mapping[str, float] = _NOTHING_PASSED
     hard: int = 0
 
@@ -98,6 +101,51 @@ class SolvedLevel(NamedTuple):
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
         gears, m = self.level.program.at.gears, len(self.level.program.memory.gears.driven)
         return self.block[gears.start + number * m : gears.start + (number + 1) * m]
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """The expected qdd (nv,)."""
+        return self.block[self.level.program.at.x][: self.level.program.nv]
+
+    @property
+    def output_torque(self) -> FloatArray:
+        """T (m,)."""
+        return self.row(OUTPUT)
+
+    @property
+    def mesh_torque(self) -> FloatArray:
+        """t (m,)."""
+        return self.row(MESH)
+
+    @property
+    def expected_speed(self) -> FloatArray:
+        """dpsi (m,)."""
+        return self.row(TURNING)
+
+    @property
+    def certainty(self) -> FloatArray:
+        """sigma (m,)."""
+        return self.row(SIGMA)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mesh law allows the torques."""
+        if self.slopes is None:
+            return True
+        return consistent(self.output_torque, self.mesh_torque, self.certainty, self.slopes)
+
+    def forces(self) -> Mapping[str, FloatArray]:
+        """Return the force of every active contact."""
+        program = self.level.program
+        return program.contacts.wrenches(program.forces_of(self.block[program.at.x]))
+
+    def targets(self) -> tuple[FloatArray, FloatArray]:
+        """Return position and velocity of the driven joints (m,) after the time step."""
+        robot, at = self.level.program.recipe.robot, self.level.program.at
+        rate = self.block[at.velocity][robot.actuated]
+        gain = self.acceleration[robot.actuated]
+        place = self.block[at.position][robot.actuated_position]
+        return place + self.dt * (rate + 0.5 * self.dt * gain), rate + self.dt * gain
 
     @property
     def solution(self) -> QPSolution:
@@ -127,31 +175,16 @@ class Level:
         program: of the level.
     """
 
-    def __init__(
-        self,
-        program: Program,
-        above: Sequence[object],
-        settings: ControllerSettings,
-        stage: RotorTorqueStage,
-    ) -> None:
-        """Take the parts.
-
-        Args:
-            program: what is to be solved.
-            above: memory of the tasks of all more important levels.
-            settings: of the controller.
-            stage: bends the torques where limits do not leave all of them.
-        """
-        self.program, self._above, self._stage = program, tuple(above), stage
-        numbers = settings.tolerance, settings.max_iterations
+    def __init__(self, program: Program, rank: int) -> None:
+        """Take the program of the level of a rank, below `rank` more important ones."""
+        settings, stacks = program.recipe.settings, program.recipe.stacks
+        self.program, self._above = program, [stack.memory for stack in stacks[:rank]]
         # a program whose diagonal has zeros is none for the guess
         self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
         names = solver_names(settings.solver)
-        self._solver = ProgramSolver(program, names, numbers, self._guesses)
+        self._solver = ProgramSolver(program, names, guesses=self._guesses)
         self._search, self._rounds = DirectionSearch(program, self._solver), settings.max_rounds
         self._block, self._passing = np.zeros(program.size), np.zeros(0)
-        self._told = np.empty((5, len(program.memory.gears.driven)))
-        self._turning, self._slopes = self._told[0], self._told[3:]
         self.forget()
 
     def forget(self) -> None:
@@ -171,7 +204,7 @@ class Level:
             hard = int(program.memory.counts[HARD])
             stated = program.stated(block, hard) if program.hardens else None
             elapsed = perf_counter() - start
-            return SolvedLevel(self, block, stated, None, _SOLVED, True, elapsed, hard=hard)
+            return SolvedLevel(self, block, stated, None, _SOLVED, elapsed, asked.dt, hard=hard)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
@@ -186,8 +219,6 @@ class Level:
         if program.repeats:
             program.place_basis()
             told |= BASED
-        if program.has_efforts:
-            self._take_efforts(asked, above)
         tries = TRIES if self._guesses and not self._saturated else 0
         if above is None:
             return tick(memory, motion.position, motion.velocity, last, dt, told | tries, block)
@@ -196,19 +227,12 @@ class Level:
         ended = evaluate(memory, last, dt, told | MOVED, block)
         if ended == TOO_LARGE:
             return ended
+        if program.has_efforts:
+            memory.positive[:] = above.row(OUTPUT) > 0.0
         left = self._hold(above, program.gear_rows(block)[SIGMA])
         if left == 0 and not program.chooses_forces:
             return DECIDED
         return solve(memory, dt, block) if tries else ended
-
-    def _take_efforts(self, asked: PendingTick, above: SolvedLevel | None) -> None:
-        """Take what efforts cost for the gears as they are judged now."""
-        program, told, m = self.program, self._told, self._told.shape[1]
-        memory, first = program.memory, program.at.gears.start + OUTPUT * m
-        output, expected = asked.last[first : first + m], asked.last[program.at.advanced]
-        guessed, now = output if above is None else above.row(OUTPUT), asked.motion.velocity
-        place_prospects(memory.gears, expected, now, asked.dt, guessed, told, memory.positive)
-        program.take_efforts(self._slopes, self._turning, output)
 
     def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
@@ -226,7 +250,11 @@ class Level:
             self._search.lay_out(sigma, None)
             self._search.direct(above.row(OUTPUT) > 0.0)
         reach = REACH * memory.numbers[3]
-        return int(hold(memory, lock, x, limited, program.unlocked, reach))
+        left = int(hold(memory, lock, x, limited, program.unlocked, reach))
+        if left < 0:
+            extend_by_bounds(lock)
+            left = int(place_lock(memory, lock, x, len(x), program.unlocked, reach))
+        return left
 
     def _searched(
         self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, start: float
@@ -242,20 +270,21 @@ class Level:
         verdict = _judged(found, program)
         # it takes three programs or more
         if may_give and not verdict[0].usable and self._solver.count + 3 <= self._rounds:
-            found, verdict, passed = self._giving_way(found, first)
+            found, verdict, passed = self._giving_way(first)
         if not verdict[0].usable:
             return Refusal(verdict, found, self)
         solution = found.solution
         block[program.at.x] = solution.x
-        exact = finish(program.memory, asked.dt, block) == DONE
-        if not exact:
-            self._stage.solve(gears)
+        slopes = None
+        if finish(program.memory, asked.dt, block) != DONE:
+            bend_torques(program.recipe.drivetrain, program.recipe.settings, gears)
+            slopes = np.array([program.memory.gears.forward, program.memory.gears.backward])
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
         elapsed = perf_counter() - start
-        return SolvedLevel(self, block, solution, found, verdict, exact, elapsed, passed)
+        return SolvedLevel(self, block, solution, found, verdict, elapsed, asked.dt, slopes, passed)
 
     def _giving_way(
-        self, refused: DirectedSolution, first: FloatArray
+        self, first: FloatArray
     ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
         """Return a solution that passes limits, or one in its directions that need not.
 
@@ -264,17 +293,16 @@ class Level:
         the directions of the gears, and is the answer where none is found at a price.
 
         Args:
-            refused: what the search came to with all limits.
             first: T (m,) of its first guess.
         """
         program, search, rounds = self.program, self._search, self._rounds
         tried = search.directions
         with program.giving_way(dropped=True):
             possible, leading = search.possible(first, rounds - 2)
+            possibly = _judged(possible, program)
         if possible.solution.status is QPStatus.INFEASIBLE and possible.settled:
             search.direct(tried)
-            found = refused if refused.blocking and not possible.blocking else possible
-            return found._replace(rounds=possible.rounds), _judged(possible, program), {}
+            return possible, possibly, {}
         with program.giving_way():
             found = search.solve(leading, rounds, branches=False)
             verdict = _judged(found, program)
@@ -286,8 +314,7 @@ class Level:
                 if kept.solution.status is QPStatus.SOLVED:
                     return kept, _judged(kept, program), _NOTHING_PASSED
         else:
-            with program.giving_way(dropped=True):
-                found, verdict = possible, _judged(possible, program)
+            found, verdict = possible, possibly
             if not verdict[0].usable:
                 return found, verdict, _NOTHING_PASSED
             search.direct(leading > 0.0)
@@ -332,7 +359,11 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
             return _SOLVED
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
-        what = found.blocking or "a constraint"
+        # the last point of daqp keeps all but what it could not add
+        beyond = program.blocks().beyond(solution.x) if finite else np.zeros(1)
+        known = beyond.max(initial=0.0) > _ACCURATE
+        broken = program.labels[int(np.argmax(beyond))] if known else "a constraint"
+        what = found.blocking or broken
         return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
     if solution.status is QPStatus.ITERATION_LIMIT and finite:
         residual = program.blocks().violation(solution.x)
@@ -367,22 +398,15 @@ class Levels:
         shared: size of the part of a block of results that all programs have, see `BlockPlaces`.
     """
 
-    def __init__(
-        self,
-        recipe: Recipe,
-        contacts: Mapping[str, BoundContact],
-        settings: ControllerSettings,
-        stage: RotorTorqueStage,
-    ) -> None:
+    def __init__(self, recipe: Recipe, contacts: Mapping[str, BoundContact]) -> None:
         """Remember what programs are made of."""
-        self._recipe, self._contacts, self._settings = recipe, dict(contacts), settings
-        self._stage, self._all = stage, tuple(contacts)
+        self._recipe, self._contacts, self._all = recipe, dict(contacts), tuple(contacts)
         model, m = recipe.robot.model, recipe.robot.transmission.size
         self.shared = model.nq + 3 * model.nv + GEAR_ROWS * m
         self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         self._ramp: ContactRamp | None = None
-        if self._all and (down := settings.contact_ramp) > 0.0:
+        if self._all and (down := recipe.settings.contact_ramp) > 0.0:
             self._ramp = ContactRamp(self._all, recipe.load, down, rise=0.5 * down)
         self._fresh, self._settled = True, False
         self._wanted: dict[str, float] | None = None
@@ -427,10 +451,7 @@ class Levels:
         if levels is None:
             recipe, chosen = self._recipe, [self._contacts[name] for name in names]
             contacts = ContactSet(chosen, recipe.kinematics.model, self._ranks.rank(names))
-            above = [stack.memory for stack in recipe.stacks]
-            levels = tuple(
-                Level(Program(recipe, contacts, rank), above[:rank], self._settings, self._stage)
-                for rank in range(len(recipe.stacks))
-            )
+            ranks = range(len(recipe.stacks))
+            levels = tuple(Level(Program(recipe, contacts, rank), rank) for rank in ranks)
             self._made[names] = levels
         return levels

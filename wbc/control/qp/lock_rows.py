@@ -6,6 +6,7 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from wbc.arrays import FloatArray
 from wbc.compiled import (
@@ -19,13 +20,12 @@ from wbc.compiled import (
     Row,
     compiled,
 )
-from wbc.control.qp.linalg import extend_basis, factorise, remove, substitute
+from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.problem import INFINITE
 from wbc.control.tick import BOUNDS, COST, HARD, JOINT, PROGRAM, REGULAR, TASKS, TORQUE
 from wbc.structures import Structure
 
 _HALF = 0.5
-_ROUNDING = 1e-9  # of a push or a pull, whose size is one
 # Half an angle, of a wedge that counts as closed: what is free is measured by what it costs, as a
 # dual method does. With 3e-5 all of 2080 ticks of Talos are solved and the cost is at most 0.5 %
 # larger than with the wedge open, with 1e-5 six are not, and with 1e-4 it is 0.6 % on fewer states.
@@ -40,16 +40,13 @@ LOCK = Structure(
     binding=OutDense,
     places=OutPlaces,
     free=OutDense,
-    products=OutDense,
-    system=OutDense,
-    push=OutRow,
-    pull=OutRow,
-    pushing=OutPlaces,
     scales=OutRow,
     decided=OutPlaces,
+    ends=OutPlaces,
 )
 """Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
-are equalities, bounds and variables."""
+are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are
+equalities of the robot, and of tasks as well; how many bounds in `binding` are reached."""
 
 
 @compiled(Count, TASKS.kind, OutDense, Count)
@@ -86,84 +83,8 @@ def _gather_binding(program: Any, lock: Any, start: int, x: FloatArray, reach: f
     return count
 
 
-@compiled(Count, LOCK.kind, Count, Number)
-def _correct(lock: Any, count: int, regular: float) -> int:
-    """Solve with the rows taken as pushing; return how many were taken wrongly.
-
-    Args:
-        lock: LOCK; `pull` says of every row how far it is from being taken wrongly.
-        count: how many rows there are.
-        regular: as for `_place_pushes`.
-    """
-    products, push, pushing = lock.products, lock.push, lock.pushing
-    system, left = lock.system, lock.pull
-    size = 0
-    for i in range(count):
-        if pushing[i] != 0:
-            column = 0
-            for j in range(i + 1):
-                if pushing[j] != 0:
-                    system[size, column] = products[i, j]
-                    column += 1
-            system[size, size] += regular
-            left[size] = 1.0
-            size += 1
-    factorise(system, size)
-    substitute(system, size, left)
-    size = 0
-    for i in range(count):
-        push[i] = 0.0
-        if pushing[i] != 0:
-            push[i] = left[size]
-            size += 1
-    wrong = 0
-    for i in range(count):
-        pull = -1.0
-        if pushing[i] != 0:
-            pull = push[i]
-        else:
-            for j in range(count):
-                pull += products[i, j] * push[j]
-        left[i] = pull
-        wrong += pull < -_ROUNDING
-    return wrong
-
-
-@compiled(Nothing, LOCK.kind, Count, Number)
-def _place_pushes(lock: Any, count: int, regular: float) -> None:
-    """Write the w >= 0 (count,) that minimises w'(P + r I) w / 2 - sum w.
-
-    Block principal pivoting (Judice & Pires, 1994): all rows taken wrongly change sides, and where
-    that has not helped three times in a row only the last of them, which ends in any case.
-
-    Args:
-        lock: LOCK, with P (count, count), positive semi-definite, as `products`.
-        count: how many rows there are.
-        regular: r > 0.
-    """
-    pushing = lock.pushing
-    for i in range(count):
-        pushing[i] = 1
-    fewest, patience = count + 1, 3
-    for _ in range(20 * (count + 1)):
-        wrong = _correct(lock, count, regular)
-        if wrong == 0:
-            break
-        if wrong < fewest:
-            fewest, patience = wrong, 3
-        elif patience > 0:
-            patience -= 1
-        last = patience == 0 and wrong >= fewest
-        for i in range(count - 1, -1, -1):
-            if lock.pull[i] < -_ROUNDING:
-                pushing[i] = 1 - pushing[i]
-                if last:
-                    break
-
-
-@compiled(Count, LOCK.kind, Count, Count, Count)
-def _find_implied(lock: Any, known: int, count: int, equalities: int) -> int:
-    """Move rows that no motion within the equalities leaves behind the known ones.
+def extend_by_bounds(lock: Any) -> None:
+    """Add the bounds that no motion within the equalities leaves to these.
 
     With u_i what the equalities leave of row i, the direction d that minimises
 
@@ -171,60 +92,25 @@ def _find_implied(lock: Any, known: int, count: int, equalities: int) -> int:
 
     lets go of every row that can be let go of, with s_i near zero; of the others, which add up to
     nothing with positive weights, s_i is one. In between a wedge of half an angle a has
-    s = r / (2 a^2 + r): sqrt(r / 2) is the half angle below which it counts as closed.
-    The multipliers w of the rows solve the problem of `_place_pushes`, and s = r w.
-
-    Args:
-        lock: LOCK, with rows of length one, outwards, in `binding`; result.
-        known: how many in front are known to be implied, and among the equalities.
-        count: how many there are.
-        equalities: how many orthonormal rows of equalities `scaled` has.
-
-    Returns:
-        how many are known now.
+    s = r / (2 a^2 + r): sqrt(r / 2) is the half angle below which it counts as closed. With U the
+    rows u_i, the multipliers w >= 0 of the rows minimise w'(U U' + r) w / 2 - sum w, and s = r w.
     """
-    binding, free, products, places = lock.binding, lock.free, lock.products, lock.places
-    n, size = binding.shape[1], count - known
-    regular = 2.0 * _NARROW**2
-    for i in range(size):
-        for j in range(n):
-            free[i, j] = binding[known + i, j]
-        remove(lock.scaled, equalities, free, i, n)
-        remove(lock.scaled, equalities, free, i, n)
-        for k in range(i + 1):
-            product = 0.0
-            for j in range(n):
-                product += free[i, j] * free[k, j]
-            products[i, k] = products[k, i] = product
-    _place_pushes(lock, size, regular)
-    found = known
-    for i in range(known, count):
-        if regular * lock.push[i - known] > _HALF:
-            for j in range(n):
-                binding[found, j], binding[i, j] = binding[i, j], binding[found, j]
-            places[found], places[i] = places[i], places[found]
-            found += 1
-    return found
-
-
-@compiled(Count, PROGRAM.kind, LOCK.kind, Count, Count)
-def _extend_by_bounds(program: Any, lock: Any, last: int, count: int) -> int:
-    """Add those of the `count` bounds that are equalities to `last` rows; return how many then."""
-    scales, n = lock.scales, len(lock.scales)
-    for i in range(last):
-        for j in range(n):
-            lock.free[i, j] = lock.kept[i, j] * scales[j]
-    size = extend_basis(lock.free[:last], lock.left, lock.scaled, 0, n)
-    known, found = 0, -1
-    while found != known:
-        known = max(found, 0)
-        found = _find_implied(lock, known, count, size)
-        size = extend_basis(lock.binding[known:found], lock.left, lock.scaled, size, n)
-    for i in range(found):
-        lock.decided[lock.places[i]] = 1
-        for j in range(n):
-            lock.free[i, j] = lock.binding[i, j] / scales[j]
-    return extend_basis(lock.free[:found], lock.left, lock.kept, last, n)
+    (_, last, count), n, root = lock.ends, len(lock.scales), sqrt(2.0) * _NARROW
+    size = extend_basis(lock.kept[:last] * lock.scales, lock.left, lock.scaled, 0, n)
+    left, implied = np.arange(count), np.ones(count, dtype=np.bool_)
+    while left.size and implied.any():
+        free = lock.binding[left]
+        for _ in range(2):
+            free -= (free @ lock.scaled[:size].T) @ lock.scaled[:size]
+        system = np.vstack([free.T, root * np.eye(len(left))])
+        right = np.concatenate([np.zeros(n), np.full(len(left), 1.0 / root)])
+        implied = root**2 * nnls(system, right)[0] > _HALF
+        found = lock.binding[left[implied]]
+        size = extend_basis(found, lock.left, lock.scaled, size, n)
+        lock.decided[lock.places[left[implied]]] = 1
+        left = left[~implied]
+    found = np.delete(lock.binding[:count], left, axis=0) / lock.scales
+    lock.ends[1] = extend_basis(found, lock.left, lock.kept, last, n)
 
 
 @compiled(Nothing, PROGRAM.kind, LOCK.kind, Row, Number, Count, Count)
@@ -261,6 +147,27 @@ def _forces_balance(program: Any, lock: Any) -> bool:
     return spanned == count
 
 
+@compiled(Count, PROGRAM.kind, LOCK.kind, Row, Count, Count, Number)
+def place_lock(
+    program: Any, lock: Any, x: FloatArray, width: int, unlocked: int, reach: float
+) -> int:
+    """Write the rows of `kept` that are not the robot's own; arguments and result as for `hold`.
+
+    `width` is how many of the variables they are about.
+    """
+    solver, counts, first, last = program.solver, program.counts, lock.ends[0], lock.ends[1]
+    counts[HARD] = unlocked + last - first
+    for i in range(first, last):
+        row, right = counts[COST] + unlocked + i - first, 0.0
+        for j in range(len(x)):
+            solver.rows[row, j] = lock.kept[i, j] if j < width else 0.0
+            right += solver.rows[row, j] * x[j]
+        solver.right[row], solver.softness[row] = right, 0.0
+    let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
+    left: int = width - last
+    return left
+
+
 @compiled(Count, PROGRAM.kind, LOCK.kind, Row, Flag, Count, Number)
 def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, reach: float) -> int:
     """Write the rows that hold what x (n,) of the level above gives its tasks.
@@ -274,7 +181,7 @@ def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, r
     Where bounds kept the tasks from more, most of these bounds cannot be left either without losing
     something of the tasks (Escande, Mansard & Wieber, 2014): rows that add up to nothing with
     positive weights. As inequalities they have no room between them, and pushes without limit.
-    They are locked as well, and are no bounds any more.
+    They are locked as well (`extend_by_bounds`, then `place_lock`), and are no bounds any more.
 
     Args:
         program: PROGRAM, evaluated.
@@ -285,7 +192,7 @@ def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, r
         reach: within which a bound counts as reached, and how far bounds may move.
 
     Returns:
-        how many freedoms of qdd, or of x, are left.
+        how many freedoms of qdd, or of x, are left; -1 where bounds are still to be locked.
     """
     solver, counts, scales = program.solver, program.counts, lock.scales
     top, nv, n = counts[COST], len(program.tasks.diagonal), len(x)
@@ -299,14 +206,8 @@ def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, r
     lock.decided[:] = 0
     first = extend_basis(solver.rows[own : top + unlocked], lock.left, lock.kept, 0, width)
     last = extend_basis(lock.above, lock.left, lock.kept, first, width)
+    lock.ends[0], lock.ends[1], lock.ends[2] = first, last, reached
     if reached > 0 and last < n:
-        last = _extend_by_bounds(program, lock, last, reached)
-    counts[HARD] = unlocked + last - first
-    for i in range(first, last):
-        row, right = top + unlocked + i - first, 0.0
-        for j in range(n):
-            solver.rows[row, j] = lock.kept[i, j] if j < width else 0.0
-            right += solver.rows[row, j] * x[j]
-        solver.right[row], solver.softness[row] = right, 0.0
-    let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
-    return width - last
+        return -1
+    left: int = place_lock(program, lock, x, width, unlocked, reach)
+    return left

@@ -24,6 +24,7 @@ from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.efforts import ContactForceTask, Effort
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
+from wbc.control.settings import ControllerSettings
 from wbc.control.tick import COST, FIRST, GEAR_ROWS, HARD, PROGRAM
 from wbc.robot import Robot
 
@@ -53,11 +54,10 @@ class Recipe:
         joint_limit: limits of joints, or None.
         joints: their JOINTS.
         collision: distances to keep, or None.
-        weights: regularisation of qdd and of the force variables.
+        settings: of the controller.
         efforts: costs on torques, which the least important level bears.
         force_tasks: costs on contact forces, likewise.
         stacks: tasks by level, the most important first.
-        tolerance: of the solvers.
     """
 
     robot: Robot
@@ -66,11 +66,10 @@ class Recipe:
     joint_limit: JointLimit | None
     joints: Any
     collision: CollisionRows | None
-    weights: tuple[float, float]
+    settings: ControllerSettings
     efforts: Sequence[Effort]
     force_tasks: Sequence[ContactForceTask]
     stacks: tuple[TaskStack, ...]
-    tolerance: float
 
     @property
     def load(self) -> float:
@@ -110,6 +109,7 @@ class Program:
     once, and written by `wbc.control.tick`.
 
     Attributes:
+        recipe: what it is made of.
         memory: the PROGRAM.
         lock: memory of what the level above has decided, None at the first level.
         contacts: the active contacts.
@@ -130,7 +130,7 @@ class Program:
         """Lay out the rows of a level for some contacts."""
         robot, drivetrain = recipe.robot, recipe.drivetrain
         last = rank == len(recipe.stacks) - 1
-        self.contacts, self.stack, self._recipe = contacts, recipe.stacks[rank], recipe
+        self.contacts, self.stack, self.recipe = contacts, recipe.stacks[rank], recipe
         self.nv, self.n = robot.model.nv, robot.model.nv + contacts.rows
         weight = recipe.kinematics.mass * recipe.kinematics.gravity
         self.force_scale = 0.1 * recipe.load
@@ -145,7 +145,9 @@ class Program:
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
         self._lay_out_rows(cost, most, rank)
-        self._shared = contacts.load_share(weight) * (recipe.weights[1] / self.force_scale)
+        self._shared = contacts.load_share(weight) * (
+            recipe.settings.force_weight / self.force_scale
+        )
         self._wishes = [
             (task, rows, contact.axes)
             for contact, rows in zip(contacts.contacts, contacts.slices, strict=True)
@@ -162,7 +164,7 @@ class Program:
 
     def _lay_out_bounds(self) -> None:
         """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
-        contacts, recipe = self.contacts, self._recipe
+        contacts, recipe = self.contacts, self.recipe
         joints = () if recipe.joint_limit is None else recipe.joint_limit.joints
         apart = () if recipe.collision is None else recipe.collision.labels
         names = recipe.robot.transmission.joints
@@ -182,9 +184,9 @@ class Program:
 
     def _lay_out_rows(self, cost: int, most: int, rank: int) -> None:
         """Make all memory, for `cost` soft rows and `most` hard ones beside the bounds."""
-        recipe, n, nv, contacts = self._recipe, self.n, self.nv, self.contacts
+        recipe, n, nv, contacts = self.recipe, self.n, self.nv, self.contacts
         size, bounds, m = cost + most + n, self.plain + len(self.gears), recipe.drivetrain.size
-        softness, diagonal = np.zeros(size), np.full(n, recipe.weights[0])
+        softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
         softness[:cost] = 1.0
         C, lower, upper = (
             np.zeros((bounds, n)),
@@ -224,19 +226,12 @@ class Program:
             lower=stated[0],
             upper=stated[1],
         )
-        efforts, nq = len(self._efforts), recipe.robot.model.nq
-        counts = [
-            0,
-            cost,
-            self.unlocked,
-            self.torque.stop,
-            self.plain,
-            self.joint.start,
-            efforts,
-            nq,
-        ]
-        greatest = recipe.tolerance / np.finfo(np.float64).eps
-        numbers = [recipe.kinematics.mass, self.force_scale, recipe.weights[0], recipe.tolerance]
+        efforts, settings = len(self._efforts), recipe.settings
+        ends = self.torque.stop, self.plain, self.joint.start
+        counts = [0, cost, self.unlocked, *ends, efforts, recipe.robot.model.nq]
+        tolerance, regular = settings.tolerance, settings.acceleration_weight
+        sizes = [recipe.kinematics.mass, self.force_scale, regular, tolerance]
+        greatest = tolerance / np.finfo(np.float64).eps
         self.memory: Any = PROGRAM.of(
             tree=recipe.kinematics.tree,
             tasks=self.stack.memory,
@@ -247,19 +242,16 @@ class Program:
             solver=solver,
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             counts=np.array(counts, dtype=np.int_),
-            numbers=np.array([*numbers, greatest]),
-            effort_weight=np.zeros((2 * efforts, m)),
-            effort_slope=np.zeros((2 * efforts, m)),
-            effort_rotor=np.zeros(efforts),
+            numbers=np.array([*sizes, greatest]),
+            efforts=np.array([e.weights(recipe.robot) for e in self._efforts]).reshape(efforts, m),
+            effort_kinds=np.array([e.kind for e in self._efforts]).reshape(efforts, 2),
+            slopes=np.zeros((2, m)),
+            turning=np.zeros(m),
+            output=np.zeros(m),
             positive=np.zeros(m, dtype=np.int_),
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
-        costs = self.memory.effort_weight, self.memory.effort_slope, self.memory.effort_rotor
-        self._costs = [
-            (effort, costs[0][2 * i : 2 * i + 2], costs[1][2 * i : 2 * i + 2], costs[2][i : i + 1])
-            for i, effort in enumerate(self._efforts)
-        ]
         top = cost + self._undriven
         self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
@@ -272,27 +264,10 @@ class Program:
             self._write_normals(ceilings)
         if self._wishes:
             self._write_force_costs(references)
-        if self._recipe.collision is not None:
-            apart, memory = self._recipe.collision, self.memory
+        if self.recipe.collision is not None:
+            apart, memory = self.recipe.collision, self.memory
             memory.solver.C[self.distance, : self.nv] = apart.rows
             memory.stated_lower[self.distance] = apart.least
-
-    def take_efforts(
-        self,
-        slopes: FloatArray,
-        speed: FloatArray,
-        last_output: FloatArray,
-    ) -> None:
-        """Take what efforts cost.
-
-        Args:
-            slopes: e (2, m) of the mesh law for T <= 0 and for T > 0.
-            speed: expected dpsi (m,) [rad/s].
-            last_output: T (m,) of the last tick [N m].
-        """
-        robot = self._recipe.robot
-        for effort, weight, slope, rotor in self._costs:
-            weight[:], slope[:], rotor[:] = effort.cost(robot, slopes, speed, last_output)
 
     @property
     def chooses_forces(self) -> bool:
@@ -416,7 +391,7 @@ class Program:
         """
         solver, scale = self.memory.solver, self.force_scale
         diagonal, pull = solver.diagonal[self.nv :], solver.pull[self.nv :]
-        diagonal[:], pull[:] = self._recipe.weights[1], self._shared
+        diagonal[:], pull[:] = self.recipe.settings.force_weight, self._shared
         for task, rows, components in self._wishes:
             reference = references.get(task.name)
             if reference is None or reference.position is None:
@@ -447,7 +422,7 @@ class Program:
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""
         if row < self._undriven:
-            coordinate = int(self._recipe.robot.unactuated[row])
+            coordinate = int(self.recipe.robot.unactuated[row])
             return f"balance of undriven coordinate {coordinate}", "N or N m"
         if self.repeats and row < self.unlocked:
             return "the contacts at rest", "m/s^2"
@@ -480,11 +455,7 @@ def _lock(above: int, n: int, most: int, bounds: int) -> Any:
         binding=np.zeros((bounds, n)),
         places=np.zeros(bounds, dtype=np.int_),
         free=np.zeros((size, n)),
-        products=np.zeros((bounds, bounds)),
-        system=np.zeros((bounds, bounds)),
-        push=np.zeros(bounds),
-        pull=np.zeros(bounds),
-        pushing=np.zeros(bounds, dtype=np.int_),
         scales=np.zeros(n),
         decided=np.zeros(bounds, dtype=np.int_),
+        ends=np.zeros(3, dtype=np.int_),
     )

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, final
+from typing import ClassVar, final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import ControlError
 from wbc.robot import Robot, state_gear
-
-
-class GearCost(NamedTuple):
-    """A cost 1/2 sum weight (slope T + rotor share)^2 over the gears.
-
-    Attributes:
-        weight: (..., m) >= 0.
-        slope: (..., m) on the output torque T.
-        rotor: 1 to add what the rotor itself takes (inertia, friction), 0 not to.
-    """
-
-    weight: FloatArray
-    slope: FloatArray
-    rotor: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,6 +20,9 @@ class Effort(ABC):
     Where the robot has more ways to move or to push than its tasks decide, efforts choose among
     them; weights small against those of the tasks leave the tasks alone.
 
+    It costs 1/2 sum w y^2 over the gears, where y is N tau_phi = e T + what the rotor takes itself,
+    with e the slope of the mesh law in the predicted direction, or T.
+
     Attributes:
         name: how messages call it.
         weight: >= 0.
@@ -42,6 +31,7 @@ class Effort(ABC):
     name: str
     weight: float
 
+    of_rotors: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
@@ -62,17 +52,13 @@ class Effort(ABC):
                 )
 
     @abstractmethod
-    def cost(
-        self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
-    ) -> GearCost:
-        """Return the quadratic cost of this tick.
+    def weights(self, robot: Robot) -> FloatArray:
+        """Return w (m,)."""
 
-        Args:
-            robot: the robot.
-            slope: e (..., m), mesh input per output torque in the predicted directions.
-            speed: expected dpsi (m,) [rad/s].
-            last_output: T (m,) of the last tick [N m].
-        """
+    @property
+    def kind(self) -> tuple[float, float]:
+        """What the tick reads besides: 1 where y is N tau_phi, and a least torque, see PROGRAM."""
+        return float(self.of_rotors), 0.0
 
 
 @final
@@ -82,15 +68,14 @@ class JouleHeatEffort(Effort):
 
     name: str = "joule_heat"
 
+    of_rotors: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("torque_constant", "resistance")
 
-    def cost(
-        self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
-    ) -> GearCost:
-        """Return the cost of R (tau_phi / k_t)^2 with tau_phi = (e T + rotor share)/N."""
+    def weights(self, robot: Robot) -> FloatArray:
+        """Return the weights of R (N tau_phi / (N k_t))^2."""
         gears = robot.transmission
         scale = gears.resistance / (gears.torque_constant * gears.gear_ratio) ** 2
-        return GearCost(2.0 * self.weight * scale, slope, 1.0)
+        return np.asarray(2.0 * self.weight * scale)
 
 
 @final
@@ -115,13 +100,14 @@ class MeshLossEffort(Effort):
         if not self.least_torque > 0.0:
             raise ControlError(f"effort '{self.name}': least_torque must be > 0 N m.")
 
-    def cost(
-        self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
-    ) -> GearCost:
-        """Return the parabola that touches the loss at the last tick's torque."""
-        rate = np.abs(slope - 1.0) * np.abs(speed)
-        size = np.maximum(np.abs(last_output), self.least_torque)
-        return GearCost(self.weight * rate / size, np.ones(slope.shape), 0.0)
+    def weights(self, robot: Robot) -> FloatArray:
+        """Return the weights, which the tick multiplies with |e - 1| |dpsi| / |T_0|."""
+        return np.full(robot.transmission.size, self.weight)
+
+    @property
+    def kind(self) -> tuple[float, float]:
+        """The least torque, too."""
+        return 0.0, self.least_torque
 
 
 @final
@@ -131,11 +117,9 @@ class OutputTorqueEffort(Effort):
 
     name: str = "output_torque"
 
-    def cost(
-        self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
-    ) -> GearCost:
-        """Return the cost of T."""
-        return GearCost(np.full(slope.shape, self.weight), np.ones(slope.shape), 0.0)
+    def weights(self, robot: Robot) -> FloatArray:
+        """Return the weights of T."""
+        return np.full(robot.transmission.size, self.weight)
 
 
 @final
@@ -144,13 +128,11 @@ class RotorTorqueEffort(Effort):
     """weight/2 sum tau_phi^2 [(N m)^2], losses and rotor inertia included."""
 
     name: str = "rotor_torque"
+    of_rotors: ClassVar[bool] = True
 
-    def cost(
-        self, robot: Robot, slope: FloatArray, speed: FloatArray, last_output: FloatArray
-    ) -> GearCost:
-        """Return the cost of tau_phi = (e T + rotor share)/N."""
-        ratio = robot.transmission.gear_ratio
-        return GearCost(self.weight / ratio / ratio, slope, 1.0)
+    def weights(self, robot: Robot) -> FloatArray:
+        """Return the weights of N tau_phi."""
+        return np.asarray(self.weight / robot.transmission.gear_ratio**2)
 
 
 @final

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, sqrt
 from typing import Any, final
 
@@ -11,8 +11,7 @@ import numpy as np
 from numba import types
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.compiled import Nothing, Number, OutRow, Places, Row, Vector, compiled
-from wbc.control.qp.gear_rows import GEARS
+from wbc.compiled import Dense, Nothing, Number, OutRow, Places, Row, Vector, compiled
 from wbc.errors import ControlError
 from wbc.robot import Robot
 from wbc.structures import Structure
@@ -59,64 +58,38 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
     return found
 
 
-@compiled(Nothing, JOINTS.kind, *[Vector] * 2, Number, *[Row] * 2, types.UniTuple(OutRow, 2))
-def place_bounds(
+@compiled(Nothing, JOINTS.kind, Row, Dense, *[Vector] * 2, Number, types.UniTuple(OutRow, 2))
+def place_joint_bounds(
     joints: Any,
+    bias: FloatArray,
+    mass: FloatArray,
     position: FloatArray,
     velocity: FloatArray,
     dt: float,
-    up: FloatArray,
-    down: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write the least and greatest acceleration of joints, see `JointLimit`.
+    """Write the least and greatest acceleration of joints, see `JointLimit` and `MotorBraking`.
 
     Args:
         joints: JOINTS.
+        bias, mass: of the robot (nv,) and (nv, nv); the load is the bias until there is another.
         position, velocity, dt: q (nq,), v (nv,), [s] until the next decision.
-        up, down: what the motors can brake (k,), of motion upwards and downwards.
         bounds: results (>= k,).
     """
     for k in range(len(joints.rows)):
-        q, v, most = position[joints.positions[k]], velocity[joints.rows[k]], joints.acceleration[k]
-        high, low = min(most, up[k], _MOST), min(most, down[k], _MOST)
+        row, most, room = joints.rows[k], joints.acceleration[k], joints.torque[k]
+        q, v = position[joints.positions[k]], velocity[row]
+        high = low = min(most, _MOST)
+        if isfinite(room):
+            load = joints.load[row] if isfinite(joints.load[row]) else bias[row]
+            whole = mass[row, row] + joints.reflected[k]
+            high = min(high, max((room + load) / whole, joints.least[k]))
+            low = min(low, max((room - load) / whole, joints.least[k]))
         rise = viable(joints.upper[k] - q, v, high, dt)
         fall = viable(q - joints.lower[k], -v, low, dt)
         highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
         lowest = max(min(-min((joints.speed[k] + v) / dt, fall), low), -most)
         bounds[0][k], bounds[1][k] = min(lowest, highest), max(lowest, highest)
-
-
-@compiled(Nothing, JOINTS.kind, GEARS.kind, OutRow, OutRow)
-def place_braking(joints: Any, gears: Any, up: FloatArray, down: FloatArray) -> None:
-    """Write the deceleration (k,) of motion upwards and downwards, see `MotorBraking`."""
-    for k in range(len(joints.rows)):
-        up[k], down[k] = np.inf, np.inf
-        if not isfinite(joints.torque[k]):
-            continue
-        row = joints.rows[k]
-        load = joints.load[row]
-        if not isfinite(load):
-            load = gears.bias[row]
-        whole = gears.mass[row, row] + joints.reflected[k]
-        up[k] = max((joints.torque[k] + load) / whole, joints.least[k])
-        down[k] = max((joints.torque[k] - load) / whole, joints.least[k])
-
-
-@compiled(Nothing, JOINTS.kind, GEARS.kind, *[Vector] * 2, Number, types.UniTuple(OutRow, 2))
-def place_joint_bounds(
-    joints: Any,
-    gears: Any,
-    position: FloatArray,
-    velocity: FloatArray,
-    dt: float,
-    bounds: tuple[FloatArray, FloatArray],
-) -> None:
-    """Write the least and greatest acceleration of joints with what their motors can brake now."""
-    count = len(joints.rows)
-    up, down = np.empty(count), np.empty(count)
-    place_braking(joints, gears, up, down)
-    place_bounds(joints, position, velocity, dt, up, down, bounds)
 
 
 @final
@@ -143,11 +116,6 @@ class RotorTorqueLimit:
             )
         if self.knee is not None and not 0.0 <= self.knee < 1.0:
             raise ControlError(f"rotor torque limit: knee must lie in [0, 1), got {self.knee:g}.")
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether the bounds are the same at every speed."""
-        return self.knee is None
 
     def bounds(self, robot: Robot, rotor_speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest rotor torque (m,) [N m] at these rotor speeds."""
@@ -332,12 +300,10 @@ class JointLimit:
             velocity: v (nv,).
             step: time until the next decision [s].
         """
-        lowest, highest, most = (
-            np.empty(len(self.rows)),
-            np.empty(len(self.rows)),
-            self.acceleration,
-        )
-        place_bounds(self.structure(), position, velocity, step, most, most, (lowest, highest))
+        lowest, highest = np.empty((2, len(self.rows)))
+        nothing, joints = np.zeros((len(velocity),) * 2), replace(self, brakes={}).structure()
+        bounds = lowest, highest
+        place_joint_bounds(joints, nothing[0], nothing, position, velocity, step, bounds)
         return lowest, highest
 
 

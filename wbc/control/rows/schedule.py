@@ -45,11 +45,6 @@ class ContactRamp:
         self._load, self._fall, self._rise = load, 1.0 / duration, 1.0 / rise
         self._share = dict.fromkeys(contacts, 1.0)
 
-    @property
-    def settled(self) -> bool:
-        """Whether no contact is on a ramp."""
-        return all(share in (0.0, 1.0) for share in self._share.values())
-
     def step(
         self, wanted: Collection[str] | Mapping[str, float], dt: float, *, at_once: bool = False
     ) -> Mapping[str, float]:
@@ -123,15 +118,6 @@ class ContactSchedule:
         """
         phase = self._phase(contact, time)
         return None if phase < self.duty else (phase - self.duty) / (1.0 - self.duty)
-
-    def stance(self, contact: str, time: float) -> float | None:
-        """Return how much of its stance a contact has done, 0 to 1; None while it swings.
-
-        Raises:
-            ControlError: no such contact.
-        """
-        phase = self._phase(contact, time)
-        return phase / self.duty if phase < self.duty else None
 
     def _phase(self, contact: str, time: float) -> float:
         if contact not in self.offsets:

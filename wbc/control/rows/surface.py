@@ -26,9 +26,9 @@ class SurfaceContact(Contact):
 
     The wrench (6,) is force over torque at the mean of the corners, along the frame's axes, z away
     from the ground. It can be borne if it is the sum of forces at the corners, each in its friction
-    pyramid. For a rectangle along x and y that set is given by the sixteen rows of Caron, Pham &
-    Nakamura (ICRA 2015): friction, centre of pressure, and the yaw torque that friction leaves.
-    For another polygon the rows are the faces of that cone, found by Qhull.
+    pyramid: friction, centre of pressure, and the yaw torque that friction leaves are the faces of
+    that cone, found by Qhull. For a rectangle they are the sixteen rows of Caron, Pham & Nakamura
+    (ICRA 2015).
 
     Attributes:
         corners: names of the contact points, three or more, in any order.
@@ -77,11 +77,7 @@ class SurfaceContact(Contact):
         mu = min(p.friction for p in points) if self.friction is None else self.friction
         slope = mu / np.sqrt(2.0) if self.approximation is ConeApproximation.INNER else mu
         around = (offsets - middle)[:, :2]
-        half = np.abs(around)
-        if len(points) == 4 and np.ptp(half, axis=0).max() < _FLAT:
-            matrix, labels = wrench_cone(slope, float(half[0, 0]), float(half[0, 1]))
-        else:
-            matrix, labels = polygon_cone(slope, around)
+        matrix, labels = polygon_cone(slope, around)
         normal = np.zeros(6)
         normal[2] = 1.0
         number, name = robot.model.getFrameId(points[0].frame), f"middle of {self.name}"
@@ -97,33 +93,6 @@ class SurfaceContact(Contact):
             corners=offsets - middle,
             frames=(pin.Frame(name, parent.parentJoint, number, placement, kind),),
         )
-
-
-def wrench_cone(friction: float, length: float, width: float) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return rows (16, 6) <= 0 on [f, tau] that a rectangle can bear, and their names.
-
-    Args:
-        friction: slope of the four-sided pyramids, |fx| and |fy| at most friction * fz.
-        length: half the side along x [m].
-        width: half the side along y [m].
-    """
-    rows: list[list[float]] = []
-    labels: list[str] = []
-    for sign in (1.0, -1.0):
-        rows.append([sign, 0, -friction, 0, 0, 0])
-        rows.append([0, sign, -friction, 0, 0, 0])
-        rows.append([0, 0, -width, sign, 0, 0])
-        rows.append([0, 0, -length, 0, sign, 0])
-        labels += ["friction along x", "friction along y"]
-        labels += ["centre of pressure along y", "centre of pressure along x"]
-    reach = friction * (length + width)
-    for a, b, upper in product((1.0, -1.0), (1.0, -1.0), (True, False)):
-        # |tau_z| is left what sideways forces and tilting torques have not used of the friction.
-        side = 1.0 if upper else -1.0
-        torque = side * friction
-        rows.append([a * width, b * length, -reach, a * torque, b * torque, side])
-        labels.append("yaw torque")
-    return np.array(rows, dtype=np.float64), tuple(labels)
 
 
 def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
@@ -153,4 +122,6 @@ def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tupl
     for row in rows:
         turns, tilts = abs(row[5]) > 0.0, np.abs(row[3:5]).max() > 0.0
         labels.append("yaw torque" if turns else "centre of pressure" if tilts else "friction")
+        # a violation is in N, or in N m
+        row /= abs(row[5]) if turns else np.abs(row[3:5]).max() if tilts else 1.0
     return rows, tuple(labels)
