@@ -223,6 +223,20 @@ def test_columns_as_published_are_not_accused() -> None:
     assert find_suspicions(logs, robot) == [[], [], []]
 
 
+def test_fewer_samples_than_coefficients_tell_no_scale(tmp_path: Path) -> None:
+    """One smooth run of the KUKA: its torques were called .21 times what the links need."""
+    robot = load_robot(outside("strangers/01_kuka_sign/robot.toml"))
+    kinds = {"position": "positions", "velocity": "velocities", "motor_torque": "torques"}
+    lines = [
+        f'columns."lwr_{k}_joint.{ours}" = "{theirs}_{k}"'
+        for ours, theirs in kinds.items()
+        for k in range(7)
+    ]
+    (tmp_path / "map.toml").write_text("\n".join(['time.from = "times"', *lines]))
+    logs = read_logs([outside("kuka_lwr4/lwr3.npz")], tmp_path / "map.toml")
+    assert find_suspicions(logs, robot) == [[]]
+
+
 def test_a_position_that_nothing_needs_changes_nothing() -> None:
     robot = load_robot(outside("tmotor_ak80/robot.toml"))
     ratios = {"motor": 9.0}

@@ -372,6 +372,9 @@ def _other_scale(robot: Robot, judged: _Tables) -> list[Found]:
     # A report that the need does not explain tells no gain.
     clear = np.array([[one.left < 4.0 * _DOUBTFUL for one in reports] for reports in each])
     held = clear * np.array([[one.spread**-2.0 for one in reports] for reports in each])
+    # Nor does one of fewer samples than coefficients, which are the same in all logs.
+    samples = np.array([[one.samples for one in reports] for reports in each]).sum(axis=0)
+    held *= np.maximum(samples - each[0][0].causes.shape[1] - 1.0, 0.0) / np.maximum(samples, 1.0)
     gains = np.array([[max(one.gain, 1e-300) for one in reports] for reports in each])
     told = np.maximum(held.sum(axis=0), 1e-300)
     size, sure = np.sum(held * np.log(gains), axis=0) / told, 1.0 / (1.0 / told + _SAME_SCALE**2)
