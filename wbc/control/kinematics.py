@@ -92,7 +92,6 @@ class Kinematics:
             columns=columns,
             poses=np.zeros((model.njoints, 12)),
             bodies=np.zeros((model.njoints, 10)),
-            composite=np.zeros((model.njoints, 10)),
             rates=np.zeros((model.njoints, 6)),
             drifts=np.zeros((model.njoints, 6)),
             forces=np.zeros((model.njoints, 6)),

@@ -42,7 +42,6 @@ TREE = Structure(
     columns=Places,
     poses=OutDense,
     bodies=OutDense,
-    composite=OutDense,
     rates=OutDense,
     drifts=OutDense,
     forces=OutDense,
@@ -109,10 +108,12 @@ def move_joints(tree: Any, velocity: FloatArray) -> None:
             for b in range(3):
                 poses[i, 3 * a + b] = places[i, 3 * b + a]
             poses[i, 9 + a] = places[i, 9 + a]
-    bodies_at(tree.joints, tree.shapes, poses, tree.poses[0, 9:], tree.bodies, tree.composite)
+    bodies_at(tree.joints, tree.shapes, poses, tree.poses[0, 9:], tree.bodies)
     moved = tree.rates, tree.drifts, tree.forces
     move_bodies(tree.joints, gravity, tree.motions, tree.bodies, velocity, *moved, tree.bias)
-    mass = tree.composite[0, 0]
+    mass = 0.0
+    for i in range(len(tree.bodies)):
+        mass += tree.bodies[i, 0]
     for k in range(3):
         whole[k] = force[k] + mass * gravity[k]
         tree.com_drift[k] = whole[k] / mass if mass > 0.0 else 0.0

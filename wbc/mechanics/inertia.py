@@ -30,23 +30,21 @@ def momentum_of(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> N
     momentum[5] = x * b - y * a + body[6] * p + body[8] * q + body[9] * r
 
 
-@compiled(Nothing, Table, Dense, Dense, Row, OutDense, OutDense, counted=False)
+@compiled(Nothing, Table, Dense, Dense, Row, OutDense, counted=False)
 def bodies_at(
     joints: IntArray,
     shapes: FloatArray,
     poses: FloatArray,
     about: FloatArray,
     bodies: FloatArray,
-    composite: FloatArray,
 ) -> None:
-    """Write mass, first moment and inertia about a point, of each body and of all behind it.
+    """Write mass, first moment and inertia of each body about a point.
 
     Args:
         joints, shapes: of the `Tree`.
         poses: (n, 12).
         about: (3,) the point, world.
         bodies: (n, 10) to write: mass, first moment (3), inertia (xx, xy, xz, yy, yz, zz), world.
-        composite: (n, 10) to write, the same of the tree behind each joint.
     """
     part = local(9)
     for i in range(len(joints)):
@@ -67,8 +65,14 @@ def bodies_at(
         body[7] = part[3] * pose[3] + part[4] * pose[4] + part[5] * pose[5] + m * (x * x + z * z)
         body[8] = part[3] * pose[6] + part[4] * pose[7] + part[5] * pose[8] - m * y * z
         body[9] = part[6] * pose[6] + part[7] * pose[7] + part[8] * pose[8] + m * (x * x + y * y)
+
+
+@compiled(Nothing, Table, Dense, OutDense, counted=False)
+def composites_of(joints: IntArray, bodies: FloatArray, composite: FloatArray) -> None:
+    """Write the sums (n, 10) of `bodies_at` over the tree behind each joint."""
+    for i in range(len(joints)):
         for k in range(10):
-            composite[i, k] = body[k]
+            composite[i, k] = bodies[i, k]
     for i in range(len(joints) - 1, -1, -1):
         if joints[i, 0] >= 0:
             for k in range(10):

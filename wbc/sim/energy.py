@@ -157,7 +157,7 @@ def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[fl
     place(joints, tree.shapes, q, poses)
     about = point_of_reference(plant.flight.bases, poses)
     columns_at(joints, tree.shapes, poses, about, placed.columns)
-    bodies_at(joints, tree.shapes, poses, about, placed.bodies, placed.composite)
+    bodies_at(joints, tree.shapes, poses, about, placed.bodies)
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
     motion, momentum, motor, normal = np.zeros((count, 6)), np.empty(6), np.empty(m), np.empty(3)
     for i in range(count):

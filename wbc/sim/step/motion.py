@@ -31,7 +31,7 @@ from wbc.compiled import (
     compiled,
     local,
 )
-from wbc.mechanics.inertia import bodies_at, inertia_at
+from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.momentum import momentum_at, velocity_at
 from wbc.mechanics.tree import Tree
@@ -96,7 +96,8 @@ def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
     poses, bases = placed.poses, flight.bases
     about = point_of_reference(bases, poses)
     columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
-    bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies, placed.composite)
+    bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
+    composites_of(tree.joints, placed.bodies, placed.composite)
     inertia_at(tree.rows, placed.composite, placed.columns, upto, placed.inertia)
     for i in range(len(bases)):
         pose, frame = poses[bases[i, FRAME]], flight.frames[i]
