@@ -1,4 +1,4 @@
-"""Solo12, ANYmal and Talos on their feet: controller, squat and push, whatever the plant is."""
+"""Legged robots on their feet: controller, squat and push, whatever the plant is."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ def controller(robot: Robot, model: Robot, deadline: float | None = None) -> Con
         model: what the controller obeys; `robot.lossless()` makes a conservative one.
         deadline: [s] that a tick may take before it is late.
     """
+    trunk = _TRUNK.get(robot.name, "root_joint")
     tasks = [
         CenterOfMassTask(weight=100.0, stiffness=100.0, acceleration_limit=np.inf),
-        FrameOrientationTask(name="trunk", frame=_TRUNK[robot.name], weight=10.0, stiffness=100.0),
+        FrameOrientationTask(name="trunk", frame=trunk, weight=10.0, stiffness=100.0),
         PostureTask.of(robot, weight=0.01, stiffness=50.0),
     ]
     return Controller(model, tasks, feet(robot), settings=ControllerSettings(deadline=deadline))
