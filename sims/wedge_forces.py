@@ -87,14 +87,16 @@ def _scene(ax: Axes, direction: Direction, share: float, theme: Theme) -> None:
     foot = moved * along
     # The wedge: its lower side lies on the slope, its right side is the upright face.
     face = foot + np.array([[0.0, 0.0], [0.0, 1.6]])
-    body = np.array([face[0], face[1], foot + np.array([-0.9, 0.95]), foot - 1.15 * along])
+    body = np.array(
+        [face[0], face[1], foot + np.array([-0.9, 0.95]), foot - 0.9 / np.cos(ALPHA) * along]
+    )
     ax.add_patch(Polygon(body, facecolor=colour, alpha=0.25, edgecolor=colour))
     left = float(face[0, 0])
     ax.add_patch(Rectangle((left, 0.82), 1.1, 0.75, facecolor=theme.faint, edgecolor=theme.ink))
     touch = np.array([left, 1.2])
     hand = foot - 0.6 * along + np.array([-0.1, 0.25])
     shown = (
-        (hand - found["f_u"] * along, hand, f"f_u = {found['f_u']:.2f} N", "right"),
+        (hand - found["f_u"] * along, hand, f"f_u = {found['f_u']:.2f} N", "below"),
         (touch, touch - [found["lambda"], 0.0], "λ = 1 N", "center"),
         (
             touch,
@@ -122,9 +124,9 @@ def _arrow(
     style = {"arrowstyle": "-|>", "color": theme.ink, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=style)
     x, y = 0.5 * (start + end)
-    away = {"left": (0.08, -0.02), "right": (-0.14, 0.06), "center": (0.0, 0.06)}[side]
-    below = "center" if side == "left" else "bottom"
-    ax.text(x + away[0], y + away[1], label, fontsize=8, ha=side, va=below)
+    away = {"left": (0.08, -0.02), "below": (0.22, -0.36), "center": (0.0, 0.06)}[side]
+    across, upright = ("center", "bottom") if side == "center" else ("left", "center")
+    ax.text(x + away[0], y + away[1], label, fontsize=8, ha=across, va=upright)
 
 
 def _motion(ax: Axes, place: FloatArray, way: FloatArray, theme: Theme) -> None:
