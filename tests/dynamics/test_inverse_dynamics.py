@@ -19,7 +19,7 @@ from wbc.effects import load_robot
 from wbc.errors import DynamicsError, RobotError
 from wbc.robot import Motion, Robot
 
-NAMES = ["planar_leg", "parallelogram_leg", "differential_biped", "solo12"]
+NAMES = ["emps", "planar_leg", "parallelogram_leg", "differential_biped", "solo12"]
 SAMPLES = 12
 
 

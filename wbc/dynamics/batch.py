@@ -20,7 +20,8 @@ def link_torque(robot: Robot, motion: Motion) -> FloatArray:
     # One call for the log: sample by sample, Python takes nine times as long as a leg's dynamics.
     columns = (values.T for values in (motion.position, motion.velocity, _acceleration(motion)))
     torque = pin.rneaInParallel(1, pin.ModelPool(robot.model, 1), *columns)
-    return np.ascontiguousarray(torque.T)
+    # With one coordinate pinocchio returns a vector.
+    return np.ascontiguousarray(torque.reshape(robot.model.nv, -1).T)
 
 
 def inertial_regressor(robot: Robot, motion: Motion) -> FloatArray:
