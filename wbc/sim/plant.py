@@ -237,14 +237,13 @@ class Plant:
         return state.replace(position=position, velocity=velocity)
 
     def gaps(self, state: SimState) -> FloatArray:
-        """Return the distance (k,) of the contact points from the ground [m].
-
-        Of points that are more than 2 cm from a height field, that from its plane below.
-        """
-        barriers = self._setup.barriers
-        gap = self._setup.core.gaps(state.position, state.time)[barriers.limits :]
-        gap = gap[: len(gap) - len(barriers.bodies.slots)]
-        return np.asarray(gap.reshape(-1, barriers.points).min(axis=0)) if gap.size else gap
+        """Return the distance (k,) of the contact points from the ground [m]."""
+        barriers, core = self._setup.barriers, self._setup.core
+        core.gaps(state.position, state.time)  # which places the points, too
+        points = core.plant.obstacles
+        if not len(points.points):
+            return np.zeros(0)
+        return barriers.gaps_of(points.points, state.time) - points.contacts[:, 3]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

@@ -158,6 +158,14 @@ def test_a_robot_that_is_switched_off_on_waves_comes_to_rest_on_them() -> None:
     assert np.abs(state.velocity).max() < 1e-9
 
 
+def test_the_ends_of_a_capsule_know_how_far_a_field_is() -> None:
+    """Places of round bodies are barriers of pairs; their ends are contact points all the same."""
+    body = FreeBody("capsule", coal.Capsule(0.05, 0.2), 1.0)
+    plant = Plant(bare_robot(pin.Model()).with_free_bodies(body), HeightField(_GRID, _GRID, 0 * _X))
+    state = plant.state([0.1, 0.2, 0.25, 0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    assert plant.gaps(state) == pytest.approx([0.2, 0.2])
+
+
 def test_a_flat_field_is_a_plane() -> None:
     """Its nodes stick out nowhere: only corners touch it."""
     plant = plank(np.zeros_like(_X))
