@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
+from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit
@@ -60,6 +61,7 @@ def gears_beside(
 
     They are ranked on the beginning of the log that leaves most, and fitted to all. A gear must
     explain a share of what is left beside all that is known, half of it where that is nearly all.
+    None is tried where even leaving noise alone would not pay for one.
 
     Args:
         problem: the logs.
@@ -71,6 +73,8 @@ def gears_beside(
     record, rows = _loudest(problem)
     taken = {effect.where for effect in fit.effects if deflects(effect)}
     left = np.mean(fit.residual**2, axis=0)
+    if _to_gain(problem, fit, left) < LEAST_ASKED:
+        return []
     for joint, output in _loudest_joints(problem, left)[:_JOINTS]:
         if joint in taken:
             continue
@@ -96,6 +100,12 @@ def gears_beside(
                         offers.append((rest + noise, (*fit.effects, gear)))
     offers.sort(key=lambda pair: pair[0])
     return [offer for rest, offer in offers[:_OFFERS] if rest <= _ROUGHLY * offers[0][0]]
+
+
+def _to_gain(problem: EstimationProblem, fit: Fit, left: FloatArray) -> float:
+    """Return the log density [nats] that a fit lacks, which leaves (outputs,), if all was noise."""
+    samples = len(fit.residual) * problem.independent_samples(fit.residual)
+    return float(0.5 * samples @ np.log(np.maximum(left, 1.0)))
 
 
 def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:
