@@ -48,7 +48,7 @@ _ROUGH_STEP = 0.01
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
 _SAME = 1e-6  # share of a column by which rounding may change it
 _BATCH = 64  # columns filtered together; more only costs memory
-_KEPT = 4000  # columns of what only adds torque
+_KEPT = 1e8  # bytes of columns of what only adds torque
 # Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
 _STEADY, _DIGITS = 1e-6, 6
 
@@ -99,9 +99,9 @@ class Columns:
         found = self._inertial(at, changes, held)
         rest = [k for k in range(len(changes)) if k not in found]
         apart: dict[int, SparseColumns] = {}
-        if not any(deflects(e) or "true" in e.acts_by for e in at.robot.effects):
+        if not some_deflect(at.robot.effects):
             adding = [k for k in rest if changes[k].after.acts_by <= ADDS]
-            apart = self._beside_perfect(at, {k: changes[k] for k in adding})
+            apart = self._along(at)._beside_perfect(at, {k: changes[k] for k in adding})
         lossy = np.flatnonzero(lossy_gears(at.robot))
         for k, column in apart.items():
             if not np.isin(column.outputs, lossy).any():
@@ -110,6 +110,15 @@ class Columns:
         others = {k: changes[k] for k in rest if k not in found}
         found.update(self._by_difference(at, others, felt, held))
         return [found.get(k) for k in range(len(changes))]
+
+    def _along(self, at: Evaluation) -> Columns:
+        """Return the columns along the motion that the robot takes for true."""
+        motions = [None if asked is None else asked.motion for asked in at.asked]
+        pairs = list(zip(self.records, motions, strict=True))
+        if all(motion is None or motion is record.motion for record, motion in pairs):
+            return self
+        along = (record if motion is None else record.along(motion) for record, motion in pairs)
+        return Columns(self.robot, tuple(along))
 
     def _whole(self, at: Evaluation, changes: Iterable[Change]) -> Robot:
         """Return the robot with its effects and some changes.
@@ -129,7 +138,9 @@ class Columns:
     ) -> dict[int, SparseColumns | None]:
         """Return the columns of changes to the links' inertias, by number."""
         only: dict[type[Effect], bool] = {}
-        before = inertial_parameters(at.robot)
+        size = inertial_parameters(at.robot).size
+        links = {e.key: e for e in at.effects if e.change(self.robot).model is not self.robot.model}
+        before: dict[tuple[Effect, ...], FloatArray] = {}
         found: dict[int, SparseColumns | None] = {}
         moved: dict[int, FloatArray] = {}
         for k, change in enumerate(changes):
@@ -143,14 +154,18 @@ class Columns:
                     only[type(effect)] = only_inertial(self.robot, effect)
                 if not only[type(effect)]:
                     continue
-                after = inertial_parameters(self._whole(at, [change]))
-                moved[k] = (after - before) / change.size
+                # What changes other bodies does so before and after.
+                near = {key: e for key, e in links.items() if _same_body(e, effect)}
+                if (own := tuple(near.values())) not in before:
+                    before[own] = inertial_parameters(self.robot.with_effects(*own))
+                changed = self.robot.with_effects(*(near | {effect.key: effect}).values())
+                moved[k] = (inertial_parameters(changed) - before[own]) / change.size
             except IMPOSSIBLE:
                 found[k] = None
         if not moved:
             return found
         rows = np.flatnonzero(np.any(list(moved.values()), axis=0))
-        units = inertial_columns(at.robot, at.records, at.swinging, np.eye(before.size)[:, rows])
+        units = inertial_columns(at.robot, at.records, at.swinging, np.eye(size)[:, rows])
         count, outputs, _ = units.shape
         along = np.stack([own[rows] for own in moved.values()], axis=-1)
         whole = (units.reshape(count * outputs, rows.size) @ along).reshape(count, outputs, -1)
@@ -217,9 +232,9 @@ class Columns:
         return found
 
     def _keep(self, change: Change, column: SparseColumns) -> None:
-        while len(self._added) >= _KEPT:
-            del self._added[next(iter(self._added))]
         self._added[change] = column
+        while len(self._added) * column.values.nbytes > _KEPT:
+            del self._added[next(iter(self._added))]
         if not change.parameter or any(p.shape for p in change.after.parameters):
             return
         kind = (change.parameter, change.size, *_what_it_is(change.after))
@@ -431,6 +446,10 @@ def only_inertial(robot: Robot, effect: Effect) -> bool:
     changed = effect.change(robot)
     same_field = np.array_equal(changed.model.gravity.linear, robot.model.gravity.linear)
     return changed.transmission is robot.transmission and same_field
+
+
+def _same_body(one: Effect, other: Effect) -> bool:
+    return one.where == other.where or "robot" in (one.where, other.where)
 
 
 def inertial_columns(
