@@ -167,7 +167,8 @@ def gaps_at(plant: Opened, q: FloatArray, time: float, closed: BoolArray, gap: F
     touch_ground(plant, time, closed)
     for i in range(len(q)):
         plant.obstacles.stands[i] = q[i]
-    plant.obstacles.stands[len(q)] = time if len(closed) == 0 else np.nan
+    known = len(closed) == 0 and plant.obstacles.asked == 0
+    plant.obstacles.stands[len(q)] = time if known else np.nan
     for b in range(len(plant.obstacles.touch)):
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 
