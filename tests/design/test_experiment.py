@@ -168,3 +168,10 @@ def test_what_a_diagnosis_does_not_read_speaks_for_no_cause() -> None:
     assert told(8.0, 5.0) < 0.01 * whole
     assert 0.7 * whole < told(1.0, 5.0) < whole
     assert told(8.0, 40.0) > 0.7 * whole
+
+
+@pytest.mark.parametrize("duration", [2.0, 4.0, 10.0])
+def test_random_motions_hold_a_period_as_far_as_two_hertz_allow(duration: float) -> None:
+    for path in random_paths(rivals(0.01, "rotor_inertia@knee"), LIMITS, duration, 0, 6):
+        assert path.frequency >= min(1.0 / duration, 0.4)
+        assert path.frequency * path.sine.shape[1] <= 2.0 + 1e-9

@@ -9,7 +9,6 @@ import pytest
 
 from wbc.cli import main
 from wbc.design.experiment import (
-    Aim,
     MotionLimits,
     Rivals,
     deciding,
@@ -88,7 +87,7 @@ def test_a_short_motion_keeps_its_limits_at_the_rate_of_the_log() -> None:
     """Half a second has 26 rows of the search, between which its peaks lie."""
     chosen = rivals(LEG, "payload_mass@shin", "rotor_inertia@knee")
     limits = MotionLimits.of(LEG, span=1.0, speed=6.0, acceleration=100.0)
-    assert design_experiment(chosen, limits, 0.5, rounds=3, aim=Aim(deciding.value)).used <= 0.8
+    assert design_experiment(chosen, limits, 0.5, rounds=3, aim=deciding).used <= 0.8
 
 
 @pytest.mark.parametrize(

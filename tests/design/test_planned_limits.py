@@ -48,7 +48,7 @@ def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     options += f" --rate {RATE} --duration {DURATION} --noise 0.05"
     files = ["--out", str(out), "--json", str(odds)]
     with pytest.MonkeyPatch.context() as quicker, redirect_stdout(StringIO()) as shown:
-        quicker.setattr("wbc.design.experiment.task._RANDOM", 3)
+        quicker.setattr("wbc.design.experiment.search._RANDOM", 3)
         assert main(["experiment", name, *options.split(), *files, "--between", *causes]) == 0
     assert ("hold the base in a stand" in shown.getvalue()) == (name == "solo12")
     said = json.loads(odds.read_text())["log10_odds"]

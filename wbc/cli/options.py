@@ -147,7 +147,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--span": _option("RAD", "furthest from the usual pose", type=float, default=inf),
     "--speed": _option("X", "limit of joint speeds [rad/s]", type=float, default=inf),
     "--acceleration": _option("X", "limit [rad/s^2]", type=float, default=inf),
-    "--rounds": _option("N", "changes tried (default 300)", type=int, default=300),
+    "--rounds": _option("N", "changes tried (default 1800)", type=int, default=1800),
 }
 """What argparse is told of each argument, by its name."""
 

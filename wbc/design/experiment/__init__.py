@@ -1,6 +1,5 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
-from wbc.design.experiment.aims import Aim, deciding, informing, shrinking
 from wbc.design.experiment.motions import FourierPath, MotionLimits
 from wbc.design.experiment.readable import BAND
 from wbc.design.experiment.rivals import (
@@ -17,11 +16,15 @@ from wbc.design.experiment.search import (
     CLASSIC,
     DESIGNED,
     RANDOM,
+    Aim,
     Designed,
     compare_motions,
+    deciding,
     design_experiment,
     expected,
+    informing,
     random_paths,
+    shrinking,
     torque_misfit,
 )
 from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals

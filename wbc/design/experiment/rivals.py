@@ -190,11 +190,6 @@ class Rivals:
         """All ordered pairs of causes."""
         return tuple(permutations(range(len(self.causes)), 2))
 
-    @property
-    def torque_count(self) -> int:
-        """Torques that the predictions take: without any cause, with each, and its parameters."""
-        return 1 + sum(1 + len(cause_parameters(cause)) for cause in self.causes)
-
     def open_part(self, number: int) -> FloatArray | None:
         """Return (p, p) a square root of what is open of a cause, in typical sizes; None if fixed.
 
@@ -207,20 +202,6 @@ class Rivals:
         size, axes = np.linalg.eigh(found / np.outer(scales, scales))
         size = np.maximum(size, 0.0)
         return np.asarray(axes * np.sqrt(size / (1.0 + size)))
-
-    def neighbours(self, number: int) -> list[tuple[Cause, float]]:
-        """Return a cause with each of its parameters moved a little, and one over the move.
-
-        The move is in typical sizes: a difference of torques times it is a column of
-        `Predictions.sensitivity`.
-        """
-        cause, found = self.causes[number], []
-        for row, (owner, parameter) in enumerate(cause_parameters(cause)):
-            values, step = cause_values(cause), _STEP * parameter.scale
-            inside = cause[owner].values[parameter.name] + step <= parameter.high
-            values[row] += step if inside else -step
-            found.append((with_cause_values(cause, values), 1.0 / (_STEP if inside else -_STEP)))
-        return found
 
     def predictions(self, motion: Motion) -> Predictions:
         """Return what the rivals predict along one motion of the encoders, with its times."""
@@ -267,8 +248,12 @@ class Predictions:
     def sensitivity(self, number: int) -> FloatArray:
         """Return d torque / d parameter over noise, per typical size, (N m, p)."""
         if number not in self._slopes:
-            here, near = self.expected_torque(number), self.rivals.neighbours(number)
-            columns = [lever * (self.torque(cause) - here) for cause, lever in near]
+            cause, here, columns = self.rivals.causes[number], self.expected_torque(number), []
+            for row, (owner, parameter) in enumerate(cause_parameters(cause)):
+                values, own = cause_values(cause), cause[owner].values[parameter.name]
+                step = _STEP if own + _STEP * parameter.scale <= parameter.high else -_STEP
+                values[row] += step * parameter.scale
+                columns.append((self.torque(with_cause_values(cause, values)) - here) / step)
             read = self.in_noise(np.stack(columns, axis=2))
             self._slopes[number] = read.reshape(-1, len(columns))
         return self._slopes[number]

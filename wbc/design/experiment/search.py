@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.aims import Aim, deciding, informing, slopes_are_exact
-from wbc.design.experiment.climb import climbed_path
-from wbc.design.experiment.motions import ROOM, SEARCH_RATE, FourierPath, MotionLimits, Site
+from wbc.design.experiment.motions import ROOM, FourierPath, MotionLimits, Site
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.progress import Watch
@@ -23,9 +21,38 @@ HARMONICS = 5  # of the first one: Swevers' choice for robot identification
 _BASES = (0.1, 0.2, 0.4)  # [Hz] first harmonics; with five, up to 2 Hz
 _DRAWN = 40  # random motions, of which the best are improved
 _KEPT = 4
-_CLIMB = 12  # torques that the climb may evaluate for each that one pass of the rounds does
+ROUNDS = 1800  # changes tried
 _SURE = 3.0  # [nats] beyond which a diagnosis names one cause alone
 _MIMICKED = 1e-5  # of a cause's squared torque: what another one leaves of it when it is the same
+
+
+Aim = Callable[[Predictions, Sequence[Pair]], float]
+"""What a motion is to make large, given its predictions and the pairs that a motion can tell."""
+
+
+def deciding(found: Predictions, pairs: Sequence[Pair]) -> float:
+    """Return the smallest expected log-odds, for the experiment that decides.
+
+    `shrinking` for one cause alone.
+    """
+    if not pairs:
+        return shrinking(found, pairs)
+    return min(found.near_distance(pair) for pair in pairs)
+
+
+def informing(found: Predictions, pairs: Sequence[Pair]) -> float:
+    """Return what a D-optimal experiment makes large."""
+    return found.information()
+
+
+def shrinking(found: Predictions, pairs: Sequence[Pair]) -> float:
+    """Return minus the mean logarithm of the widths of all intervals.
+
+    The motion with the smallest geometric mean of relative widths, whatever widths they are
+    relative to and whatever the units: halving any of them is worth the same.
+    """
+    widths = [found.widths(number) for number in range(len(found.rivals.causes))]
+    return -float(np.mean(np.log(np.concatenate(widths))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +113,7 @@ def design_experiment(
     duration: float,
     *,
     rate: float = 100.0,
-    rounds: int = 300,
+    rounds: int = ROUNDS,
     seed: int = 0,
     aim: Aim = deciding,
     starts: Sequence[FourierPath] = (),
@@ -95,20 +122,17 @@ def design_experiment(
     """Return the best motion found for an aim; the same for the same seed.
 
     Random motions first; then the best of them change at random, ever less, and keep what helps.
-    From the best of all a climb follows along slopes, where the aim and the rivals have them
-    (`slopes_are_exact`). Its motion is returned where it is better at the rate of the log.
 
     Args:
         rivals: what is to be told apart.
         limits: what the motion stays inside, to four fifths.
         duration: [s].
         rate: of the log that will be recorded [Hz], at which the odds are given.
-        rounds: changes tried; the climb's work grows with them too.
+        rounds: changes tried.
         seed: of draws and changes.
-        aim: `deciding`, `informing`, `shrinking` or one of your own; without `climbed` nothing
-            follows the changes at random.
+        aim: `deciding`, `informing`, `shrinking` or one of your own.
         starts: motions to improve beside the random ones, for example a D-optimal one.
-        watch: called with the motions tried and their total; the climb counts as `rounds` more.
+        watch: called with the motions tried and their total.
 
     Raises:
         DesignError: a duration that is not positive, a rate below what the diagnosis reads, motors
@@ -149,8 +173,6 @@ def design_experiment(
         if watch:
             watch(_DRAWN + i + 1, total)
     path = _within(site, max(best, key=lambda one: one[0])[1], rate)
-    if rounds:
-        path = _higher(site, path, aim, pairs, rate, rounds)
     return expected(rivals, limits, path, rate)
 
 
@@ -160,14 +182,13 @@ def compare_motions(
     duration: float,
     *,
     rate: float = 100.0,
-    rounds: int = 300,
+    rounds: int = ROUNDS,
     seed: int = 0,
     watch: Watch | None = None,
 ) -> dict[str, Designed]:
     """Return the designed motion beside the median of random ones and a D-optimal one.
 
-    The D-optimal one is found by changes at random alone, as in the field, and the designed one
-    starts from it too.
+    The designed one starts from the D-optimal one, too.
 
     Args:
         rivals, limits, duration, rate, rounds, seed, watch: as in `design_experiment`.
@@ -184,7 +205,7 @@ def compare_motions(
         seed=seed,
         watch=watch,
     )
-    classic = plan(aim=replace(informing, climbed=None))
+    classic = plan(aim=informing)
     return {
         RANDOM: chance[_RANDOM // 2],
         CLASSIC: classic,
@@ -205,23 +226,6 @@ def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
     site = Site(rivals, limits, duration)
     site.require_stillness()
     return site
-
-
-def _higher(
-    site: Site, path: FourierPath, aim: Aim, pairs: Sequence[Pair], rate: float, rounds: int
-) -> FourierPath:
-    """Return what a climb from a path reaches, if it is better at `rate` and keeps all limits."""
-    rivals, climbed = site.rivals, aim.climbed
-    if climbed is None or not slopes_are_exact(rivals, site.motion(path, SEARCH_RATE)):
-        return path
-    torques = _CLIMB * rounds * rivals.torque_count
-    higher = climbed_path(site, path, climbed, pairs, torques)
-    reached = _within(site, site.fitted(higher)[0], rate)
-    apart = site.limits.keeps_apart(reached.at(reached.times(rate))[0])
-    before, after = (
-        aim(rivals.predictions(site.motion(one, rate)), pairs) for one in (path, reached)
-    )
-    return reached if apart and after > before else path
 
 
 def _within(site: Site, path: FourierPath, rate: float) -> FourierPath:
