@@ -13,7 +13,7 @@ EXTRAS = {
     "design": ("joblib", "pyarrow"),
     "view": ("meshcat", "matplotlib", "plotly", "jinja2"),
     "pictures": ("playwright",),
-    "cli": ("rich", "shtab"),
+    "cli": ("rich",),
 }
 """Extra -> what pip installs for it, called as this library imports it. The names of the packages
 work beside a clone and beside a wheel; `wbc` itself is on no index."""

@@ -7,7 +7,6 @@ import json
 import subprocess
 import sys
 from math import inf
-from pathlib import Path
 
 import pytest
 
@@ -25,7 +24,6 @@ COMMANDS = (
     "design",
     "experiment",
     "list",
-    "completion",
 )
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
@@ -227,26 +225,3 @@ def test_a_simulation_is_loaded_when_it_is_used_by_a_name_that_no_module_hides()
         "print(loaded, sorted(modules & set(wbc.sim.__all__)))"
     )
     assert told(code) == ["True", "[]"]
-
-
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [
-        ("wbc dia", "diagnose"),
-        ("wbc compare --loss", "--lossless"),
-        ("wbc compare --robot planar_leg_f", "planar_leg_fixed"),
-        ("wbc diagnose --add coul", "coulomb_friction"),
-        ("wbc compare run_", "run_1.csv"),
-    ],
-)
-def test_bash_completes(
-    line: str, offered: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["completion", "bash"]) == 0
-    (tmp_path / "wbc.sh").write_text(capsys.readouterr().out)
-    (tmp_path / "run_1.csv").touch()
-    words = line.split()
-    typed = f"COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}"
-    command = f'source wbc.sh; {typed}; _shtab_wbc; echo "${{COMPREPLY[@]}}"'
-    shown = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True)
-    assert offered in shown.stdout.split()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,10 @@ def test_columns_are_grouped_and_gaps_jumps_and_restarts_are_marked(
     assert "2 runs: the clock starts again" in second
     assert "class='again'" in second
     assert "http" not in text.replace("http://www.w3.org", "")
+    # Pictures take the width that there is (a phone's), colours those of a dark page.
+    assert "name='viewport'" in text
+    assert not re.search(r"<svg[^>]* width=", text)
+    assert "prefers-color-scheme: dark" in text
 
 
 def test_a_file_without_a_header_is_looked_at_with_the_names_that_a_map_gives(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,20 +41,35 @@ _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table ho
 def run_design(options: argparse.Namespace, console: Console) -> Outcome:
     """Run the study, print the front, write figures and JSON."""
     study = _study(options)
-    units = describe_columns(study)
+    units, instants = describe_columns(study), len(study.gait)
     objectives = _objectives(options, study, units)
     with watching("designs", console) as watch:
         path = run_study(study, options.out, workers=options.workers, watch=watch)
-    if study.gait:
-        console.print(
-            f"over {len(study.gait)} instants: objectives of the worst one, else the mean"
-        )
-    front = best_designs(path, objectives, len(study.gait))
-    _print(study, front, objectives, units, console)
+    if instants:
+        console.print(f"over {instants} instants: objectives of the worst one, else the mean")
+    front = best_designs(path, objectives, instants)
+    aimed = [objective.column for objective in objectives]
+    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"]
+    columns = list(dict.fromkeys([*varied, *aimed]))
+    _print(study, front, {name: units[name] for name in columns}, objectives, console)
     console.print(f"wrote {path}: {study.size} designs")
     if options.figures:
-        _draw(options, study, path, front, objectives, units, console)
-    return 0, _json(study, path, front, objectives, units)
+        drawn = sampled_designs(path, _DRAWN, objectives, instants)
+        count, size = len(drawn["design"]), study.size // max(instants, 1)
+        if count < size:
+            console.print(f"the pictures show {count} of {size} designs, evenly spread")
+        write_figures(options, _figures(options, study, drawn, front, varied, aimed), console)
+    rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
+    return 0, {
+        "robot": study.robot,
+        "contact": study.contact,
+        "designs": study.size,
+        "table": str(path),
+        "units": units,
+        "gearboxes": as_json(study.gearboxes),
+        "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],
+        "front": as_json(rows, "unlimited"),
+    }
 
 
 def _study(options: argparse.Namespace) -> Study:
@@ -106,29 +120,23 @@ def _objectives(
     return [Objective("lift") if limited else Objective("holding_torque", False), other]
 
 
-def _varied(study: Study) -> list[str]:
-    return [p.column for p in study.varied if p.low < p.high and p.name != "time"]
-
-
 def _print(
     study: Study,
     front: Mapping[str, FloatArray],
-    objectives: Sequence[Objective],
     units: Mapping[str, str],
+    objectives: Sequence[Objective],
     console: Console,
 ) -> None:
+    """Print the columns of the front that have units, as many rows as fit on a screen."""
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
     count, size = len(front["design"]), study.size // max(len(study.gait), 1)
     title = f"Pareto front: {count} of {size} designs ({aims})"
-    columns = list(dict.fromkeys([*_varied(study), *(o.column for o in objectives)]))
     heads = [
-        f">{name.replace('_', ' ')}" + ("" if units[name] == "1" else f"\n[{units[name]}]")
-        for name in columns
+        f">{name.replace('_', ' ')}" + ("" if unit == "1" else f"\n[{unit}]")
+        for name, unit in units.items()
     ]
-    chosen = np.arange(count)
-    if count > _SHOWN:
-        chosen = np.linspace(0, count - 1, _SHOWN).round().astype(np.int_)
-    cells = tuple(tuple(_cell(study, name, front[name][row]) for name in columns) for row in chosen)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).round().astype(np.int_))
+    cells = tuple(tuple(_cell(study, name, front[name][row]) for name in units) for row in chosen)
     console.print(table(TextTable(tuple(heads), cells, title)))
     if not count:
         console.print(
@@ -147,52 +155,27 @@ def _cell(study: Study, name: str, value: float) -> str:
     return study.gearboxes[round(value)].name if name == "gearbox" else f"{value:.4g}"
 
 
-def _json(
-    study: Study,
-    path: Path,
-    front: Mapping[str, FloatArray],
-    objectives: Sequence[Objective],
-    units: Mapping[str, str],
-) -> dict[str, Any]:
-    rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
-    return {
-        "robot": study.robot,
-        "contact": study.contact,
-        "designs": study.size,
-        "table": str(path),
-        "units": dict(units),
-        "gearboxes": as_json(study.gearboxes),
-        "objectives": [f"{o.column}:{'max' if o.more else 'min'}" for o in objectives],
-        "front": as_json(rows, "unlimited"),
-    }
-
-
-def _draw(
+def _figures(
     options: argparse.Namespace,
     study: Study,
-    path: Path,
+    drawn: Mapping[str, FloatArray],
     front: Mapping[str, FloatArray],
-    objectives: Sequence[Objective],
-    units: Mapping[str, str],
-    console: Console,
-) -> None:
+    varied: Sequence[str],
+    aimed: Sequence[str],
+) -> dict[str, Callable[..., Any]]:
+    """Return the names of the pictures of a map and a front, and what draws them."""
     from wbc.view.plots import design_map, pareto_figure
     from wbc.view.study_figures import MAPPED
 
-    drawn = sampled_designs(path, _DRAWN, objectives, len(study.gait))
-    count, size = len(drawn["design"]), study.size // max(len(study.gait), 1)
-    if count < size:
-        console.print(f"the pictures show {count} of {size} designs, evenly spread")
-    varied = _varied(study) or ["design"]
+    across, units = list(varied) or ["design"], describe_columns(study)
     logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
-    aimed = [objective.column for objective in objectives]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
     start = f"{options.figures}/{load_robot(study.robot).name}_design"
-    show_map = partial(design_map, drawn, varied, units, columns=columns, logarithmic=logarithmic)
-    figures = {f"{start}_map.png": show_map}
-    if len(objectives) > 1:
+    show_map = partial(design_map, drawn, across, units, columns=columns, logarithmic=logarithmic)
+    figures: dict[str, Callable[..., Any]] = {f"{start}_map.png": show_map}
+    if len(aimed) > 1:
         both = {name: np.concatenate([front[name], values]) for name, values in drawn.items()}
         best = np.arange(len(front["design"]))
-        show_front = partial(pareto_figure, both, best, aimed[:2], varied[0], units)
+        show_front = partial(pareto_figure, both, best, aimed[:2], across[0], units)
         figures[f"{start}_front.png"] = show_front
-    write_figures(options, figures, console)
+    return figures

@@ -8,7 +8,6 @@ from math import inf
 from typing import Any
 
 _RAW = argparse.RawDescriptionHelpFormatter
-_SHELLS = ("bash", "zsh", "fish", "tcsh")
 _LOG = "CSV, Parquet, NPZ, MCAP or bag"
 BUDGET = 240.0
 """Time [s] of a diagnosis, unless --budget says another. To print and simulate the answer took 40 s
@@ -57,7 +56,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
     "robot/model": _option("MODEL", "URDF, MJCF, robot.toml or shipped robot"),
     "what": {"choices": ("robots", "effects", "gearboxes")},
-    "shell": {"choices": _SHELLS},
     "--robot": _option("NAME", "shipped robot, robot.toml or fitted.toml", required=True),
     "--lossless": _flag("take the robot with perfect gears"),
     "--columns": _option("MAP.toml", "map of column names, units, sides of the gear"),
@@ -320,19 +318,6 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
         "what --json",
         "example: wbc list effects",
         "robots.run_list",
-    ),
-    "completion": Subcommand(
-        "print the script for completion in a shell",
-        "shell",
-        """examples:
-  bash:  wbc completion bash > ~/.local/share/bash-completion/completions/wbc
-  zsh:   wbc completion zsh > "${fpath[1]}/_wbc"
-  fish:  wbc completion fish > ~/.config/fish/completions/wbc.fish
-  tcsh:  wbc completion tcsh > ~/.wbc.completion.csh; source it in ~/.cshrc
-
-The script holds the names of the shipped robots; write it again after an
-update.""",
-        "robots.run_completion",
     ),
 }
 """The commands by name, in the order of the help."""

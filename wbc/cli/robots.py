@@ -1,4 +1,4 @@
-"""`wbc metrics`, `export`, `list` and `completion`: the commands that need no logs."""
+"""`wbc metrics`, `export` and `list`: the commands that need no logs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import shtab
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.options import build_parser
 from wbc.cli.outputs import Outcome, require_outputs, write_figures
 from wbc.cli.printout import table
 from wbc.effects import EFFECTS, load_robot
@@ -23,11 +21,6 @@ from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from wbc.metrics import Metric
-
-_ROBOTS = {"bash": "_wbc_robots", "zsh": "_wbc_robots", "fish": "(_wbc_robots)", "tcsh": "f"}
-_EFFECTS = {"bash": "_wbc_effects", "zsh": "_wbc_effects", "fish": "(_wbc_effects)", "tcsh": "f"}
-_FILE_MARKS = ("LOG", "RUN", "FILE", "MAP", "INDEX", "FITTED", "DIR")
-"""How the metavar of an argument that names a file begins."""
 
 
 def first_contact(robot: Robot) -> str:
@@ -222,44 +215,3 @@ def _gearboxes() -> list[dict[str, str]]:
         }
         for box in read_gearboxes().values()
     ]
-
-
-def run_completion(options: argparse.Namespace, console: Console) -> Outcome:
-    """Print the script."""
-    parser = build_parser()
-    _describe(parser)
-    script = shtab.complete(parser, options.shell, preamble=_preamble())
-    console.out(script, highlight=False)
-    return 0, {}
-
-
-def _describe(parser: argparse.ArgumentParser) -> None:
-    """Tell shtab what each argument that has no choices of its own stands for."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                _describe(command)
-        elif action.metavar in ("NAME", "ROBOT") and action.dest == "robot":
-            action.complete = _ROBOTS  # type: ignore[attr-defined]
-        elif action.dest == "add":
-            action.complete = _EFFECTS  # type: ignore[attr-defined]
-        elif str(action.metavar).startswith(_FILE_MARKS):
-            action.complete = shtab.FILE  # type: ignore[attr-defined]
-
-
-def _preamble() -> dict[str, str]:
-    """Return the shell functions that complete robots, effects and files."""
-    robots, effects = " ".join(robot_names()), " ".join(("auto", *EFFECTS))
-    bash = f"""
-_wbc_robots() {{ compgen -W "{robots}" -- "$1"; compgen -f -- "$1"; }}
-_wbc_effects() {{ compgen -W "{effects}" -- "$1"; }}
-"""
-    zsh = f"""
-_wbc_robots() {{ compadd {robots}; _files; }}
-_wbc_effects() {{ compadd {effects}; }}
-"""
-    fish = f"""
-function _wbc_robots; printf '%s\\n' {robots}; __fish_complete_path (commandline -ct); end
-function _wbc_effects; printf '%s\\n' {effects}; end
-"""
-    return {"bash": bash, "zsh": zsh, "fish": fish}

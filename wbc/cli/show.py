@@ -36,12 +36,21 @@ _WIDTH, _HEIGHT, _BINS = 640, 54, 320
 _KINDS = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
 _UNNAMED = ("no name that is known", "constant", "text")
 _STYLE = """
-body { font: 14px system-ui, sans-serif; margin: 24px; max-width: 1060px; color: #1b1b1b }
-h1 { font-size: 20px } h2 { font-size: 16px; margin: 22px 0 4px } table { border-spacing: 8px 2px }
-td { vertical-align: top } td.name { width: 200px; overflow-wrap: anywhere; font-weight: 600 }
-td.said { width: 190px; font-size: 12px; color: #444 } svg { background: #f6f7f9 }
-.line { fill: #2166ac; stroke: #2166ac; stroke-width: 1 } .gap { fill: #f4a582; opacity: .7 }
+:root { color-scheme: light dark;
+--ink: #1b1b1b; --faint: #444; --panel: #f6f7f9; --line: #2166ac }
+@media (prefers-color-scheme: dark) {
+:root { --ink: #e6e9ee; --faint: #a9b0ba; --panel: #1b1f26; --line: #4fa3dc }
+body { background: #14171c } }
+body { font: 14px system-ui, sans-serif; margin: 24px; max-width: 1060px; color: var(--ink) }
+h1 { font-size: 20px } h2 { font-size: 16px; margin: 22px 0 4px }
+.column { display: grid; grid-template-columns: 200px 1fr 190px; gap: 2px 8px; margin: 4px 0 }
+b { overflow-wrap: anywhere } small { color: var(--faint) }
+svg { width: 100%; background: var(--panel) }
+.line { fill: var(--line); stroke: var(--line); stroke-width: 1 }
+.gap { fill: #f4a582; opacity: .7 }
 .again { stroke: #b2182b; stroke-width: 1.5 } .mark { fill: #b2182b }
+@media (max-width: 700px) { body { margin: 12px } .column { grid-template-columns: 1fr } }
+@media print { .column { break-inside: avoid } }
 """
 _LEGEND = (
     "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
@@ -58,7 +67,8 @@ def run_look(options: argparse.Namespace, console: Console) -> Outcome:
         file, _ = split_path(path)
         parts.append(_file(open_table(file, rows)))
     page = (
-        f"<!doctype html><meta charset='utf-8'><title>wbc look</title><style>{_STYLE}</style>"
+        "<!doctype html><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
+        f"<title>wbc look</title><style>{_STYLE}</style>"
         f"<p>{_LEGEND}</p>{''.join(parts)}"
     )
     console.print(f"wrote {write_text(Path(options.html), page)}", soft_wrap=True)
@@ -85,7 +95,7 @@ def _file(table: Table) -> str:
     body = ""
     for kind, names in groupby(ranked, key=order.__getitem__):
         lines = "".join(_column(table, name, place, holes, again) for name in names)
-        body += f"<h2>{escape(kind.replace('_', ' '))}</h2><table>{lines}</table>"
+        body += f"<h2>{escape(kind.replace('_', ' '))}</h2>{lines}"
     return f"<h1>{escape(str(table.path))}</h1><p>{escape('; '.join(said))}</p>{body}"
 
 
@@ -121,8 +131,8 @@ def _column(table: Table, name: str, place: FloatArray, holes: IntArray, again: 
         if not known.all():
             said.append(f"{np.count_nonzero(~known)} empty cells")
     return (
-        f"<tr><td class='name'>{escape(name)}</td><td>{picture}</td>"
-        f"<td class='said'>{escape('; '.join(said))}</td></tr>"
+        f"<div class='column'><b>{escape(name)}</b><div>{picture}</div>"
+        f"<small>{escape('; '.join(said))}</small></div>"
     )
 
 
@@ -175,8 +185,8 @@ def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntA
     rows = np.flatnonzero(known)[jumps(values[known])[0]][:_BINS]
     for a, b in zip(x(place[rows]), y(values[rows]), strict=True):
         marks += f"<circle class='mark' cx='{a:.1f}' cy='{b:.1f}' r='2'/>"
-    size = f"width='{_WIDTH}' height='{_HEIGHT}'"
-    return f"<svg {size}>{marks}<polygon class='line' points='{points}'/></svg>"
+    line = f"<polygon class='line' points='{points}'/>"
+    return f"<svg viewBox='0 0 {_WIDTH} {_HEIGHT}'>{marks}{line}</svg>"
 
 
 def run_play(options: argparse.Namespace, console: Console) -> Outcome:
