@@ -20,11 +20,10 @@ from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.export import export_robot, loss_numbers
 from wbc.export.losses import Losses
-from wbc.identification import diagnose
+from wbc.identification import compare, diagnose
 from wbc.sim import Plane, Plant
 from wbc.sim.excitation import record_with
 from wbc.view.plots import write_figure
-from wbc.view.residuals import residuals_of
 
 OUT = Path("out")
 TICK = 1e-3  # [s], of the controller and of MuJoCo
@@ -92,7 +91,7 @@ def main(recorded: float = 6.0, duration: float = 2.0) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "effects": [str(effect) for effect in found.robot.effects],
-        "residuals": residuals_of(believed, found.robot, logs),
+        "residuals": [compare(robot, logs).series[0] for robot in (believed, found.robot)],
         "torques": torques,
         "errors": {
             name: np.sqrt(np.mean((torque - machine) ** 2, axis=0)) / size
@@ -103,8 +102,8 @@ def main(recorded: float = 6.0, duration: float = 2.0) -> dict[str, Any]:
 
 def panels(found: dict[str, Any]) -> list[Panel]:
     """Return the log and its explanation, and the torque of the knee's motor in three places."""
-    run, knee = found["residuals"].runs[0], 1
-    shown = run.time < run.time[0] + 2.0
+    (before, after), knee = found["residuals"], 1
+    shown = before.time < before.time[0] + 2.0
     time = TICK * np.arange(len(found["torques"]["machine"]))
     torques = {name: (time, torque[:, knee]) for name, torque in found["torques"].items()}
     machine = found["torques"]["machine"][:, knee]
@@ -114,8 +113,8 @@ def panels(found: dict[str, Any]) -> list[Panel]:
             "time [s]",
             "torque not explained [N m]",
             {
-                "perfect gears": (run.time[shown], run.before[shown, knee]),
-                "with the effects found": (run.time[shown], run.after[shown, knee]),
+                "perfect gears": (before.time[shown], before.residual[shown, knee]),
+                "with the effects found": (before.time[shown], after.residual[shown, knee]),
             },
         ),
         Panel("2. exported: knee, 1 ms", "time [s]", "torque of the motor [N m]", torques),

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.effects import EFFECTS
 from wbc.extras import needs
 from wbc.files import write_text
@@ -36,11 +35,10 @@ from wbc.identification.answer.words import (
 )
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.record import output_units
 from wbc.measurement import Log, LogSource, check_logs
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
-from wbc.view.residuals import LogResiduals, ResidualRun, residuals_in
+from wbc.view.residuals import residual_plots
 from wbc.view.rows import (
     clock_rows,
     formula_rows,
@@ -111,7 +109,7 @@ def write_report(
     series = comparison.series
     if diagnosis is not None:
         series = series_of(diagnosis.robot, problem.records)
-    plots = residual_plots(residuals_in(problem, comparison.series, series))
+    plots = residual_plots(problem, comparison.series, series)
     steps = [] if diagnosis is None else stairs(diagnosis)
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
@@ -250,60 +248,3 @@ def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
 def _embedded(value: object) -> str:
     """Return JSON that can stand inside a script element."""
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
-
-
-_ROWS = 700  # of one line: about as many as a screen has points across
-_NUMBERS = 500_000  # of all lines together: some 3 MB of text
-_POINTS = 450
-_STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
-
-
-def residual_plots(residuals: LogResiduals) -> dict[str, Any]:
-    """Return per output: torques and residuals over time, residuals over speed, position and load.
-
-    Args:
-        residuals: of the robot as given and of the one with the effects found.
-    """
-    runs, robot = residuals.runs, residuals.problem.robot
-    units, floor = output_units(robot), residuals.problem.floor.values
-    rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(residuals.outputs))))
-    panels = []
-    for k, output in enumerate(residuals.outputs):
-        before, after = (residuals.stacked(name, k) for name in ("before", "after"))
-        few = slice(None, None, max(1, -(-len(before) // _POINTS)))
-        panels.append(
-            {
-                "output": output,
-                "unit": units[k],
-                "floor": float(floor[k]),
-                "over": [
-                    {
-                        "name": name,
-                        "unit": unit,
-                        "x": _short(x[few]),
-                        "explained": [{"x": _short(c), "y": _short(mean)} for c, mean in curves],
-                    }
-                    for name, unit, x, curves in residuals.over(k)
-                ],
-                "before": _short(before[few]),
-                "after": _short(after[few]),
-                "runs": [_over_time(run, k, k < robot.transmission.size, rows) for run in runs],
-            }
-        )
-    return {"logs": [short_label(run.given.name) for run in runs], "panels": panels}
-
-
-def _over_time(run: ResidualRun, k: int, driven: bool, rows: int) -> dict[str, Any]:
-    every = slice(None, None, max(1, -(-len(run.time) // rows)))
-    lines = {"before": run.before, "after": run.after}
-    if driven:
-        lines |= {"measured": run.given.measured}
-        lines |= {"given": run.given.modelled, "fitted": run.fitted.modelled}
-    short = {name: _short(values[every, k]) for name, values in lines.items()}
-    unused = [_short(stretch, 6) for stretch in run.unused[k][:_STRETCHES]]
-    return {"t": _short(run.time[every], 6), **short, "unused": unused}
-
-
-def _short(values: FloatArray, digits: int = 4) -> list[float]:
-    """Return values with a few significant digits: text is what the file is made of."""
-    return [float(f"{value:.{digits}g}") for value in values]

@@ -1,140 +1,104 @@
-"""Residuals of a robot before and after a diagnosis, with what they may depend on."""
+"""Residuals of a robot before and after a diagnosis, and what they may depend on, for a page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.answer.shown import Series, series_of
+from wbc.arrays import FloatArray
+from wbc.identification.answer.shown import Series
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.record import Record, output_names, output_units
-from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.view.rows import short_label
 
-_HALF = 0.5
+_HALF = 0.5  # weight below which a row counts as not used
+_ROWS = 700  # of one line: about as many as a screen has points across
+_NUMBERS = 500_000  # of all lines together: some 3 MB of text
+_POINTS = 450
+_STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
+_UNITS = {"N": ("m/s", "m", "N"), "N m": ("rad/s", "rad", "N m")}  # of speed, position, load
 
 Curve = tuple[FloatArray, FloatArray]
 
 
-@dataclass(frozen=True, eq=False)
-class ResidualRun:
-    """One log: residuals and what to plot them over, all (rows, outputs).
-
-    Attributes:
-        given: torques and residual of the robot that was given.
-        fitted: the same of the robot with the effects found.
-        position: of the joint [rad, m].
-        speed: of the joint [rad/s, m/s].
-        load: measured torque at the motor output [N m]; NaN for undriven coordinates.
-        unused: per output, starts and ends (k, 2) [s] of the stretches that count less than half,
-            as near a reversal of motion.
-    """
-
-    given: Series
-    fitted: Series
-    position: FloatArray
-    speed: FloatArray
-    load: FloatArray
-    unused: tuple[FloatArray, ...]
-
-    @property
-    def time(self) -> FloatArray:
-        """(rows,) [s]."""
-        return self.given.time
-
-    @property
-    def before(self) -> FloatArray:
-        """Measured minus modelled of the robot that was given [N m, N]."""
-        return self.given.residual
-
-    @property
-    def after(self) -> FloatArray:
-        """The same of the robot with the effects found."""
-        return self.fitted.residual
-
-
-@dataclass(frozen=True, eq=False)
-class LogResiduals:
-    """Residuals of several logs of one robot.
-
-    Attributes:
-        problem: the robot and its logs.
-        runs: one per log.
-    """
-
-    problem: EstimationProblem
-    runs: tuple[ResidualRun, ...]
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names, driven joints first, then undriven coordinates."""
-        return output_names(self.problem.robot)
-
-    def stacked(self, name: str, output: int) -> FloatArray:
-        """Return one of the arrays of the runs for an output, over all logs (rows,)."""
-        return np.concatenate([getattr(run, name)[:, output] for run in self.runs])
-
-    def over(self, output: int) -> list[tuple[str, str, FloatArray, tuple[Curve, ...]]]:
-        """Return name, unit and values (rows,) of what a residual may depend on.
-
-        With each come the `explained_curves` over it.
-        """
-        linear, found = output_units(self.problem.robot)[output] == "N", []
-        explained = self.stacked("before", output) - self.stacked("after", output)
-        units = ("m/s", "m", "N") if linear else ("rad/s", "rad", "N m")
-        for name, unit in zip(("speed", "position", "load"), units, strict=True):
-            x = self.stacked(name, output)
-            if np.isfinite(x).all():
-                curves = explained_curves(x, explained, self.stacked("speed", output))
-                found.append((name, unit, x, curves))
-        return found
-
-
-def residuals_of(robot: Robot, fitted: Robot, logs: Sequence[Log]) -> LogResiduals:
-    """Return the residuals of `robot` and of `fitted`, the same robot with effects, on logs.
-
-    Raises:
-        IdentificationError: logs that cannot be compared with this robot.
-        LogError: a channel is missing.
-    """
-    problem = EstimationProblem.from_logs(robot, logs)
-    return residuals_in(
-        problem, series_of(robot, problem.records), series_of(fitted, problem.records)
-    )
-
-
-def residuals_in(
+def residual_plots(
     problem: EstimationProblem, given: Sequence[Series], fitted: Sequence[Series]
-) -> LogResiduals:
-    """Return the residuals of a prepared problem's robot and of the fitted one, by their series."""
-    each = zip(problem.records, given, fitted, strict=True)
-    return LogResiduals(
-        problem, tuple(_run(problem.robot, record, *both) for record, *both in each)
-    )
+) -> dict[str, Any]:
+    """Return per output: torques and residuals over time, residuals over speed, position and load.
+
+    Args:
+        problem: the robot and its logs.
+        given: torques and residuals (rows, outputs) of every log, of the robot that was given.
+        fitted: the same of the robot with the effects found.
+    """
+    robot, runs = problem.robot, list(zip(problem.records, given, fitted, strict=True))
+    names, floor = output_names(robot), problem.floor.values
+    before, after = (np.concatenate([one.residual for one in each]) for each in (given, fitted))
+    motion = np.concatenate([_motion(robot, record) for record in problem.records], axis=1)
+    rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(names))))
+    few = slice(None, None, max(1, -(-len(before) // _POINTS)))
+    panels = []
+    for k, (output, unit) in enumerate(zip(names, output_units(robot), strict=True)):
+        over = []
+        for name, own, x in zip(
+            ("speed", "position", "load"), _UNITS[unit], motion[:, :, k], strict=True
+        ):
+            if np.isfinite(x).all():
+                curves = explained_curves(x, before[:, k] - after[:, k], motion[0, :, k])
+                told = [{"x": _short(c), "y": _short(mean)} for c, mean in curves]
+                over.append({"name": name, "unit": own, "x": _short(x[few]), "explained": told})
+        panels.append(
+            {
+                "output": output,
+                "unit": unit,
+                "floor": float(floor[k]),
+                "over": over,
+                "before": _short(before[few, k]),
+                "after": _short(after[few, k]),
+                "runs": [_over_time(*run, k, k < robot.transmission.size, rows) for run in runs],
+            }
+        )
+    return {"logs": [short_label(one.name) for one in given], "panels": panels}
 
 
-def _run(robot: Robot, record: Record, given: Series, fitted: Series) -> ResidualRun:
+def _motion(robot: Robot, record: Record) -> FloatArray:
+    """Return speed, position and load of the outputs (3, rows, outputs), NaN where there is none.
+
+    In rad/s, rad and N m, of slides in m/s, m and N; the load is that of the motor.
+    """
     gears, motion = robot.transmission, record.motion
     rows = slice(record.edge, len(record.torque) - record.edge, record.stride)
     turning = motion.velocity[:, robot.actuated]
     parts = [turning @ gears.motor_from_joint.T, motion.velocity[:, robot.unactuated]]
     speed = np.concatenate([*parts, turning[:, robot.sensed]], axis=1)[rows]
-    position, load = np.full((2, *speed.shape), np.nan)
-    position[:, : gears.size] = motion.position[rows][:, robot.actuated_position]
-    load[:, : gears.size] = (record.torque * gears.gear_ratio)[rows]
-    unused = tuple(_stretches(weight < _HALF, record) for weight in record.weight.T)
-    return ResidualRun(given, fitted, position, speed, load, unused)
+    found = np.full((3, *speed.shape), np.nan)
+    found[0], found[1, :, : gears.size] = speed, motion.position[rows][:, robot.actuated_position]
+    found[2, :, : gears.size] = (record.torque * gears.gear_ratio)[rows]
+    return found
 
 
-def _stretches(inside: BoolArray, record: Record) -> FloatArray:
-    """Return starts and ends (k, 2) [s] of the rows inside, within the rows that are plotted."""
-    shown = inside[record.edge : len(inside) - record.edge]
-    changed = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(int)))
+def _over_time(
+    record: Record, given: Series, fitted: Series, k: int, driven: bool, rows: int
+) -> dict[str, Any]:
+    """Return the lines of one output over the time of a log, and the stretches not used."""
+    every = slice(None, None, max(1, -(-len(given.time) // rows)))
+    lines = {"before": given.residual, "after": fitted.residual}
+    if driven:
+        lines |= {"measured": given.measured, "given": given.modelled, "fitted": fitted.modelled}
+    short = {name: _short(values[every, k]) for name, values in lines.items()}
+    inside = record.weight[record.edge : len(record.weight) - record.edge, k] < _HALF
+    changed = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     ends = record.time[0] + (changed.reshape(-1, 2) - [0, 1]) / record.rate
-    return np.asarray(ends)
+    unused = [_short(stretch, 6) for stretch in ends[:_STRETCHES]]
+    return {"t": _short(given.time[every], 6), **short, "unused": unused}
+
+
+def _short(values: FloatArray, digits: int = 4) -> list[float]:
+    """Return values with a few significant digits: text is what the file is made of."""
+    return [float(f"{value:.{digits}g}") for value in values]
 
 
 _BINS = 24
