@@ -6,7 +6,6 @@ import argparse
 import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -161,14 +160,6 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     with working(console, "diagnosing") as progress:
         left = begun + budget - time.monotonic()
         diagnosis = diagnose(robot, logs, candidates, progress, left)
-    if guessed:
-        first = f"Look up {guessed} in {options.robot}: every answer rests on these guesses."
-        # What to do now is printed for every verdict, but for these two it is not the experiment.
-        if diagnosis.verdict in ("named", "none"):
-            diagnosis = replace(diagnosis, warnings=(first, *diagnosis.warnings))
-        else:
-            asked = f"{first} {diagnosis.next_experiment}"
-            diagnosis = replace(diagnosis, next_experiment=asked)
     if options.save and not options.discover:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)

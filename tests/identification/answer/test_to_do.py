@@ -84,3 +84,14 @@ def test_one_word_and_one_number_for_the_noise(found: Diagnosis, logs: list[Log]
     assert {o.output: o.floor for o in found.outputs} == pytest.approx(floor)
     assert "noise floor" in str(found)
     assert "sensors" not in str(found)
+
+
+def test_an_answer_says_which_gears_are_still_guessed(logs: list[Log], tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(
+        'robot = "planar_leg_fixed"\n[gears.knee]\nrotor_inertia = { value = 6.7e-5, '
+        'unit = "kg m^2", source = "guess: not in the model file; look it up" }\n'
+    )
+    found = diagnose(load_robot(str(path)).lossless(), logs, [CoulombFriction])
+    assert found.verdict == "named"
+    assert found.warnings[0].startswith(f"Look up gears.knee.rotor_inertia in {path}")

@@ -48,6 +48,7 @@ from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
+from wbc.measurement.guess import guessed_numbers
 from wbc.robot import Effect, Robot
 
 _SEARCH = 0.8  # of the time that is given
@@ -135,10 +136,18 @@ def diagnose(
     several = len({name for name, _ in doubtful}) > 1
     known = {c.name: c for c in classes}
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
+    asked = NOTHING_MOVES if nothing_moves else asked
+    if robot.source and (guessed := ", ".join(guessed_numbers(robot.source.name))):
+        look_up = f"Look up {guessed} in {robot.source.name}: every answer rests on these guesses."
+        # What to do now is told for every verdict, but for these two it is not the experiment.
+        if verdict in ("named", "none"):
+            warnings.insert(0, look_up)
+        else:
+            asked = f"{look_up} {asked}"
     return Diagnosis(
         verdict=verdict,
         findings=findings,
-        next_experiment=NOTHING_MOVES if nothing_moves else asked,
+        next_experiment=asked,
         error=ErrorLevel(
             before=float(np.sqrt(first.error)),
             after=float(np.sqrt(final.error)),
