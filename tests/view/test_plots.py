@@ -11,9 +11,11 @@ import pytest
 import wbc
 from sims.leg import LegControl, balanced_pose, squat
 from wbc.errors import ViewError
+from wbc.identification import compare
 from wbc.measurement import Log
 from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
+from wbc.samples import sample_logs
 from wbc.sim import Plant, simulate
 from wbc.view import DARK, LIGHT
 from wbc.view.plots import (
@@ -155,3 +157,10 @@ def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:
     )
     with pytest.raises(ViewError, match=r"\.png, \.pdf, \.svg"):
         write_figure(tmp_path / "leg.bmp", figure)
+
+
+def test_no_legend_hides_a_torque() -> None:
+    """It stood inside the panels, over the curves, and was wider than a part of them."""
+    figure = compare(wbc.load_robot("planar_leg_fixed"), sample_logs()[:1]).plot()
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["measured", "model"]
+    assert all(axes.get_legend() is None for axes in figure.axes)

@@ -44,7 +44,8 @@ def torque_figure(
             rest.plot(one.time, one.residual[:, k], color=colour, linewidth=1.0)
         torque.set_ylabel(f"{output} [{unit}]")
         rest.set_ylabel(f"residual [{unit}]")
-        torque.legend(loc="upper right", ncols=3)
     axes[-1].set_xlabel("time [s]")
-    axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1])
+    axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1], loc="left")
+    # Above all panels: inside one it hides the torque.
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
