@@ -1,4 +1,4 @@
-"""The catalogue of gearboxes, and the poses of a gait."""
+"""The catalogue of gearboxes."""
 
 from __future__ import annotations
 
@@ -11,16 +11,13 @@ import pytest
 
 from wbc.cli import main
 from wbc.design import (
-    Objective,
     Study,
     choose_gearboxes,
-    over_gait,
     parse_sweep,
     read_gearboxes,
 )
 from wbc.effects import load_robot
 from wbc.errors import DesignError
-from wbc.measurement import Log, save_log
 
 LEG = load_robot("planar_leg")
 POSE = LEG.pose("paper")
@@ -108,31 +105,3 @@ def test_the_command_compares_gearboxes(
     assert "Matsuki" in capsys.readouterr().out
     assert main(["design", "planar_leg"]) == 2
     assert "varies at least one" in capsys.readouterr().err
-
-
-def test_every_design_is_judged_in_every_pose_of_a_gait(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    poses = np.tile(POSE, (3, 1))
-    poses[:, LEG.position_index("knee")] = [0.8, 1.0, 1.3]
-    gait = tuple((0.1 * k, *q) for k, q in enumerate(poses.tolist()))
-    walked = study("reduction=10,20", gait=gait)
-    rows = walked.evaluate(0, walked.size)
-    for k, q in enumerate(poses):
-        still = study("reduction=10,20", position=tuple(q.tolist())).evaluate(0, 2)
-        for name in ("lift", "impact_mitigation", "holding_torque"):
-            np.testing.assert_allclose(rows[name][k::3], still[name])
-    over = over_gait(rows, 3, [Objective("lift"), Objective("holding_torque", more=False)])
-    assert over["lift"].tolist() == rows["lift"].reshape(2, 3).min(axis=1).tolist()
-    assert over["holding_torque"].tolist() == rows["holding_torque"].reshape(2, 3).max(1).tolist()
-    np.testing.assert_allclose(over["hold"], rows["hold"].reshape(2, 3).mean(axis=1))
-    monkeypatch.chdir(tmp_path)
-    columns = {"hip.position": poses[:, -2], "knee.position": poses[:, -1]}
-    save_log(Log(np.array([0.0, 0.1, 0.2]), columns), "gait.csv")
-    command = ["design", "planar_leg", "--sweep", "reduction=10,20", "--gait", "gait.csv"]
-    assert main([*command, "--instants", "3", "--json", "f.json"]) == 0
-    assert "worst one" in capsys.readouterr().out
-    front = json.loads(Path("f.json").read_text())["front"]
-    assert sorted(row["lift"] for row in front) == pytest.approx(sorted(over["lift"]))
-    assert main([*command, "--samples", "4", "--out", "y.parquet"]) == 2
-    assert "grid" in capsys.readouterr().err

@@ -11,7 +11,6 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.inputs import read_logs
 from wbc.cli.outputs import Outcome, watching, write_figures
 from wbc.cli.printout import table
 from wbc.cli.robots import first_contact, pose_from
@@ -28,10 +27,8 @@ from wbc.design import (
     sampled_designs,
 )
 from wbc.effects import load_robot
-from wbc.errors import WbcError
 from wbc.files import as_json
 from wbc.metrics import upward
-from wbc.robot import Robot
 from wbc.tables import TextTable
 
 _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
@@ -41,23 +38,20 @@ _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table ho
 def run_design(options: argparse.Namespace, console: Console) -> Outcome:
     """Run the study, print the front, write figures and JSON."""
     study = _study(options)
-    units, instants = describe_columns(study), len(study.gait)
+    units = describe_columns(study)
     objectives = _objectives(options, study, units)
     with watching("designs", console) as watch:
         path = run_study(study, options.out, workers=options.workers, watch=watch)
-    if instants:
-        console.print(f"over {instants} instants: objectives of the worst one, else the mean")
-    front = best_designs(path, objectives, instants)
+    front = best_designs(path, objectives)
     aimed = [objective.column for objective in objectives]
-    varied = [p.column for p in study.varied if p.low < p.high and p.name != "time"]
+    varied = [p.column for p in study.varied if p.low < p.high]
     columns = list(dict.fromkeys([*varied, *aimed]))
     _print(study, front, {name: units[name] for name in columns}, objectives, console)
     console.print(f"wrote {path}: {study.size} designs")
     if options.figures:
-        drawn = sampled_designs(path, _DRAWN, objectives, instants)
-        count, size = len(drawn["design"]), study.size // max(instants, 1)
-        if count < size:
-            console.print(f"the pictures show {count} of {size} designs, evenly spread")
+        drawn = sampled_designs(path, _DRAWN)
+        if (count := len(drawn["design"])) < study.size:
+            console.print(f"the pictures show {count} of {study.size} designs, evenly spread")
         write_figures(options, _figures(options, study, drawn, front, varied, aimed), console)
     rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
     return 0, {
@@ -86,22 +80,7 @@ def _study(options: argparse.Namespace) -> Study:
         seed=options.seed,
         load=options.load,
         gearboxes=choose_gearboxes(options.gearbox, catalogue) if options.gearbox else (),
-        gait=_gait(options, robot) if options.gait else (),
     )
-
-
-def _gait(options: argparse.Namespace, robot: Robot) -> tuple[tuple[float, ...], ...]:
-    """Return rows (time, q...) at evenly spread instants of a log."""
-    from wbc.view.channels import configuration
-
-    if options.instants < 1:
-        raise WbcError("--instants must be at least 1.")
-    (log, *more) = read_logs([options.gait], None, robot)
-    if more:
-        raise WbcError(f"--gait '{options.gait}' holds several logs; name one with #NAME.")
-    rows = np.unique(np.linspace(0, len(log) - 1, options.instants).round().astype(np.int_))
-    poses = configuration(robot, log)[rows]
-    return tuple((float(t), *q) for t, q in zip(log.time[rows], poses.tolist(), strict=True))
 
 
 def _objectives(
@@ -129,8 +108,8 @@ def _print(
 ) -> None:
     """Print the columns of the front that have units, as many rows as fit on a screen."""
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
-    count, size = len(front["design"]), study.size // max(len(study.gait), 1)
-    title = f"Pareto front: {count} of {size} designs ({aims})"
+    count = len(front["design"])
+    title = f"Pareto front: {count} of {study.size} designs ({aims})"
     heads = [
         f">{name.replace('_', ' ')}" + ("" if unit == "1" else f"\n[{unit}]")
         for name, unit in units.items()

@@ -122,8 +122,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
     "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
-    "--gait": _option("LOG", "judge every design in the poses of a recorded motion"),
-    "--instants": _option("N", "poses taken from the gait (default 20)", type=int, default=20),
     "--samples": _option("N", "N Sobol samples instead of a grid", type=int, default=0),
     "--seed": _option(None, "of samples and of the search (default 0)", type=int, default=0),
     "--objective": _option(
@@ -275,7 +273,7 @@ Without --html, --png, --gif the page opens in the browser.""",
     ),
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
-        "robot --sweep --gearbox --catalogue --gait --instants"
+        "robot --sweep --gearbox --catalogue"
         f" --samples --seed {_SITE} --objective --workers --out/designs --figures"
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,

@@ -4,7 +4,6 @@ from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
 from wbc.design.stored import (
     Objective,
     best_designs,
-    over_gait,
     pareto_front,
     parse_objective,
     read_designs,
@@ -21,7 +20,6 @@ __all__ = [
     "best_designs",
     "choose_gearboxes",
     "describe_columns",
-    "over_gait",
     "pareto_front",
     "parse_objective",
     "parse_sweep",

@@ -102,24 +102,6 @@ def _beaten(costs: FloatArray, by: FloatArray) -> BoolArray:
     return found
 
 
-def over_gait(
-    table: Mapping[str, FloatArray], instants: int, objectives: Sequence[Objective]
-) -> dict[str, FloatArray]:
-    """Return one row per design of a table with one row per design and instant.
-
-    An objective is that of the worst instant, NaN where an instant has none; every other column is
-    the mean.
-
-    Args:
-        table: columns (k instants,), the instants of a design in a row.
-        instants: of the gait.
-        objectives: what designs are judged by.
-    """
-    worst = {objective.column: np.min if objective.more else np.max for objective in objectives}
-    rows = {name: np.reshape(values, (-1, instants)) for name, values in table.items()}
-    return {name: worst.get(name, np.mean)(values, axis=1) for name, values in rows.items()}
-
-
 def run_study(
     study: Study,
     path: str | Path,
@@ -145,9 +127,7 @@ def run_study(
     """
     study.designs(0, 1)  # wrong values show before anything is written
     pa, pq = _pyarrow()
-    instants = max(len(study.gait), 1)
-    size = max(chunk // instants, 1) * instants  # a row group holds whole designs
-    chunks = [(start, min(start + size, study.size)) for start in range(0, study.size, size)]
+    chunks = [(start, min(start + chunk, study.size)) for start in range(0, study.size, chunk)]
     schema = pa.schema(
         pa.field(name, pa.float64(), metadata={"unit": unit})
         for name, unit in describe_columns(study).items()
@@ -182,9 +162,7 @@ def read_designs(path: str | Path) -> dict[str, FloatArray]:
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
-def best_designs(
-    path: str | Path, objectives: Sequence[Objective], instants: int = 0
-) -> dict[str, FloatArray]:
+def best_designs(path: str | Path, objectives: Sequence[Objective]) -> dict[str, FloatArray]:
     """Return the columns of the Pareto front of a study's table, best in the first objective first.
 
     The table is read in pieces, so that memory grows with the front and not with the study.
@@ -192,7 +170,6 @@ def best_designs(
     Args:
         path: the Parquet file.
         objectives: what designs are judged by; see `pareto_front`.
-        instants: of the gait, whose worst one counts (`over_gait`); 0 without a gait.
 
     Raises:
         OSError: no such file.
@@ -200,38 +177,32 @@ def best_designs(
     """
     best: dict[str, FloatArray] = {}
     for piece in _pieces(path):
-        both = _joined(best, over_gait(piece, instants, objectives) if instants else piece)
+        both = _joined(best, piece)
         front = pareto_front(both, objectives)
         best = {name: values[front] for name, values in both.items()}
     return best
 
 
-def sampled_designs(
-    path: str | Path, count: int, objectives: Sequence[Objective], instants: int = 0
-) -> dict[str, FloatArray]:
+def sampled_designs(path: str | Path, count: int) -> dict[str, FloatArray]:
     """Return at most `count` designs of a study's table, evenly spread; all if there are no more.
 
     Args:
         path: the Parquet file.
         count: how many designs fit into a picture.
-        objectives: whose worst instant counts where there is a gait.
-        instants: of the gait; 0 without one.
 
     Raises:
         OSError: no such file.
     """
     _, pq = _pyarrow()
-    width, kept = max(instants, 1), dict[str, FloatArray]()
-    every = max(-(-int(pq.read_metadata(path).num_rows) // (width * count)), 1)
+    kept, every = dict[str, FloatArray](), max(-(-pq.read_metadata(path).num_rows // count), 1)
     for piece in _pieces(path):
-        chosen = piece["design"] // width % every == 0
-        rows = {name: values[chosen] for name, values in piece.items()}
-        kept = _joined(kept, over_gait(rows, instants, objectives) if instants else rows)
+        chosen = piece["design"] % every == 0
+        kept = _joined(kept, {name: values[chosen] for name, values in piece.items()})
     return kept
 
 
 def _pieces(path: str | Path) -> Iterator[dict[str, FloatArray]]:
-    """Yield the row groups of a table, each of whole designs."""
+    """Yield the row groups of a table."""
     _, pq = _pyarrow()
     with pq.ParquetFile(path) as file:
         for number in range(file.metadata.num_row_groups):

@@ -32,12 +32,10 @@ _PARAMETERS = {
     "mass": ("kg", ""),
     "joint": ("rad or m", ""),
     "gearbox": ("1", ""),
-    "time": ("s", ""),
 }
 GEAR_PARAMETERS = {name: field for name, (_, field) in _PARAMETERS.items() if field}
 LINK_PARAMETERS = ("length", "mass")
 NAMES = (*GEAR_PARAMETERS, *LINK_PARAMETERS, "joint")
-LISTED = ("gearbox", "time")  # by the number in a catalogue, by the instant of a gait
 DEFAULT_COUNT = 9  # values on a grid of a range that names no number: a table to read, not to trust
 
 
@@ -46,7 +44,7 @@ class SweepParameter:
     """One parameter of a study.
 
     Attributes:
-        name: one of `NAMES`, or of `LISTED` where a study makes it.
+        name: one of `NAMES`, or "gearbox" (by its number) where a study makes it.
         place: joint of a gear (all gears alike when empty), link, or joint.
         low, high: the range; equal to the ends of `values` where those are given.
         count: number of values on a grid.
@@ -64,7 +62,7 @@ class SweepParameter:
 
     def __post_init__(self) -> None:
         """Check the range."""
-        if self.name not in (*NAMES, *LISTED):
+        if self.name not in (*NAMES, "gearbox"):
             raise DesignError(unknown_name("parameter", self.name, NAMES))
         if self.name in (*LINK_PARAMETERS, "joint") and not self.place:
             what = "joint" if self.name == "joint" else "link"
@@ -114,7 +112,7 @@ def parse_sweep(text: str) -> SweepParameter:
     """
     left, equals, right = text.partition("=")
     name, _, place = left.strip().partition(".")
-    if name in LISTED:
+    if name == "gearbox":
         raise DesignError(unknown_name("parameter", name, NAMES))
     form = "use NAME=LOW:HIGH, NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH:COUNT:log or NAME=V,V,..."
     if not equals or not right.strip():
@@ -165,7 +163,6 @@ class Study:
         gearboxes: of a catalogue; each is one more design, for all gears alike. What a row leaves
             out stays the robot's own or what is swept; without a backward efficiency it is the
             wedge's 2 - 1/eta_f.
-        gait: rows (time, q...) of a motion; every design is evaluated in each of these poses.
     """
 
     robot: str
@@ -178,7 +175,6 @@ class Study:
     seed: int = 0
     load: float | None = None
     gearboxes: tuple[Gearbox, ...] = ()
-    gait: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Check names and the kind of robot; the values are checked with the first designs."""
@@ -191,22 +187,18 @@ class Study:
             raise DesignError(f"samples must be >= 0, got {self.samples}.")
         if not 0.0 <= (self.load or 0.0) < np.inf:
             raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
-        if self.gait and self.samples:
-            raise DesignError("poses of a gait need a grid of designs; leave --samples out.")
         robot = loaded(self.robot, self.contact)
         for parameter in self.parameters:
             _check_place(robot, parameter)
 
     @property
     def varied(self) -> tuple[SweepParameter, ...]:
-        """All that varies: gearboxes by number, the parameters, the instants of the gait last."""
+        """All that varies: gearboxes by number, and the parameters."""
         boxes = tuple(float(number) for number in range(len(self.gearboxes)))
-        times = tuple(row[0] for row in self.gait)
-        return (
-            *([_listed("gearbox", boxes)] if boxes else []),
-            *self.parameters,
-            *([_listed("time", times)] if times else []),
-        )
+        if not boxes:
+            return self.parameters
+        listed = SweepParameter("gearbox", "", 0.0, boxes[-1], len(boxes), values=boxes)
+        return (listed, *self.parameters)
 
     @property
     def size(self) -> int:
@@ -243,9 +235,6 @@ class Study:
         robot, values = loaded(self.robot, self.contact), self.values(start, stop)
         count, gears = stop - start, robot.transmission
         q = np.tile(np.array(self.position), (count, 1))
-        if self.gait:
-            poses = np.array(self.gait)
-            q = poses[np.searchsorted(poses[:, 0], values["time"]), 1:]
         given = self._from_catalogue(values, gears) if self.gearboxes else {}
         links: dict[str, dict[str, FloatArray]] = {"length": {}, "mass": {}}
         for parameter in self.parameters:
@@ -302,10 +291,6 @@ def describe_columns(study: Study) -> dict[str, str]:
     units = {"design": "1", **{p.column: p.unit for p in study.varied}}
     units.update({f.name: _UNITS.get(f.name, "1") for f in fields(DesignMetrics)})
     return units
-
-
-def _listed(name: str, values: tuple[float, ...]) -> SweepParameter:
-    return SweepParameter(name, "", min(values), max(values), len(values), values=values)
 
 
 @lru_cache(maxsize=8)
