@@ -122,11 +122,11 @@ SOLO_DESIGN = [
     *("--sweep", "forward_efficiency=0.55:0.98:20"),
 ]
 EXPERIMENTS = {
-    "experiment": "planar_leg_fixed --speed 6 --span 1 --rounds 240 --between rotor_inertia@knee "
+    "experiment": "planar_leg_fixed --speed 6 --span 1 --rounds 320 --between rotor_inertia@knee "
     "payload_mass@shin",
-    "experiment_quadruped": "solo12 --speed 6 --span 0.6 --rounds 120 --between "
+    "experiment_quadruped": "solo12 --speed 6 --span 0.6 --rounds 160 --between "
     "rotor_inertia@FL_KFE payload_mass@FL_LOWER_LEG",
-    "experiment_link": "staubli_tx40 --speed 3 --span 1 --rounds 360 --noise 0.2 --between "
+    "experiment_link": "staubli_tx40 --speed 3 --span 1 --rounds 480 --noise 0.2 --between "
     "center_of_mass@link_4+payload_mass@link_4",
 }
 

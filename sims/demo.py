@@ -117,7 +117,7 @@ def plan(console: Console, diagnosis: Diagnosis, duration: float, rounds: int) -
     ]
 
 
-def main(duration: float = 2.0, excitation: float = 6.0, rounds: int = 240) -> Diagnosis:
+def main(duration: float = 2.0, excitation: float = 6.0, rounds: int = 320) -> Diagnosis:
     """Run the three parts, print their tables and say where the files are."""
     console = Console(markup=False, highlight=False)
     OUT.mkdir(exist_ok=True)

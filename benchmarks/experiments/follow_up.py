@@ -26,7 +26,7 @@ from wbc.design.experiment import (
 from wbc.robot import Robot
 
 DURATION = 10.0  # [s] of one planned run
-ROUNDS = 360  # changes tried: CPU time bounds this study, `wbc experiment` tries 1800
+ROUNDS = 480  # changes tried: CPU time bounds this study, `wbc experiment` tries 2400
 WORDS, RANDOM, CLASSIC, DESIGNED = "advice in words", "random", "D-optimal", "designed"
 ARMS = (WORDS, RANDOM, CLASSIC, DESIGNED)
 # The corpus' own runs stay within these: strokes of 1 rad, 6 rad/s, 60 rad/s^2 (shaking).

@@ -53,7 +53,7 @@ def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> Non
 
 def test_the_odds_are_those_of_simulated_measurements() -> None:
     """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
-    chosen, one = replace(rivals(noise=0.1), band=np.inf), path()
+    chosen, one = replace(rivals(noise=0.05), band=np.inf), path()
     said = expected(chosen, LIMITS, one, rate=100.0).odds
     time = one.times(100.0)
     q, v, a = one.at(time)
@@ -68,7 +68,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
 
     def least(i: int, measured: np.ndarray) -> float:
         found = minimize_scalar(
-            lambda x: np.sum(((torque(i, x) - measured) / 0.1) ** 2),
+            lambda x: np.sum(((torque(i, x) - measured) / 0.05) ** 2),
             bounds=(0.0, 5.0),
             method="bounded",
         )
@@ -79,7 +79,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
         clean = torque(true, values[true])
         odds = []
         for _ in range(60):
-            measured = clean + 0.1 * random.standard_normal(clean.shape)
+            measured = clean + 0.05 * random.standard_normal(clean.shape)
             odds.append(least(other, measured) - least(true, measured))
         # Equal numbers of fitted parameters: what the noise gives to both fits cancels.
         error = np.std(odds) / np.sqrt(len(odds))

@@ -143,7 +143,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--span": _option("RAD", "furthest from the usual pose", type=float, default=inf),
     "--speed": _option("X", "limit of joint speeds [rad/s]", type=float, default=inf),
     "--acceleration": _option("X", "limit [rad/s^2]", type=float, default=inf),
-    "--rounds": _option("N", "changes tried (default 1800)", type=int, default=1800),
+    "--rounds": _option("N", "changes tried (default 2400)", type=int, default=2400),
 }
 """What argparse is told of each argument, by its name."""
 

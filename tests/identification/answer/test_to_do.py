@@ -94,4 +94,4 @@ def test_an_answer_says_which_gears_are_still_guessed(logs: list[Log], tmp_path:
     )
     found = diagnose(load_robot(str(path)).lossless(), logs, [CoulombFriction])
     assert found.verdict == "named"
-    assert found.warnings[0].startswith(f"Look up gears.knee.rotor_inertia in {path}")
+    assert found.warnings[0].startswith("Look up gears.knee.rotor_inertia in robot.toml")

@@ -9,10 +9,12 @@ import pytest
 import wbc
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
+from wbc.identification.answer.shown import series_of
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view import model_ghost
-from wbc.view.residuals import residuals_of
+from wbc.view.residuals import residual_plots
 
 KNEE = 1
 
@@ -121,13 +123,16 @@ def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
         )
         for _ in range(2)
     ]
-    residuals = residuals_of(robot, truth, logs)
-    assert residuals.outputs == ("hip", "knee")
-    run = residuals.runs[0]
-    fast = np.abs(run.speed[:, 0]) > 0.5
-    np.testing.assert_allclose(np.abs(run.before[fast, 0]), 0.7, atol=0.05)
-    assert np.abs(run.after[fast, 0]).max() < 0.1
-    (name, unit, speed, (curve,)), *_ = residuals.over(0)
-    assert (name, unit, len(speed)) == ("speed", "rad/s", 2 * len(run.time))
-    assert curve[1][0] == pytest.approx(-0.7, abs=0.05)
-    assert curve[1][-1] == pytest.approx(0.7, abs=0.05)
+    problem = EstimationProblem.from_logs(robot, logs)
+    given, fitted = (series_of(one, problem.records) for one in (robot, truth))
+    plots = residual_plots(problem, given, fitted)
+    assert [panel["output"] for panel in plots["panels"]] == ["hip", "knee"]
+    hip = plots["panels"][0]
+    speed, *_ = hip["over"]
+    assert (speed["name"], speed["unit"]) == ("speed", "rad/s")
+    fast = np.abs(speed["x"]) > 0.5
+    np.testing.assert_allclose(np.abs(hip["before"])[fast], 0.7, atol=0.05)
+    assert np.abs(hip["after"])[fast].max() < 0.1
+    (curve,) = speed["explained"]
+    assert curve["y"][0] == pytest.approx(-0.7, abs=0.05)
+    assert curve["y"][-1] == pytest.approx(0.7, abs=0.05)

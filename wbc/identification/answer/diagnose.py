@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import permutations
 from math import inf
+from pathlib import Path
 
 import numpy as np
 
@@ -138,7 +139,8 @@ def diagnose(
     asked = next_experiment(verdict, findings, left, problem.floor, known, problem.silent)
     asked = NOTHING_MOVES if nothing_moves else asked
     if robot.source and (guessed := ", ".join(guessed_numbers(robot.source.name))):
-        look_up = f"Look up {guessed} in {robot.source.name}: every answer rests on these guesses."
+        file = Path(robot.source.name).name
+        look_up = f"Look up {guessed} in {file}: every answer rests on these guesses."
         # What to do now is told for every verdict, but for these two it is not the experiment.
         if verdict in ("named", "none"):
             warnings.insert(0, look_up)
