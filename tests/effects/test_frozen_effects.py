@@ -1,4 +1,4 @@
-"""Ticks and steps of robots with many effects, against what they were on 25 November 2026.
+"""Ticks and steps of robots with many effects, against what they were (25 and 26 November 2026).
 
 A change of how effects are evaluated must not change what they do. The reference lies in
 `data/frozen_effects.npz`; run as a program this file writes it anew, which only a change of the

@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim.random_robots import BASES, random_robot
 from wbc import load_robot
-from wbc.mechanics.inertia import bodies_at, inertia_at, move_bodies
+from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, move_bodies
 from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.linear import factor, solve_factored
 from wbc.mechanics.tree import tree_of
@@ -45,7 +45,8 @@ def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
     )
     place(tree.joints, tree.shapes, q, poses)
     columns_at(tree.joints, tree.shapes, poses, about, columns)
-    bodies_at(tree.joints, tree.shapes, poses, about, bodies, all_behind)
+    bodies_at(tree.joints, tree.shapes, poses, about, bodies)
+    composites_of(tree.joints, bodies, all_behind)
     inertia_at(tree.rows, all_behind, columns, nv, inertia)
     motion, drift, force = np.empty((3, n, 6))
     moving = motion, drift, force
