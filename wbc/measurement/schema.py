@@ -11,7 +11,6 @@ from wbc.errors import LogError, unknown_name
 from wbc.robot.table import SI_UNITS
 
 TIME = "time"
-BASE = "base"
 
 JOINT_QUANTITIES: dict[str, tuple[str, ...]] = {
     "position": ("rad", "m"),
@@ -49,25 +48,29 @@ FORCE_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis
 CONTACT_QUANTITIES: dict[str, tuple[str, ...]] = {**FORCE_QUANTITIES, "active": ("1",)}
 """Quantity of `<contact>.<quantity>`: its force, or `active`, 1 while it touches and else 0."""
 
-BASE_QUANTITIES: dict[str, tuple[str, ...]] = {
+FREE_POSE: dict[str, tuple[str, ...]] = {
     **{f"position.{axis}": ("m",) for axis in "xyz"},
     **{f"orientation.{axis}": ("1",) for axis in "xyzw"},
+}
+"""Quantity of `base.<quantity>` and `<free body>.<quantity>`, in the order of a free-flyer's q."""
+
+FREE_VELOCITY: dict[str, tuple[str, ...]] = {
     **{f"linear_velocity.{axis}": ("m/s",) for axis in "xyz"},
     **{f"angular_velocity.{axis}": ("rad/s",) for axis in "xyz"},
 }
-"""Quantity of `base.<quantity>` of a free-flyer; velocities in the body frame."""
+"""The same in the order of v, in the body frame."""
+
+BASE_QUANTITIES = {**FREE_POSE, **FREE_VELOCITY}
 
 
 def split_column(name: str) -> tuple[str, str] | None:
     """Return (owner, quantity) of a column of the schema, None for any other name.
 
-    The owner is a joint, a contact or `base`; a joint's name may itself hold dots.
+    The owner is a joint, a contact, `base` or a free body; its name may itself hold dots.
     """
     for quantity in (*JOINT_QUANTITIES, *CONTACT_QUANTITIES, *BASE_QUANTITIES):
         owner = name.removesuffix(f".{quantity}")
         if owner == name or not owner:
-            continue
-        if quantity in BASE_QUANTITIES and owner != BASE:
             continue
         return owner, quantity
     return None

@@ -17,6 +17,7 @@ from wbc.dynamics import inertial_parameters
 from wbc.errors import LogError
 from wbc.measurement.log import OF_THE_DRIVE, Log, Machine
 from wbc.measurement.names import unread
+from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
 from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
 
@@ -430,30 +431,27 @@ def _at_motor(log: Log, transmission: Transmission, row: int, quantity: str) -> 
     return total
 
 
-_PLACE = [f"base.position.{axis}" for axis in "xyz"]
-_TURN = [f"base.orientation.{axis}" for axis in "xyzw"]
-_RATES = [f"base.{kind}_velocity.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
-
-
 def positions(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray:
     """Return q (N, nq); the integral of a velocity stands for a position that was not measured.
 
     Args:
         robot: whose joints.
-        log: with their positions, and the pose of a free base.
+        log: with their positions, and the poses of a free base and of free bodies.
         partial: what the log lacks stays neutral.
 
     Raises:
-        LogError: it lacks the position of a joint, or the pose of a free base.
+        LogError: it lacks the position of a joint, or the pose of a free base or body.
     """
     position = np.tile(robot.neutral(), (len(log), 1))
     for name in robot.single_joints:
         if not partial or log.has(f"{name}.position") or log.has(f"{name}.velocity"):
             position[:, robot.position_index(name)] = joint_position(log, name)
-    if robot.has_free_flyer and (not partial or log.has(*_PLACE, *_TURN)):
-        place, turn = (np.stack([log.column(n) for n in part], axis=1) for part in (_PLACE, _TURN))
-        position[:, :3] = place
-        position[:, 3:7] = turn / np.linalg.norm(turn, axis=1, keepdims=True)
+    for owner, (at, _) in robot.free_flyers.items():
+        names = [f"{owner}.{quantity}" for quantity in FREE_POSE]
+        if not partial or log.has(*names):
+            pose = np.stack([log.column(name) for name in names], axis=1)
+            pose[:, 3:] /= np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
+            position[:, at : at + 7] = pose
     return position
 
 
@@ -462,7 +460,7 @@ def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray |
 
     Args:
         robot: whose joints.
-        log: with their velocities, and those of a free base.
+        log: with their velocities, and those of a free base and of free bodies.
         partial: the difference of the positions stands for what was not measured, then zero.
     """
     velocity = np.zeros((len(log), robot.model.nv))
@@ -474,9 +472,10 @@ def velocities(robot: Robot, log: Log, *, partial: bool = False) -> FloatArray |
             return None
         elif log.has(f"{name}.position"):
             velocity[:, row] = np.gradient(log.column(f"{name}.position"), log.time)
-    if robot.has_free_flyer:
-        if log.has(*_RATES):
-            velocity[:, :6] = np.stack([log.column(name) for name in _RATES], axis=1)
+    for owner, (_, at) in robot.free_flyers.items():
+        names = [f"{owner}.{quantity}" for quantity in FREE_VELOCITY]
+        if log.has(*names):
+            velocity[:, at : at + 6] = np.stack([log.column(name) for name in names], axis=1)
         elif not partial:
             return None
     return velocity

@@ -187,6 +187,18 @@ class Robot:
         """Whether the first joint is a free-flyer (base.* columns in a log)."""
         return len(self.joints) > 0 and self.model.joints[1].shortname() == _FREE_FLYER
 
+    @property
+    def free_flyers(self) -> dict[str, tuple[int, int]]:
+        """Owner of the columns of each free-flyer -> its first place in q and in v.
+
+        The owner is `base` where the free-flyer is the first joint, else the name of the free body.
+        """
+        return {
+            "base" if number == 1 else str(self.model.names[number]): (joint.idx_q, joint.idx_v)
+            for number, joint in enumerate(self.model.joints)
+            if number and joint.shortname() == _FREE_FLYER
+        }
+
     @cached_property
     def mounting(self) -> RotorMounting:
         """Which link carries each motor and about which axis its rotor spins.

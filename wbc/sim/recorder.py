@@ -7,19 +7,11 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
+from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
 from wbc.robot import Robot
 from wbc.sim.result import StepResult
 from wbc.sim.state import SimState
 from wbc.sim.step.gears import Drivetrain
-
-_BASE = (
-    *(f"base.position.{axis}" for axis in "xyz"),
-    *(f"base.orientation.{axis}" for axis in "xyzw"),
-)
-_BASE_RATE = (
-    *(f"base.linear_velocity.{axis}" for axis in "xyz"),
-    *(f"base.angular_velocity.{axis}" for axis in "xyz"),
-)
 
 
 class Recorder:
@@ -72,9 +64,11 @@ class Recorder:
             np.array(part) for part in zip(*self._rows, strict=True)
         )
         columns: dict[str, FloatArray] = {}
-        if self._robot.has_free_flyer:
-            columns.update(zip(_BASE, q[:, :7].T, strict=True))
-            columns.update(zip(_BASE_RATE, v[:, :6].T, strict=True))
+        for owner, (at_q, at_v) in self._robot.free_flyers.items():
+            for i, quantity in enumerate(FREE_POSE):
+                columns[f"{owner}.{quantity}"] = q[:, at_q + i]
+            for i, quantity in enumerate(FREE_VELOCITY):
+                columns[f"{owner}.{quantity}"] = v[:, at_v + i]
         for name, at_q, at_v in self._single:
             columns[f"{name}.position"] = q[:, at_q]
             columns[f"{name}.velocity"] = v[:, at_v]

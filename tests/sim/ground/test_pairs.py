@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations_with_replacement
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -13,8 +14,11 @@ import pytest
 from sims import bodies
 from wbc import Robot
 from wbc.errors import RobotError, SimulationError
+from wbc.measurement import load_log, save_log
 from wbc.robot import FreeBody, bare_robot
-from wbc.sim import Plane, Plant, SimState, Sphere, Stairs, Together
+from wbc.sim import Plane, Plant, Recorder, SimState, Sphere, Stairs, Together
+from wbc.view.channels import configuration
+from wbc.view.channels import velocity as measured_velocity
 
 _STEP = 1e-3  # [s]
 _FAR = Plane(height=-50.0)
@@ -166,6 +170,20 @@ def test_a_stack_of_two_boxes_stands_and_carries_its_weight() -> None:
     np.testing.assert_allclose(push, [0.0, 0.0, 9.81], atol=1e-9)
     ground = result.contact_force[: len(plant.contacts)].sum(axis=0)
     np.testing.assert_allclose(ground, [0.0, 0.0, 19.62], atol=1e-9)
+
+
+def test_a_log_of_a_stack_holds_the_poses_of_both_boxes(tmp_path: Path) -> None:
+    """Logs kept the first free body alone, so a playback drew the other one at the origin."""
+    plant, q = boxes(([0.0, 0.0, 0.11], [0.0] * 3), ([0.03, 0.02, 0.35], [0.1, 0.05, 0.4]))
+    states, recorder = [plant.state(q)], Recorder(plant.robot)
+    for _ in range(20):
+        result = plant.step(states[-1], [], 5e-3)
+        recorder.add(states[-1], result)
+        states.append(result.state)
+    log = load_log(save_log(recorder.log(), tmp_path / "stack.csv"))
+    rows = states[:-1]
+    np.testing.assert_allclose(configuration(plant.robot, log), [s.position for s in rows])
+    np.testing.assert_allclose(measured_velocity(plant.robot, log), [s.velocity for s in rows])
 
 
 def test_a_box_dropped_on_a_box_rests_on_it_or_topples_off() -> None:
