@@ -35,23 +35,6 @@ from wbc.robot import Robot
 _WIDTH, _HEIGHT, _BINS = 640, 54, 320
 _KINDS = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
 _UNNAMED = ("no name that is known", "constant", "text")
-_STYLE = """
-:root { color-scheme: light dark;
---ink: #1b1b1b; --faint: #444; --panel: #f6f7f9; --line: #2166ac }
-@media (prefers-color-scheme: dark) {
-:root { --ink: #e6e9ee; --faint: #a9b0ba; --panel: #1b1f26; --line: #4fa3dc }
-body { background: #14171c } }
-body { font: 14px system-ui, sans-serif; margin: 24px; max-width: 1060px; color: var(--ink) }
-h1 { font-size: 20px } h2 { font-size: 16px; margin: 22px 0 4px }
-.column { display: grid; grid-template-columns: 200px 1fr 190px; gap: 2px 8px; margin: 4px 0 }
-b { overflow-wrap: anywhere } small { color: var(--faint) }
-svg { width: 100%; background: var(--panel) }
-.line { fill: var(--line); stroke: var(--line); stroke-width: 1 }
-.gap { fill: #f4a582; opacity: .7 }
-.again { stroke: #b2182b; stroke-width: 1.5 } .mark { fill: #b2182b }
-@media (max-width: 700px) { body { margin: 12px } .column { grid-template-columns: 1fr } }
-@media print { .column { break-inside: avoid } }
-"""
 _LEGEND = (
     "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
     "the clock starts again. Red dots: jumps. To the right: range, step, and what is odd about it."
@@ -66,9 +49,10 @@ def run_look(options: argparse.Namespace, console: Console) -> Outcome:
     for path in options.logs:
         file, _ = split_path(path)
         parts.append(_file(open_table(file, rows)))
+    style = (Path(view.__file__).parent / "page" / "look.css").read_text(encoding="utf-8")
     page = (
         "<!doctype html><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
-        f"<title>wbc look</title><style>{_STYLE}</style>"
+        f"<title>wbc look</title><style>{style}</style>"
         f"<p>{_LEGEND}</p>{''.join(parts)}"
     )
     console.print(f"wrote {write_text(Path(options.html), page)}", soft_wrap=True)
