@@ -7,6 +7,7 @@ import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -119,18 +120,26 @@ def _judged(limit: tuple[float, str] | None, comparison: Comparison, console: Co
     return EXIT_ABOVE if above else 0
 
 
-def simulated_later(robots: Sequence[Robot], logs: Sequence[Log], console: Console) -> Simulated:
+def simulated_later(
+    robots: Sequence[Robot], logs: Sequence[Log], console: Console, until: float = inf
+) -> Simulated:
     """Return a function that simulates the logs once, when their errors are first wanted.
 
     The first simulation after the installation waits about a minute for the compiler. The answer of
     a command does not need it, so it is printed before.
+
+    Args:
+        robots: each is simulated.
+        logs: along which.
+        console: where the work is shown.
+        until: time [s] of the monotonic clock at which they must end.
     """
 
     @cache
     def simulated() -> Sequence[OpenLoop]:
         what = "simulating the logs (the first time, the simulator is compiled: about a minute)"
         with working(console, what):
-            return tuple(open_loop(robot, logs) for robot in robots)
+            return tuple(open_loop(robot, logs, until=until) for robot in robots)
 
     return simulated
 
@@ -145,10 +154,10 @@ def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
 
 def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
-    begun = time.monotonic()
     budget = BUDGET if options.budget is None else options.budget
     if not budget > 0.0:
         raise WbcError(f"--budget {budget:g}: give a time > 0 [s].")
+    until = time.monotonic() + budget
     candidates = _candidates(options.add)
     robot, logs = robot_and_logs(options)
     if guessed := ", ".join(guessed_numbers(options.robot)):
@@ -158,13 +167,12 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
             soft_wrap=True,
         )
     with working(console, "diagnosing") as progress:
-        left = begun + budget - time.monotonic()
-        diagnosis = diagnose(robot, logs, candidates, progress, left)
+        diagnosis = diagnose(robot, logs, candidates, progress, until - time.monotonic())
     if options.save and not options.discover:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
-    simulated = simulated_later(robots, logs, console)
+    simulated = simulated_later(robots, logs, console, until)
     given = {name: getattr(options, name) for name in ("lossless", "columns", "add")}
     commands = Commands(options.logs, options.robot, saved=options.save, **given)
     shown = {"quiet": options.quiet, "verbose": options.verbose}

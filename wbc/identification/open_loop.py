@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +31,7 @@ HORIZONS = (0.1, 0.5, 2.0)
 
 _STARTS = 12  # over all logs: an rms of as many independent errors is known within 20 %
 _APART = 0.5  # [s] between starts at least; closer ones say the same
+_LATE = "the time given was over before. `wbc compare` simulates them."
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +202,12 @@ class OpenLoop:
         return dict(as_json(known | {"joints": joints}))
 
 
-def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HORIZONS) -> OpenLoop:
+def open_loop(
+    robot: Robot,
+    logs: Sequence[Log],
+    horizons: Sequence[float] = HORIZONS,
+    until: float = inf,
+) -> OpenLoop:
     """Return how far `robot` strays from logs when it is simulated from their states.
 
     From starts spread evenly over the logs, the plant of `wbc.sim` runs with what the log says the
@@ -211,15 +219,15 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
         robot: with its effects.
         logs: at least one.
         horizons: times after a start at which positions are compared [s].
+        until: time [s] of the monotonic clock at which it must end.
 
     Returns:
         The errors; with `reason` and NaN where nothing can be simulated (contacts whose forces
-        nobody recorded, a joint without torque, links without inertia).
+        nobody recorded, a joint without torque, links without inertia), or not in time.
 
     Raises:
         IdentificationError: no log, or a log that lacks what the robot needs.
     """
-    pieces, _ = cut_at_gaps(logs)
     names = robot.single_joints
     table = np.full((len(names), len(horizons)), np.nan)
     nothing = OpenLoop(
@@ -230,6 +238,10 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
         moved=table,
         starts=(0,) * len(horizons),
     )
+    late = replace(nothing, reason=_LATE)
+    if time.monotonic() > until:
+        return late
+    pieces, _ = cut_at_gaps(logs)
     try:
         records = prepare(robot.without_effects().lossless(), pieces)
         simulated = [
@@ -240,6 +252,8 @@ def open_loop(robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HOR
     misses: list[FloatArray] = []
     moves: list[FloatArray] = []
     for log, start in _starts(simulated, max(horizons)):
+        if time.monotonic() > until:
+            return late
         missed, moved = log.missed(start, horizons)
         misses.append(missed)
         moves.append(moved)

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from dataclasses import dataclass
 from subprocess import PIPE, Popen
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 import pytest
 
 from wbc.arrays import FloatArray
-from wbc.effects import CoulombFriction, ViscousFriction, load_robot
+from wbc.effects import Backlash, CoulombFriction, JointCompliance, ViscousFriction, load_robot
 from wbc.identification import diagnose
+from wbc.identification.choice.find_causes import find_causes
+from wbc.identification.choice.trials import OutOfTime, Trials
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.open_loop import open_loop
+from wbc.links.driven_links import DrivenLinks
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 KEY = ("coulomb_friction", "hip")
+ONE_TRIAL = 40  # simulations of one gear along a log, at most
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +86,42 @@ def test_a_search_without_time_says_so(logs: tuple[Log, ...]) -> None:
     assert not any(finding.probability > 0.5 for finding in diagnosis.findings)
     assert diagnosis.error.after < 0.1 * diagnosis.error.before  # the plain fits, at least
     assert any("best answer so far" in text for text in diagnosis.warnings)
+
+
+def test_gears_are_tried_as_long_as_there_is_time(
+    logs: tuple[Log, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A diagnosis with 60 s took 88: neither a grid of gears nor a fit looked at the clock.
+
+    Here the clock counts how often links were simulated.
+    """
+    follow, simulated = DrivenLinks.follow, 0
+
+    def counted(*given: Any) -> Any:
+        nonlocal simulated
+        simulated += 1
+        return follow(*given)
+
+    problem = EstimationProblem.from_logs(LEG, logs)
+    with monkeypatch.context() as patch:
+        patch.setattr(DrivenLinks, "follow", counted)
+        patch.setattr(time, "monotonic", lambda: float(simulated))
+        found = find_causes(problem, [JointCompliance, Backlash], lambda line: None, until=10.0)
+        assert found.stopped
+        assert found.final is found.trials.nothing
+        assert 10 < simulated < 10 + ONE_TRIAL
+        trials = Trials(problem, until=simulated + 10.0)
+        with pytest.raises(OutOfTime):
+            trials.of([JointCompliance("hip", 100.0, 0.3)])
+        assert simulated < 20 + 2 * ONE_TRIAL
+        trials.answering = True
+        assert trials.of([JointCompliance("knee", 100.0, 0.3)]) is None
+
+
+def test_an_answer_does_without_simulated_logs_where_the_time_is_over(
+    logs: tuple[Log, ...],
+) -> None:
+    assert "the time given was over" in open_loop(LEG, logs, until=time.monotonic()).reason
 
 
 def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> None:

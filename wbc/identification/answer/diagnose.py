@@ -184,12 +184,12 @@ def _answered(
         ends: time [s] of the monotonic clock at which no more hypotheses are fitted.
     """
     trials, soon = found.trials, time.monotonic() + _LAST
-    trials.until = inf  # the search is over
-    trials.ends = soon if found.stopped == INTERRUPTED else max(ends, soon)
+    trials.answering = True
+    trials.until = soon if found.stopped == INTERRUPTED else max(ends, soon)
     try:
         return model_to_use(found, classes), found
     except KeyboardInterrupt:
-        trials.ends = time.monotonic() + _LAST
+        trials.until = time.monotonic() + _LAST
         found = replace(found, stopped=INTERRUPTED)
         return model_to_use(found, classes), found
 

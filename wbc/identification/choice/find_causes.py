@@ -86,7 +86,6 @@ def find_causes(
     except KeyboardInterrupt:
         stopped = INTERRUPTED
     if stopped:
-        trials.until = inf  # what the answer still needs is fitted while there is time
         final = best_of(direct, direct.path)
     return SearchResult(trials, tuple(direct.path), final, stopped)
 
@@ -129,7 +128,7 @@ def _with_yielding_gears(
     shaken = not weak and known.error > _SHAKEN * first.error
     if shaken and min(h.error for h in (known, *ends)) > rough:
         # A loose gear found alone holds in its numbers what another one does.
-        two = direct.best(trials.all_of(two_gears(trials.problem, gears)), first)
+        two = direct.best(trials.all_of(two_gears(trials, gears)), first)
         ends += [] if two is None else [direct.climb(two)]
     return ends
 
@@ -152,7 +151,7 @@ def _swung(
     """
     trials, current = direct.proposer.trials, origin
     while current is origin or current.error > enough:
-        offers = gears_beside(trials.problem, trials.fit(current), trials.fit(known), gears)
+        offers = gears_beside(trials, trials.fit(current), trials.fit(known), gears)
         if current is not origin:
             # What acts at once at a link that swings is no second gear.
             offers += direct.proposer.beside(current, _AT_ONCE)
@@ -223,5 +222,4 @@ def _closer(
     slowly = any(e.search.near_rest for e in final.effects if e.key not in known)
     if not slowly or not known <= seen:
         return found
-    near.until = inf
     return SearchResult(near, (near.nothing, *first.path, *whole.path), final)

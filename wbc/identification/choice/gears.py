@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -11,6 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
 from wbc.identification.choice.prior import LEAST_ASKED
+from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit
@@ -55,7 +56,7 @@ _JOINTS, _JOINTS_OF_TWO = 4, 2  # with the largest residuals, at which gears are
 
 
 def gears_beside(
-    problem: EstimationProblem, fit: Fit, known: Fit, kinds: Sequence[type[Effect]]
+    trials: Trials, fit: Fit, known: Fit, kinds: Sequence[type[Effect]]
 ) -> list[Offer]:
     """Return the effects of a fit with a gear more, those that leave least first.
 
@@ -64,11 +65,15 @@ def gears_beside(
     None is tried where even leaving noise alone would not pay for one.
 
     Args:
-        problem: the logs.
+        trials: on the logs.
         fit: of the effects.
         known: that explains most so far.
         kinds: effects that may be used.
+
+    Raises:
+        OutOfTime: there is none for all of them.
     """
+    problem = trials.problem
     offers: list[tuple[float, Offer]] = []
     record, rows = _loudest(problem)
     taken = {effect.where for effect in fit.effects if deflects(effect)}
@@ -93,7 +98,7 @@ def gears_beside(
             most = _ALONE * before if rival < _KNOWN * before else most
             whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
             for kind in _gears(kinds):
-                for unexplained, flanks in best_gears(responses, kind.has_play, _COUNT):
+                for unexplained, flanks in best_gears(responses, kind.has_play, _COUNT, trials.ask):
                     rest = max(before + float(unexplained - whole) / floor, 0.0)
                     if rest <= most:
                         gear = kind.having(joint, flanks).with_friction_at(side)
@@ -108,7 +113,7 @@ def _to_gain(problem: EstimationProblem, fit: Fit, left: FloatArray) -> float:
     return float(0.5 * samples @ np.log(np.maximum(left, 1.0)))
 
 
-def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list[Offer]:
+def two_gears(trials: Trials, kinds: Sequence[type[Effect]]) -> list[Offer]:
     """Return two gears that yield at once, at least one of them loose: the best of every way first.
 
     Two links that move behind their gears shake one another, so that alone none of them explains
@@ -116,9 +121,13 @@ def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list
     promise little.
 
     Args:
-        problem: the logs.
+        trials: on the logs.
         kinds: effects that may be used.
+
+    Raises:
+        OutOfTime: there is none for all of them.
     """
+    problem = trials.problem
     record, _ = _loudest(problem)
     first = problem.residual @ problem.whitening
     joints = _loudest_joints(problem, np.mean(first**2, axis=0))[:_JOINTS_OF_TWO]
@@ -128,21 +137,24 @@ def two_gears(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> list
     for pair in product(*(_coarse(link, kinds) for link in links)):
         way = tuple(kind for kind, _ in pair)
         if len(pair) == _JOINTS_OF_TWO and any(kind.has_play for kind in way):
+            trials.ask()
             left = _left(links, [flanks for _, flanks in pair], rough=True)
             places = zip(pair, joints, strict=True)
             offer = tuple(kind.having(joint, flanks) for (kind, flanks), (joint, _) in places)
             ways.setdefault(way, []).append((float(np.sum(left / floors**2)), offer))
-    nothing, best = _cost(problem, record, ()), []
+    nothing, best = _cost(trials, record, ()), []
     for ranked in ways.values():
         ranked.sort(key=lambda pair: pair[0])
-        known = [(_cost(problem, record, offer), offer) for _, offer in ranked[:_FOLLOWED]]
+        known = [(_cost(trials, record, offer), offer) for _, offer in ranked[:_FOLLOWED]]
         best.append(min(known, key=lambda pair: pair[0]))
     best.sort(key=lambda pair: pair[0])
     return [offer for left, offer in best if left < _PAIRED * nothing]
 
 
-def _cost(problem: EstimationProblem, record: Record, effects: Offer) -> float:
+def _cost(trials: Trials, record: Record, effects: Offer) -> float:
     """Return the squares that effects leave of one log, infinite where they are impossible."""
+    trials.ask()
+    problem = trials.problem
     try:
         return evaluate(problem.robot, effects, [record], problem.whitening).cost
     except IMPOSSIBLE:
@@ -150,7 +162,10 @@ def _cost(problem: EstimationProblem, record: Record, effects: Offer) -> float:
 
 
 def best_gears(
-    responses: Sequence[LinkResponse], has_play: bool, count: int
+    responses: Sequence[LinkResponse],
+    has_play: bool,
+    count: int,
+    ask: Callable[[], None] = lambda: None,
 ) -> list[tuple[float, Flanks]]:
     """Return what flanks leave unexplained, and them: the `count` that leave least, best first.
 
@@ -163,6 +178,7 @@ def best_gears(
         responses: of the joint, one per log.
         has_play: whether flanks with play are sought.
         count: how many to return.
+        ask: called before each is tried; what it raises ends the grid.
     """
     inertias = [r.inertia[:, r.row] for r in responses]
     if min(float(inertia.min()) for inertia in inertias) <= 0.0:
@@ -178,6 +194,7 @@ def best_gears(
     fully: dict[Flanks, float] = {}
 
     def left(gear: Flanks, rough: bool) -> float:
+        ask()
         return sum(float(_left([response], [gear], rough)[0]) for response in responses)
 
     def try_all(gears: Sequence[Flanks]) -> list[Flanks]:

@@ -173,6 +173,7 @@ class Proposer:
 
     def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
+        self.trials.ask()
         key = self.candidates, h.effects
         if key not in self._screens:
             while len(self._screens) >= _KEPT:
@@ -200,6 +201,7 @@ class Proposer:
         limit = 0.0
         single = False  # whether the best single one was seen, which stands beside the best group
         for subset in islice(search.best_first(), _SCREENED):
+            self.trials.ask()
             limit = limit or _limit(start, subset.error, enough)
             if len(seen) >= count or subset.error > start or (single and subset.error > limit):
                 break

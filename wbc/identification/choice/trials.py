@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _KEPT = 24  # fits with their derivatives; all others are only remembered by wha
 
 
 class OutOfTime(Exception):  # noqa: N818 - no error: the search ends with the best so far
-    """The time that a search was given is over."""
+    """The time that was given is over."""
 
 
 @dataclass(eq=False)
@@ -35,9 +36,9 @@ class Trials:
 
     Attributes:
         problem: the logs.
-        until: time [s] of the monotonic clock at which the search ends.
-        ends: time from which on no more hypotheses are fitted: one that is not known by then stays
-            unknown, and the answer is made of the others.
+        until: time [s] of the monotonic clock from which on nothing more is tried.
+        answering: whether the search is over: a hypothesis that is not known by then stays unknown,
+            and the answer is made of the others.
         impossible: how many trials no robot can have.
         failures: how many trials ended with each error, in words: numbers that are not finite,
             or an error inside an effect.
@@ -45,7 +46,7 @@ class Trials:
 
     problem: EstimationProblem
     until: float = np.inf
-    ends: float = np.inf
+    answering: bool = False
     impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     _begun: set[tuple[Effect, ...]] = field(default_factory=set)
@@ -77,31 +78,31 @@ class Trials:
         """
         start = tuple(effects)
         if start not in self._known:
-            if self._late():
-                return None
             self._known[start] = self._fitted(start, ITERATIONS)
         return self._known[start]
 
-    def _late(self) -> bool:
-        """Whether there is no time left for one more fit.
+    def ask(self) -> None:
+        """Return where there is time: whatever works out a model or columns asks before.
 
         Raises:
-            OutOfTime: the search must end.
+            OutOfTime: there is none.
         """
-        now = time.monotonic()
-        if now > self.until:
+        if time.monotonic() > self.until:
             raise OutOfTime
-        return now > self.ends
 
     def _fitted(self, start: tuple[Effect, ...], iterations: int) -> Hypothesis | None:
         try:
-            fit = self.problem.fit(start, iterations)
+            fit = self.problem.fit(start, iterations, self.ask)
             if fit.failed:
                 self.failures[fit.failed] += 1
                 return None
             found = hypothesis_of(self.problem, fit)
         except IMPOSSIBLE:
             self.impossible += 1
+            return None
+        except OutOfTime:
+            if not self.answering:
+                raise
             return None
         except Exception as error:  # whatever one effect does, the others are still tried
             self.failures[f"{type(error).__name__}: {error}"] += 1
@@ -125,8 +126,6 @@ class Trials:
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
         if start in self._known or h.swings or some_deflect(start):
             return self.of(start)
-        if self._late():
-            return None
         begun = self._fitted(start, 1)
         own, other = (0.0, 0.0) if begun is None else weigh(self.problem, [h, begun])
         if begun is None or other < own - HOPELESS:
@@ -144,9 +143,14 @@ class Trials:
         return self.of(h.effects) or h
 
     def fit(self, hypothesis: Hypothesis) -> Fit:
-        """Return the fit of a hypothesis, made again where it was let go."""
+        """Return the fit of a hypothesis, made again where it was let go.
+
+        Raises:
+            OutOfTime: it was, and the search must end. An answer needs it all the same.
+        """
         if hypothesis.effects not in self._fits:
-            self._keep(hypothesis.effects, self.problem.fit(hypothesis.effects))
+            fit = partial(self.problem.fit, hypothesis.effects)
+            self._keep(hypothesis.effects, fit() if self.answering else fit(ask=self.ask))
         return self._fits[hypothesis.effects]
 
     def _keep(self, effects: tuple[Effect, ...], fit: Fit) -> None:

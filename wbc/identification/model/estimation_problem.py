@@ -169,16 +169,22 @@ class EstimationProblem:
         """Columns of the robot on these logs, which fits and screens share."""
         return Columns(self.robot, self.records)
 
-    def fit(self, effects: Sequence[Effect], iterations: int = ITERATIONS) -> Fit:
+    def fit(
+        self,
+        effects: Sequence[Effect],
+        iterations: int = ITERATIONS,
+        ask: Callable[[], None] = lambda: None,
+    ) -> Fit:
         """Return the robot with these effects, parameters fitted to all records.
 
         Args:
             effects: start values.
             iterations: at most this many Gauss-Newton steps.
+            ask: called before each of them; what it raises ends the fit.
         """
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
-            return refine(self.columns, sided, self.whitening, steps, self.white_samples)
+            return refine(self.columns, sided, self.whitening, steps, self.white_samples, ask)
 
         return _best_sides(self.robot, effects, self.records[0].motion, fit, iterations)
 

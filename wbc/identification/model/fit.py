@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -161,6 +161,7 @@ def refine(
     whitening: FloatArray,
     iterations: int = ITERATIONS,
     samples: FloatArray | None = None,
+    ask: Callable[[], None] = lambda: None,
 ) -> Fit:
     """Fit all parameters of `effects` added to a robot.
 
@@ -171,6 +172,8 @@ def refine(
         iterations: at most this many Gauss-Newton steps.
         samples: (outputs,) independent samples per row, by default one. Where numbers are drawn
             to what is usual, it says how much the logs weigh beside that.
+        ask: called before what is left and its derivatives are worked out, each time; what it
+            raises ends the fit.
 
     Raises:
         EffectError: the robot has no place for one of the effects.
@@ -184,25 +187,30 @@ def refine(
         """Return the same once more where links bounce: how windows begin settles in steps."""
         return evaluate(robot, at.effects, records, whitening, at) if loose(at.effects) else at
 
+    def slopes(at: Evaluation, known: FloatArray | None = None) -> FloatArray:
+        ask()
+        return derivatives(columns, at, slots, whitening, known)
+
+    ask()
     try:
         at = evaluate(robot, effects, records, whitening)
     except DynamicsError as error:
         return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
     at = again(at)
-    jacobian = derivatives(columns, at, slots, whitening)
+    jacobian = slopes(at)
     least = _CONVERGED_ROUGH if loose(effects) else _CONVERGED
     fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):
         usual = _usual(at, slots, samples)
         step = _bounded_step(at.effects, slots, jacobian, at.residual, usual)
-        found = _line_search(robot, at, slots, step, records, whitening, usual)
+        found = _line_search(robot, at, slots, step, whitening, usual, ask)
         if found is None:
             if fresh:
                 ended = True
                 break
             at = again(at)
-            jacobian = derivatives(columns, at, slots, whitening)
+            jacobian = slopes(at)
             fresh = True
             continue
         moved, length = found
@@ -224,7 +232,7 @@ def refine(
         at = moved
         known = jacobian if trusted else None
         at = at if trusted else again(at)
-        jacobian = derivatives(columns, at, slots, whitening, known)
+        jacobian = slopes(at, known)
         if settled and (trusted or fresh):
             ended = True
             break
@@ -308,9 +316,9 @@ def _line_search(
     at: Evaluation,
     slots: Slots,
     step: FloatArray,
-    records: Sequence[Record],
     whitening: FloatArray,
     usual: UsualRows,
+    ask: Callable[[], None],
 ) -> tuple[Evaluation, float] | None:
     """Return the first point along a step that leaves less, and which share of the step it is."""
     length, before = 1.0, _cost(at, usual)
@@ -318,9 +326,10 @@ def _line_search(
         changes = {
             (k, p.name): length * float(s) * p.scale for (k, p), s in zip(slots, step, strict=True)
         }
+        ask()
         try:
             moved = with_changes(at.effects, changes, clip=True)
-            after = evaluate(robot, moved, records, whitening, at)
+            after = evaluate(robot, moved, at.records, whitening, at)
         except IMPOSSIBLE:
             length *= 0.4
             continue
