@@ -36,7 +36,7 @@ autodoc_typehints = "signature"
 # Each field stands once: under Attributes, without the type that the signature gives already.
 napoleon_use_ivar = True
 python_maximum_signature_line_length = 80
-autodoc_type_aliases = {"FloatArray": "FloatArray", "IntArray": "IntArray"}
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "FloatArray", "IntArray")}
 autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False

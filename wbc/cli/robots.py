@@ -169,8 +169,10 @@ def run_export(options: argparse.Namespace, console: Console) -> Outcome:
 def run_list(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the robots, effects or gearboxes there are."""
     rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
+    name, *others = rows[0]
+    heads = (name, *(f"~{other}" for other in others))  # the name is given to other commands: whole
     cells = tuple(tuple(row.values()) for row in rows)
-    console.print(table(TextTable(tuple(rows[0]), cells)))
+    console.print(table(TextTable(heads, cells, whole=True)))
     return 0, {options.what: rows}
 
 
