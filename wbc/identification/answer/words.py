@@ -43,7 +43,7 @@ COMMAND = "    "
 _USE = "Use the corrected model."
 _RECORD = "Change neither the robot nor its model yet."
 _DOUBTED = (
-    "Use the corrected model: it predicts best. Change nothing on the robot by a doubtful name."
+    "Do not change the robot because of a doubtful name. Use the corrected model: it predicts best."
 )
 _SAVED = "fitted.toml"
 _NEW_LOG = "new.csv"
