@@ -43,7 +43,8 @@ COMMAND = "    "
 _USE = "Use the corrected model."
 _RECORD = "Change neither the robot nor its model yet."
 _DOUBTED = (
-    "Do not change the robot because of a doubtful name. Use the corrected model: it predicts best."
+    "Use the corrected model: it predicts best (but do not change the robot because of a doubtful "
+    "name)."
 )
 _SAVED = "fitted.toml"
 _NEW_LOG = "new.csv"
