@@ -30,7 +30,6 @@ from wbc.identification.choice.plain_models import plain_fits, without_idle
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import DISTORTED
-from wbc.identification.records.folds import block_means
 from wbc.identification.records.record import output_names
 from wbc.robot import Effect
 
@@ -235,32 +234,24 @@ class _Prediction:
 
     Attributes:
         hypothesis: the causes.
-        squares: (blocks, outputs) held-out mean squares in the outputs' units, the logs resampled
-            by blocks. Where a fit did not reach its end, it leaves more itself than a step further
-            would leave held out: that counts.
         floor: (outputs,) mean squares of noise and of what filters distort: below it nothing is
             told apart.
     """
 
     hypothesis: Hypothesis
-    squares: FloatArray
     floor: FloatArray
 
     @classmethod
     def of(cls, trials: Trials, h: Hypothesis) -> _Prediction:
         problem = trials.problem
         kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
-        fit, units = trials.fit(h), np.linalg.inv(problem.whitening[kept])
-        both = [
-            np.stack([block_means(own**2, problem.blocks) for own in (left @ units).T], axis=1)
-            for left in (fit.held_out_residual(problem.folds), fit.residual)
-        ]
         floor = problem.floor.values[kept] ** 2 * (1.0 + problem.distorted(DISTORTED))
-        return cls(h, np.maximum(*both), floor)
+        return cls(h, floor)
 
     def behind(self, other: _Prediction) -> float:
         """Return the largest ratio of two outputs' errors, less a standard error of the first."""
-        own = self.squares.mean(axis=0)
-        beside = np.maximum(other.squares.mean(axis=0), self.floor)
-        error = np.std(self.squares - other.squares, axis=0, ddof=1) / np.sqrt(len(self.squares))
+        mine, theirs = self.hypothesis.squares, other.hypothesis.squares
+        own = mine.mean(axis=0)
+        beside = np.maximum(theirs.mean(axis=0), self.floor)
+        error = np.std(mine - theirs, axis=0, ddof=1) / np.sqrt(len(mine))
         return float(np.sqrt(np.max(np.maximum(own - error, 0.0) / np.maximum(beside, 1e-300))))

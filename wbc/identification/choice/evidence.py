@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,6 +40,9 @@ class Hypothesis:
         untold: how many numbers of each effect what is usual tells, not the logs.
         contacts: by how much it is more probable that contacts hold, whose forces no sensor
             measured [nats].
+        squares: (B, outputs) mean squares of each block in the outputs' units, held out, or of the
+            fit itself where they are larger: where it did not reach its end, it leaves more than a
+            step further would leave held out.
     """
 
     effects: tuple[Effect, ...]
@@ -53,6 +56,7 @@ class Hypothesis:
     implausible: tuple[float, ...]
     untold: tuple[float, ...] = ()
     contacts: float = 0.0
+    squares: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def prior(self) -> float:

@@ -19,7 +19,7 @@ from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.log_checks import still_joints
-from wbc.robot import Effect, Parameter
+from wbc.robot import Effect
 
 FRICTION: tuple[type[Effect], ...] = (
     ViscousFriction,
@@ -34,7 +34,6 @@ JOINTS: tuple[type[Effect], ...] = (*FRICTION, RotorInertia)
 
 
 _OF_JOINTS = 2  # plain fits that change neither links nor drives
-_SEEN = 1e-9  # of the longest column: shorter ones are rounding
 
 
 def plain_fits(
@@ -98,17 +97,4 @@ def at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> 
 
 def without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
     """Return a hypothesis without the causes that change nothing on these logs."""
-    fit = trials.fit(h)
-    size = np.sqrt(np.einsum("rop,rop->p", fit.jacobian, fit.jacobian))
-    busy = {
-        k
-        for (k, parameter), own in zip(fit.parameters, size, strict=True)
-        if own > _SEEN * size.max() and _at_work(trials, fit.effects[k], parameter)
-    }
-    kept = [effect for k, effect in enumerate(h.effects) if k in busy]
-    return trials.of(kept) or h
-
-
-def _at_work(trials: Trials, effect: Effect, parameter: Parameter) -> bool:
-    given = effect.null_values(trials.problem.robot, effect.where)
-    return effect.values[parameter.name] != given.get(parameter.name, parameter.null)
+    return trials.of(trials.busy(h)) or h

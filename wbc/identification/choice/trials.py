@@ -23,6 +23,7 @@ from wbc.robot import Effect
 # exchanges on 45 generated logs and three recorded machines 260 lacked more, and ended 7.0 nats or
 # more behind; of those that lacked 10, one ended 1.0 behind.
 HOPELESS = 20.0
+_SEEN = 1e-9  # of the longest column: shorter ones are rounding
 _KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
 
 
@@ -50,6 +51,7 @@ class Trials:
     impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     _begun: set[tuple[Effect, ...]] = field(default_factory=set)
+    _busy: dict[tuple[Effect, ...], tuple[Effect, ...]] = field(default_factory=dict)
     _known: dict[tuple[Effect, ...], Hypothesis | None] = field(default_factory=dict)
     _fits: dict[tuple[Effect, ...], Fit] = field(default_factory=dict)
 
@@ -153,6 +155,21 @@ class Trials:
             self._keep(hypothesis.effects, fit() if self.answering else fit(ask=self.ask))
         return self._fits[hypothesis.effects]
 
+    def busy(self, h: Hypothesis) -> tuple[Effect, ...]:
+        """Return the causes of a hypothesis that change something on these logs."""
+        if h.effects not in self._busy:
+            fit, robot = self.fit(h), self.problem.robot
+            size = np.sqrt(np.einsum("rop,rop->p", fit.jacobian, fit.jacobian))
+            found = set()
+            for (k, parameter), own in zip(fit.parameters, size, strict=True):
+                effect = fit.effects[k]
+                given = effect.null_values(robot, effect.where)
+                null = given.get(parameter.name, parameter.null)
+                if own > _SEEN * size.max() and effect.values[parameter.name] != null:
+                    found.add(k)
+            self._busy[h.effects] = tuple(h.effects[k] for k in sorted(found))
+        return self._busy[h.effects]
+
     def _keep(self, effects: tuple[Effect, ...], fit: Fit) -> None:
         self._fits[effects] = fit
         while len(self._fits) > _KEPT:
@@ -172,6 +189,11 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     untold = fit.untold
+    units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
+    both = [
+        np.stack([problem.block_means(own**2) for own in (left @ units).T], axis=1)
+        for left in (held, fit.residual)
+    ]
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares),
@@ -184,4 +206,5 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         implausible=implausible(problem, fit),
         untold=tuple(untold.tolist()),
         contacts=problem.held_contacts(fit),
+        squares=np.maximum(*both),
     )
