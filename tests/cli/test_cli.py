@@ -11,6 +11,7 @@ from math import inf
 import pytest
 
 from wbc.cli import main, models
+from wbc.effects import EFFECTS
 from wbc.errors import WbcError
 from wbc.measurement import save_log
 from wbc.samples import sample_paths
@@ -114,6 +115,13 @@ def test_piped_output_fits_eighty_columns(command, monkeypatch, capsys):
     assert shown.out
     assert max(map(len, shown.out.splitlines())) <= 80
     assert shown.err == ""
+
+
+def test_names_that_other_commands_take_are_listed_whole(monkeypatch, capsys):
+    """`directional_viscous_friction` was cut at 80 columns."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["list", "effects"]) == 0
+    assert set(EFFECTS) <= set(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose", "check"])
