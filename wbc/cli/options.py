@@ -10,8 +10,8 @@ from typing import Any
 _RAW = argparse.RawDescriptionHelpFormatter
 _LOG = "CSV, Parquet, NPZ, MCAP or bag"
 BUDGET = 240.0
-"""Time [s] of a diagnosis, unless --budget says another. To print and simulate the answer took 40 s
-more for a recorded six-axis arm (AIRBOT): together less than five minutes."""
+"""Time [s] of a diagnosis with all that is printed of it, unless --budget says another. To print
+and simulate the answer takes 40 s of it for a recorded six-axis arm (AIRBOT)."""
 
 
 def limit(text: str) -> tuple[float, str]:
