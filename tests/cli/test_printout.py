@@ -139,7 +139,7 @@ def test_commands_answer_before_they_simulate(
     class SimulatingError(Exception):
         pass
 
-    def stop(robot: Robot, logs: Sequence[Log]) -> OpenLoop:
+    def stop(robot: Robot, logs: Sequence[Log], *, until: float) -> OpenLoop:
         raise SimulatingError
 
     monkeypatch.setattr("wbc.cli.models.open_loop", stop)
