@@ -96,7 +96,7 @@ def spacing_of(field: FloatArray) -> float:
     return finer
 
 
-@compiled(Flag, Row, *(Number,) * 5, Dense, Count, Row, Row, Number, counted=False)
+@compiled(Flag, Row, *(Number,) * 5, Dense, Row, counted=False)
 def may_touch(
     at: FloatArray,
     bend: float,
@@ -104,11 +104,8 @@ def may_touch(
     x: float,
     y: float,
     reach: float,
-    planes: FloatArray,
-    down: int,
-    start: FloatArray,
-    end: FloatArray,
-    radius: float,
+    under: FloatArray,
+    tube: FloatArray,
 ) -> bool:
     """Return whether a body may be lowest, and near, within a distance of a place of a field.
 
@@ -118,45 +115,42 @@ def may_touch(
         size: the distance [m], level.
         x, y: of the place.
         reach: [m] up to which the body is near.
-        planes, down: see `go_under`; none for a round body.
-        start, end, radius: of a round body.
+        under: (n, 4) faces of a hull, see `go_under`; none for a round body.
+        tube: (7,) both ends and radius of a round body; not read for a hull.
     """
     steep = sqrt(at[1] * at[1] + at[2] * at[2])
-    if down == 0:
+    if len(under) == 0:
         spot, near, square = local(3), local(3), 0.0
         spot[0], spot[1], spot[2] = x, y, at[0]
-        to_segment(start, end, spot, near)
+        to_segment(tube[:3], tube[3:6], spot, near)
         for k in range(3):
             square += (spot[k] - near[k]) ** 2
         steepest, deep = steep + bend * size, at[0] - near[2]
-        if square > (radius + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
+        if square > (tube[6] + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
             return False
         off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
         turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
         even: bool = off_x * off_x + off_y * off_y <= (turns * size) ** 2
         return even
     highest, slope, level = -np.inf, 0.0, False
-    for f in range(down):
-        height = planes[f, 0] + planes[f, 1] * x + planes[f, 2] * y - at[0]
-        own = (planes[f, 1] - at[1]) ** 2 + (planes[f, 2] - at[2]) ** 2
+    for f in range(len(under)):
+        height = under[f, 0] + under[f, 1] * x + under[f, 2] * y - at[0]
+        own = (under[f, 1] - at[1]) ** 2 + (under[f, 2] - at[2]) ** 2
         level = level or own <= (bend * size) ** 2
         if height > highest:
             highest, slope = height, own
     return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < reach * (1.0 + steep)
 
 
-@compiled(Count, Row, Row, Row, Number, Number, Dense, Count, Row, Row, Number, OutDense)
+@compiled(Count, Row, Row, Row, Number, Number, Dense, Row, OutDense)
 def starts_of(
     field: FloatArray,
     low: FloatArray,
     high: FloatArray,
     fine: float,
     reach: float,
-    planes: FloatArray,
-    down: int,
-    start: FloatArray,
-    end: FloatArray,
-    radius: float,
+    under: FloatArray,
+    tube: FloatArray,
     places: FloatArray,
 ) -> int:
     """Write places (n, 2) near which a body may be lowest over a field; return how many.
@@ -165,7 +159,7 @@ def starts_of(
         field: see `wbc.sim.step.field`.
         low, high: (3,) of the body, world.
         fine: [m] half the width of a place that is cut no more.
-        reach, planes, down, start, end, radius: see `may_touch`.
+        reach, under, tube: see `may_touch`.
         places: to write.
     """
     a, b, count, at, left = int(field[1]), int(field[2]), 0, local(6), local(96)
@@ -181,7 +175,7 @@ def starts_of(
             y, size = y + long, sqrt(wide * wide + long * long)
             for k in range(3):
                 at[k] = field[cell + k]
-            if may_touch(at, bend, size, x, y, reach, planes, down, start, end, radius):
+            if may_touch(at, bend, size, x, y, reach, under, tube):
                 left[0], left[1], left[2], depth = x, y, 1.0, 1
             while depth > 0:
                 depth -= 1
@@ -198,9 +192,7 @@ def starts_of(
                     if beside or low[1] > v + share * long or high[1] < v - share * long:
                         continue
                     surface_at(field, u, v, at)
-                    if may_touch(
-                        at, bend, share * size, u, v, reach, planes, down, start, end, radius
-                    ):
+                    if may_touch(at, bend, share * size, u, v, reach, under, tube):
                         left[3 * depth], left[3 * depth + 1] = u, v
                         left[3 * depth + 2], depth = share, depth + 1
     return count
@@ -223,12 +215,13 @@ def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) 
     place, at, spot, normal, low, high = (
         local(3), local(6), local(3), local(3), local(3), local(3)
     )  # fmt: skip
-    ahead, fine = plant.bounds[REACH], min(spacing_of(field), radius)
-    reach = radius + ahead
+    ahead, fine, tube = plant.bounds[REACH], min(spacing_of(field), radius), local(7)
+    reach, tube[6] = radius + ahead, radius
     for k in range(3):
+        tube[k], tube[3 + k] = start[k], end[k]
         low[k], high[k] = min(start[k], end[k]) - reach, max(start[k], end[k]) + reach
     places, none = np.empty((_STARTS, 2)), np.empty((0, 4))
-    count = starts_of(field, low, high, _PART * fine, ahead, none, 0, start, end, radius, places)
+    count = starts_of(field, low, high, _PART * fine, ahead, none, tube, places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
         if not go_nearest(field, start, end, reach + fine, 0.5 * fine, place, at):
@@ -380,31 +373,25 @@ def meet_edges(
             came, before, share = share, slope, min(share + max(step, part), 1.0)
 
 
-@compiled(Count, Dense, Count, Number, Number, counted=False)
-def underneath(planes: FloatArray, count: int, x: float, y: float) -> int:
+@compiled(Count, Dense, Number, Number, counted=False)
+def underneath(under: FloatArray, x: float, y: float) -> int:
     """Return the highest of planes z = p + q x + r y at a place: the face under a hull there."""
     best, highest = -1, -np.inf
-    for f in range(count):
-        height = planes[f, 0] + planes[f, 1] * x + planes[f, 2] * y
+    for f in range(len(under)):
+        height = under[f, 0] + under[f, 1] * x + under[f, 2] * y
         if height > highest:
             best, highest = f, height
     return best
 
 
-@compiled(Flag, Dense, Count, Row, Number, OutRow, OutRow, counted=False)
+@compiled(Flag, Dense, Row, Number, OutRow, OutRow, counted=False)
 def go_under(
-    planes: FloatArray,
-    count: int,
-    field: FloatArray,
-    width: float,
-    place: FloatArray,
-    at: FloatArray,
+    under: FloatArray, field: FloatArray, width: float, place: FloatArray, at: FloatArray
 ) -> bool:
     """Move a place (2,) to where a hull's height over a field is least, among those about it.
 
     Args:
-        planes: (n, 4) of the hull, see `meet_faces`.
-        count: of them face down.
+        under: (n, 4) planes of the hull that face down, see `meet_faces`.
         field: see `wbc.sim.step.field`.
         width: [m] by which the place moves at most, along each axis.
         place: to change.
@@ -417,12 +404,12 @@ def go_under(
     settled, face, x, y = False, -1, place[0], place[1]
     for _ in range(_ROUNDS):
         surface_at(field, place[0], place[1], at)
-        now = underneath(planes, count, place[0], place[1])
+        now = underneath(under, place[0], place[1])
         a, b, d = -at[3], -at[4], -at[5]
         least = 0.5 * (a + d) - sqrt(0.25 * (a - d) ** 2 + b * b)
         if settled:
             return now == face and least > flat
-        face, off_x, off_y = now, planes[now, 1] - at[1], planes[now, 2] - at[2]
+        face, off_x, off_y = now, under[now, 1] - at[1], under[now, 2] - at[2]
         if least < flat:  # towards the peak all the same, where the field is not convex yet
             a, d = a + flat - 2.0 * least, d + flat - 2.0 * least
         settled = newton_step(a, b, d, off_x, off_y, place) <= _SETTLED
@@ -458,13 +445,13 @@ def meet_faces(
             planes[up, 3] = out
     if down == 0:
         return
-    places, reach = np.empty((_STARTS, 2)), plant.bounds[REACH]
-    count = starts_of(field, low, high, _PART * spacing, reach, planes, down, low, low, 0.0, places)
+    places, reach, under = np.empty((_STARTS, 2)), plant.bounds[REACH], planes[:down]
+    count = starts_of(field, low, high, _PART * spacing, reach, under, local(7), places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
-        if not go_under(planes, down, field, spacing, place, at):
+        if not go_under(under, field, spacing, place, at):
             continue
-        f = underneath(planes, down, place[0], place[1])
+        f = underneath(under, place[0], place[1])
         place[2] = planes[f, 0] + planes[f, 1] * place[0] + planes[f, 2] * place[1]
         within = True
         for f in range(up, faces):
