@@ -19,7 +19,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from itertools import pairwise, product
@@ -89,16 +89,30 @@ def wbc(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
     robot = bare_robot(pin.Model()).with_free_bodies(*bodies, pairs=list(pairwise(names)))
     plant = Plant(robot, Together([Plane(height=-5.0), *ground]))
     q = np.concatenate([pin.SE3ToXYZQUAT(s.pose) for s in loose])
-    state, frames, spent = plant.state(q), [], 0.0
-    for _ in range(steps):
-        began = process_time()
+    state = plant.state(q)
+
+    def step(_: int) -> None:
+        nonlocal state
         state = plant.step(state, [], STEP).state
-        spent += process_time() - began
-        rows = []
+
+    def boxes() -> Iterator[np.ndarray]:
         for q, v in zip(state.position.reshape(-1, 7), state.velocity.reshape(-1, 6), strict=True):
             turn = pin.Quaternion(q[3:]).matrix()
-            rows.append(np.concatenate((q, turn @ v[:3], turn @ v[3:])))
-        frames.append(rows)
+            yield np.concatenate((q, turn @ v[:3], turn @ v[3:]))
+
+    return seen(step, boxes, steps)
+
+
+def seen(
+    step: Callable[[int], None], boxes: Callable[[], Iterable[np.ndarray]], steps: int
+) -> tuple[Frames, float]:
+    """Return what the boxes (13,) do in so many steps, and the seconds of a step alone."""
+    frames, spent = [], 0.0
+    for k in range(steps):
+        began = process_time()
+        step(k)
+        spent += process_time() - began
+        frames.append(list(boxes()))
     return np.array(frames), spent / steps
 
 
@@ -121,17 +135,14 @@ def scene_file(solids: tuple[Solid, ...]) -> str:
 def mujoco_run(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
     """Run MuJoCo."""
     model = mujoco.MjModel.from_xml_string(scene_file(solids))
-    data, frames, spent = mujoco.MjData(model), [], 0.0
-    for _ in range(steps):
-        began = process_time()
-        mujoco.mj_step(model, data)
-        spent += process_time() - began
-        rows = []
+    data = mujoco.MjData(model)
+
+    def boxes() -> Iterator[np.ndarray]:
         for q, v in zip(data.qpos.reshape(-1, 7), data.qvel.reshape(-1, 6), strict=True):
             turn = pin.Quaternion(q[[4, 5, 6, 3]]).matrix()
-            rows.append(np.concatenate((q[:3], q[[4, 5, 6, 3]], v[:3], turn @ v[3:])))
-        frames.append(rows)
-    return np.array(frames), spent / steps
+            yield np.concatenate((q[:3], q[[4, 5, 6, 3]], v[:3], turn @ v[3:]))
+
+    return seen(lambda _: mujoco.mj_step(model, data), boxes, steps)
 
 
 def drake_run(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
@@ -161,20 +172,16 @@ def drake_run(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     for body, solid in loose:
         plant.SetFreeBodyPose(context, body, RigidTransform(solid.pose.homogeneous))
-    frames, spent = [], 0.0
-    for k in range(steps):
-        began = process_time()
-        simulator.AdvanceTo((k + 1) * STEP)
-        spent += process_time() - began
-        rows = []
+
+    def boxes() -> Iterator[np.ndarray]:
         for body, _ in loose:
             pose = plant.EvalBodyPoseInWorld(context, body)
             speed = plant.EvalBodySpatialVelocityInWorld(context, body)
             quat = pose.rotation().ToQuaternion().wxyz()[[1, 2, 3, 0]]
             parts = pose.translation(), quat, speed.translational(), speed.rotational()
-            rows.append(np.concatenate(parts))
-        frames.append(rows)
-    return np.array(frames), spent / steps
+            yield np.concatenate(parts)
+
+    return seen(lambda k: simulator.AdvanceTo((k + 1) * STEP), boxes, steps)
 
 
 def inside(solids: tuple[Solid, ...], frame: np.ndarray) -> float:

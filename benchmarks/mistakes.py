@@ -23,8 +23,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.recorded import MACHINES, ROBOTS
-from benchmarks.results import finish
+from benchmarks.recorded import MACHINES, ROBOTS, finish
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.errors import LogError

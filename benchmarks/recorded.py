@@ -1,18 +1,22 @@
-"""The recorded machines that benchmarks run on, and the command that they share."""
+"""The recorded machines that benchmarks run on, the command that they share, and how they end."""
 
 from __future__ import annotations
 
 import argparse
+import json
+import platform
 from collections.abc import Callable
+from importlib.metadata import version
 from math import inf
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.results import finish
 from wbc import load_robot
+from wbc.files import write_text
 from wbc.measurement import Log, load_logs
 from wbc.robot import Robot
 
@@ -77,6 +81,16 @@ def run_on_machines(
         results[name], table = measure(name, load_robot(robot).lossless(), logs, options.budget)
         console.print(table)
     finish(console, results, options.json)
+
+
+def finish(console: Console, results: Any, path: str | None) -> None:
+    """Print the versions and the machine; write the results as JSON to `path`, if given."""
+    console.print(
+        f"wbc {version('wbc')}, Python {platform.python_version()}, numpy {np.__version__}, "
+        f"{platform.machine()}"
+    )
+    if path:
+        write_text(Path(path), json.dumps(results, indent=2) + "\n")
 
 
 def _given(data: Path, name: str) -> tuple[str, Path, list[str]]:

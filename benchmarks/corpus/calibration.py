@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from benchmarks.corpus.verdicts import CERTAIN, FLOORS, certain_names, is_true
 
@@ -44,7 +44,7 @@ def reliability(results: Sequence[dict[str, Any]]) -> list[Bin]:
         inside = (stated >= low) & (stated < high)
         count, hits = int(inside.sum()), int(true[inside].sum())
         if count:
-            ends = _interval(hits, count)
+            ends = binomtest(hits, count).proportion_ci(_LEVEL)
             bins.append(Bin(float(stated[inside].mean()), hits / count, *ends, count))
     return bins
 
@@ -78,10 +78,3 @@ def calibration_report(results: Sequence[dict[str, Any]]) -> str:
         f"{hits} of {total}"
     )
     return "\n".join(lines)
-
-
-def _interval(hits: int, count: int) -> tuple[float, float]:
-    tail = 0.5 * (1.0 - _LEVEL)
-    low = beta.ppf(tail, hits, count - hits + 1) if hits else 0.0
-    high = beta.ppf(1.0 - tail, hits + 1, count - hits) if hits < count else 1.0
-    return float(low), float(high)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -136,33 +136,64 @@ def gains_at(
     return forward, backward
 
 
-def smooth_torque(
-    machine: Machine,
-    flaws: Sequence[Flaw],
-    q: np.ndarray,
-    v: np.ndarray,
-    conditions: Conditions | None = None,
+_AT_JOINTS = {
+    "viscous": ("viscous_friction", "coefficient", 0.0),
+    "forward_viscous": ("directional_viscous_friction", "positive_direction", 0.0),
+    "backward_viscous": ("directional_viscous_friction", "negative_direction", 0.0),
+    "drag": ("quadratic_drag", "coefficient", 0.0),
+    "coulomb": ("coulomb_friction", "level", 0.0),
+    "stribeck": ("stribeck_friction", "level", 0.0),
+    "stribeck_speed": ("stribeck_friction", "speed", 1.0),
+    "spring": ("joint_spring", "stiffness", 0.0),
+    "rest": ("joint_spring", "rest", 0.0),
+    "ripple": ("torque_ripple", "amplitude", 0.0),
+    "order": ("torque_ripple", "order", 0.0),
+    "phase": ("torque_ripple", "phase", 0.0),
+}
+
+
+class AtJoints:
+    """Smooth torques and dry friction beside joints: (..., m) arrays named as in `_AT_JOINTS`."""
+
+    def __init__(self, parameters: Callable[[str, str, float], np.ndarray]) -> None:
+        """Keep the parameters.
+
+        Args:
+            parameters: effect, parameter and what it is where the effect is absent -> its values.
+        """
+        self._values = {name: parameters(*entry) for name, entry in _AT_JOINTS.items()}
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        try:
+            return self.__dict__["_values"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def smooth(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the torque (..., m) of smooth effects."""
+        return (
+            -self.viscous * v
+            - np.where(v > 0.0, self.forward_viscous, self.backward_viscous) * v
+            - self.drag * np.abs(v) * v
+            - self.spring * (q - self.rest)
+            + self.ripple * np.sin(self.order * q + self.phase)
+        )
+
+    def level(self, v: np.ndarray) -> np.ndarray:
+        """Return the level (..., m) of dry friction that does not depend on load."""
+        return self.coulomb + self.stribeck * np.exp(-((v / self.stribeck_speed) ** 2))
+
+
+def thermal_torque(
+    machine: Machine, flaws: Sequence[Flaw], v: np.ndarray, conditions: Conditions | None
 ) -> np.ndarray:
-    """Return the torque (N, m) that smooth effects beside the joints add; q, v are (N, m)."""
+    """Return the torque (N, m) of viscous friction that depends on the temperature."""
     torque = np.zeros_like(v)
     for flaw in flaws:
-        if flaw.where not in machine.driven:
-            continue
-        j, p = machine.driven.index(flaw.where), flaw.values
-        if flaw.effect == "viscous_friction":
-            torque[:, j] -= p["coefficient"] * v[:, j]
-        elif flaw.effect == "directional_viscous_friction":
-            way = np.where(v[:, j] > 0.0, p["positive_direction"], p["negative_direction"])
-            torque[:, j] -= way * v[:, j]
-        elif flaw.effect == "thermal_viscous_friction" and conditions is not None:
+        if flaw.effect == "thermal_viscous_friction" and conditions is not None:
+            j, p = machine.driven.index(flaw.where), flaw.values
             warm = conditions.temperature[:, j] - LUBRICANT
             torque[:, j] -= p["coefficient"] * np.exp(-p["rate"] * warm) * v[:, j]
-        elif flaw.effect == "quadratic_drag":
-            torque[:, j] -= p["coefficient"] * np.abs(v[:, j]) * v[:, j]
-        elif flaw.effect == "joint_spring":
-            torque[:, j] -= p["stiffness"] * (q[:, j] - p["rest"])
-        elif flaw.effect == "torque_ripple":
-            torque[:, j] += p["amplitude"] * np.sin(p["order"] * q[:, j] + p["phase"])
     return torque
 
 
@@ -172,15 +203,3 @@ def rotor_friction(
     """Return (viscous torque (N, m), dry levels (m,)) at the motors; spin is (N, m)."""
     viscous = per_joint(machine, flaws, "rotor_viscous_friction", "coefficient", 0.0) * spin
     return viscous, per_joint(machine, flaws, "rotor_coulomb_friction", "level", 0.0)
-
-
-def dry_level(machine: Machine, flaws: Sequence[Flaw], v: np.ndarray) -> np.ndarray:
-    """Return the level (N, m) of dry friction that does not depend on load."""
-    level = np.zeros_like(v)
-    for flaw in flaws:
-        if flaw.effect == "coulomb_friction":
-            level[:, machine.driven.index(flaw.where)] += flaw.values["level"]
-        elif flaw.effect == "stribeck_friction":
-            j = machine.driven.index(flaw.where)
-            level[:, j] += flaw.values["level"] * np.exp(-((v[:, j] / flaw.values["speed"]) ** 2))
-    return level

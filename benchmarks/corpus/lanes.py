@@ -6,23 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.corpus.flaws import Flaw, changed_machine, loss_gains, per_joint
+from benchmarks.corpus.flaws import AtJoints, Flaw, changed_machine, loss_gains, per_joint
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.unlisted import UnlistedTorques
 
-_JOINT = {
-    "viscous": ("viscous_friction", "coefficient", 0.0),
-    "forward_viscous": ("directional_viscous_friction", "positive_direction", 0.0),
-    "backward_viscous": ("directional_viscous_friction", "negative_direction", 0.0),
-    "drag": ("quadratic_drag", "coefficient", 0.0),
-    "coulomb": ("coulomb_friction", "level", 0.0),
-    "stribeck": ("stribeck_friction", "level", 0.0),
-    "stribeck_speed": ("stribeck_friction", "speed", 1.0),
-    "spring": ("joint_spring", "stiffness", 0.0),
-    "rest": ("joint_spring", "rest", 0.0),
-    "ripple": ("torque_ripple", "amplitude", 0.0),
-    "order": ("torque_ripple", "order", 0.0),
-    "phase": ("torque_ripple", "phase", 0.0),
+_DRIVES = {
     "factor": ("torque_constant", "factor", 1.0),
     "offset": ("torque_offset", "offset", 0.0),
     "delay": ("actuation_delay", "delay", 0.0),
@@ -35,16 +23,18 @@ _JOINT = {
 }
 
 
-class Lanes:
-    """What is wrong in every lane; attributes are (B, 2) arrays named as in `_JOINT`."""
+class Lanes(AtJoints):
+    """What is wrong in every lane: (B, 2) arrays, those of drives named as in `_DRIVES`."""
 
     def __init__(self, machines: Sequence[Machine], flaws: Sequence[Sequence[Flaw]]) -> None:
         pairs = list(zip(machines, flaws, strict=True))
         self.machines = [changed_machine(machine, found) for machine, found in pairs]
-        self._values = {
-            name: _table([per_joint(m, f, *entry) for m, f in pairs], entry[2])
-            for name, entry in _JOINT.items()
-        }
+
+        def everywhere(effect: str, parameter: str, absent: float) -> np.ndarray:
+            return _table([per_joint(m, f, effect, parameter, absent) for m, f in pairs], absent)
+
+        super().__init__(everywhere)
+        self._values |= {name: everywhere(*entry) for name, entry in _DRIVES.items()}
         self.rotor = _table([m.reflected for m in self.machines], 1e-3)
         gains = [loss_gains(m, f) for m, f in pairs]
         # Friction as a share of the mesh torque, while the motor drives and the joint drives.
@@ -57,12 +47,6 @@ class Lanes:
         self.damping = _soft(pairs, "damping", 0.0)
         self._unlisted = [UnlistedTorques(m, f) for m, f in pairs]
 
-    def __getattr__(self, name: str) -> np.ndarray:
-        try:
-            return self.__dict__["_values"][name]
-        except KeyError:
-            raise AttributeError(name) from None
-
     def drive(self, command: np.ndarray, omega: np.ndarray, t: float) -> np.ndarray:
         """Return the torque (B, 2) that arrives on the rotors for the reported one."""
         torque = np.clip(command, -self.limit, self.limit)
@@ -72,20 +56,6 @@ class Lanes:
         torque = torque * self.factor * (1.0 - self.fading * warm)
         torque = torque - np.clip(torque, -self.dead, self.dead)
         return torque / (1.0 + self.soft_drive * np.abs(torque)) + self.offset
-
-    def smooth(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the torque (B, 2) of smooth effects beside the joints."""
-        return (
-            -self.viscous * v
-            - np.where(v > 0.0, self.forward_viscous, self.backward_viscous) * v
-            - self.drag * np.abs(v) * v
-            - self.spring * (q - self.rest)
-            + self.ripple * np.sin(self.order * q + self.phase)
-        )
-
-    def level(self, v: np.ndarray) -> np.ndarray:
-        """Return the level (B, 2) of dry friction."""
-        return self.coulomb + self.stribeck * np.exp(-((v / self.stribeck_speed) ** 2))
 
     def unlisted(
         self, h: float, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, into: np.ndarray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,12 +12,13 @@ from benchmarks.corpus.conditions import Conditions
 from benchmarks.corpus.drive import reported_torque
 from benchmarks.corpus.flaws import (
     INERTIAL,
+    AtJoints,
     Flaw,
     changed_machine,
-    dry_level,
     gains_at,
+    per_joint,
     rotor_friction,
-    smooth_torque,
+    thermal_torque,
 )
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.rigid import Rigid
@@ -82,9 +84,11 @@ def needed_torque(
     """
     machine, b = changed_machine(machine, flaws), machine.base_size
     theta, omega, alpha = motor_motion(machine, flaws, motion, links)
-    joint = links[:, b:] - smooth_torque(machine, flaws, theta, omega, motion.conditions)
+    beside = AtJoints(partial(per_joint, machine, flaws))
+    joint = links[:, b:] - beside.smooth(theta, omega)
+    joint = joint - thermal_torque(machine, flaws, omega, motion.conditions)
     joint = joint - unlisted_torque(machine, flaws, motion.time, theta, omega, alpha)
-    joint = joint + dry_level(machine, flaws, omega) * np.tanh(omega / SLOW)
+    joint = joint + beside.level(omega) * np.tanh(omega / SLOW)
     inverse = np.linalg.inv(machine.topology)
     output, spin, rise = joint @ machine.topology, omega @ inverse.T, alpha @ inverse.T
     gains = gains_at(machine, flaws, spin)

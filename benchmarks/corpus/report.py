@@ -62,17 +62,9 @@ def _by_size(judged: Judged) -> str | None:
     return f"from {low:4.0f} floors"
 
 
-def _by_kind(judged: Judged) -> str | None:
-    return judged.kind
-
-
-def _by_family(judged: Judged) -> str | None:
-    return str(judged.result["family"])
-
-
 _TABLES: dict[str, Callable[[Judged], str | None]] = {
-    "what is hidden": _by_kind,
+    "what is hidden": lambda judged: judged.kind,
     "effect, alone": _by_effect,
     "size, alone": _by_size,
-    "robot": _by_family,
+    "robot": lambda judged: str(judged.result["family"]),
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 
@@ -13,7 +15,7 @@ class Rigid:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.model = mujoco.MjModel.from_xml_string(_xml(machine))
+        self.model = mujoco.MjModel.from_xml_string(mjcf(machine))
         self.model.opt.gravity[:] = machine.gravity
         self.data = mujoco.MjData(self.model)
         self.size = int(self.model.nv)
@@ -57,31 +59,31 @@ class Rigid:
         return np.concatenate(rows)
 
 
-def _xml(machine: Machine) -> str:
-    children: dict[int, list[int]] = {}
-    for k, link in enumerate(machine.links):
-        children.setdefault(link.parent, []).append(k)
+def mjcf(machine: Machine) -> str:
+    """Return the links of a machine, with its contact points as sites."""
 
-    def numbers(values: np.ndarray) -> str:
+    def numbers(values: Iterable[float]) -> str:
         return " ".join(f"{float(value):.17g}" for value in values)
 
     def body(k: int) -> str:
         link = machine.links[k]
-        i = link.inertia
-        full = numbers(np.array([i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]))
-        joint = (
-            f'<freejoint name="{link.joint}"/>'
-            if link.kind == "free"
-            else f'<joint name="{link.joint}" type="{link.kind}" axis="{numbers(link.axis)}"/>'
+        joint = f'<joint name="{link.joint}" type="{link.kind}" axis="{numbers(link.axis)}"/>'
+        if link.kind == "free":
+            joint = f'<freejoint name="{link.joint}"/>'
+        sites = "".join(
+            f'<site name="{name}" pos="{numbers(point)}"/>'
+            for name, number, point in machine.contacts
+            if number == k
         )
-        inner = "".join(body(child) for child in children.get(k, []))
+        inertia = numbers(link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
+        inner = "".join(body(i) for i, child in enumerate(machine.links) if child.parent == k)
         return (
             f'<body name="{link.name}" pos="{numbers(link.origin)}">{joint}'
-            f'<inertial pos="{numbers(link.com)}" mass="{link.mass:.17g}" fullinertia="{full}"/>'
-            f"{inner}</body>"
+            f'<inertial pos="{numbers(link.com)}" mass="{link.mass:.17g}" fullinertia="{inertia}"/>'
+            f"{sites}{inner}</body>"
         )
 
-    world = "".join(body(k) for k in children[-1])
+    world = "".join(body(k) for k, link in enumerate(machine.links) if link.parent < 0)
     return (
         '<mujoco><compiler autolimits="false"/><option><flag contact="disable"/></option>'
         f"<worldbody>{world}</worldbody></mujoco>"

@@ -13,7 +13,6 @@ from benchmarks.corpus.verdicts import (
     intervals,
     invented,
     judge_result,
-    settled,
 )
 
 # Found by search over a grid, or angles that mean the same once per turn.
@@ -51,7 +50,6 @@ def score(results: Sequence[dict[str, Any]]) -> list[Figure]:
     two = [j for j in _of(judged, "two") if all(c["felt"] for c in j.result["causes"])]
     listed = _of(judged, "one", "two", "three")
     alone = [j for j in one if j.names == 1]
-    open_ends = [j for j in one if j.result["verdict"] == "ambiguous"]
     rows = [row for j in judged for row in intervals(j)]
     plain = [row for row in rows if (row[0], row[1]) not in _SHAPES]
     named = [j.names for j in one if j.names]
@@ -63,7 +61,6 @@ def score(results: Sequence[dict[str, Any]]) -> list[Figure]:
         _share("outside called unknown", [_said(j) == "unknown" for j in outside], ">= 90 %"),
         _share("two effects both found", [j.covered for j in two], ">= 85 %"),
         _share("90 % intervals cover", [r[4] <= r[2] <= r[5] for r in plain], "85-95 %"),
-        _share("next experiment resolves", [_resolved(j) for j in open_ends], ">= 90 %"),
         _share("three effects all found", [j.covered for j in _of(judged, "three")]),
         _share("below the floor: none or right", [j.covered for j in _of(judged, "below")]),
         _share("all and only the truth, in place", [j.placed for j in listed]),
@@ -96,14 +93,3 @@ def _said(judged: Judged) -> str:
 def _share(name: str, hits: Iterable[bool], target: str = "") -> Figure:
     values = list(hits)
     return Figure(name, 100.0 * float(np.mean(values)) if values else np.nan, len(values), target)
-
-
-def _resolved(judged: Judged) -> bool:
-    """Whether the runs asked for leave only names that are right on all runs together.
-
-    The cause itself, or what stands for it with no more parameters, must be among them.
-    """
-    followed = judged.result.get("followed")
-    if followed is None:
-        return False
-    return judge_result(followed).covered and settled(followed)

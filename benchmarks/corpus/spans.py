@@ -26,85 +26,67 @@ _SMALL = 1e-3
 def spans_of(effect: str, where: str, typical: Typical) -> Iterator[Span]:
     """Yield every shape of an effect at a place as the flaws whose signatures span it."""
     machine = typical.machine
-    if where not in machine.driven:
-        if effect == DRAWING:
-            yield _drawing(machine.links[machine.body(where)])
+    if where in machine.driven:
+        for shape in _at_joint(machine.driven.index(where), typical).get(effect, ()):
+            yield tuple(Flaw(effect, where, values) for values in shape)
+    elif effect == DRAWING:
+        yield _drawing(machine.links[machine.body(where)])
+    else:
         yield from _of_bodies(effect, where)
-        return
-    j = machine.driven.index(where)
+
+
+def _at_joint(j: int, typical: Typical) -> dict[str, list[list[dict[str, float]]]]:
+    """Return the values that span each shape of every effect of joint j."""
     torque, speed = float(typical.torque[j]), float(typical.speed[j])
+    push, less, center = _SMALL * torque, 1.0 - _SMALL, float(typical.machine.center[j])
 
-    def flaw(**values: float) -> Flaw:
-        return Flaw(effect, where, values)
+    def losing(forward: float, backward: float) -> dict[str, float]:
+        return {"forward_efficiency": forward, "backward_efficiency": backward}
 
-    if effect == "transmission_efficiency":
-        less = 1.0 - _SMALL
-        pairs = ((less, less), (less, 1.0), (1.0, less))
-        both = tuple(flaw(forward_efficiency=f, backward_efficiency=b) for f, b in pairs)
-        yield from ((one,) for one in both)
-        yield both[1:]
-    elif effect == "load_presliding":
-        less = 1.0 - _SMALL
-        for length in _BENT_UNDER_LOAD:
-            yield tuple(
-                flaw(forward_efficiency=f, backward_efficiency=b, length=length)
-                for f, b in ((less, 1.0), (1.0, less))
-            )
-    elif effect == "directional_viscous_friction":
-        yield tuple(
-            flaw(
-                positive_direction=_SMALL * torque * f,
-                negative_direction=_SMALL * torque * (1.0 - f),
-            )
-            for f in (1.0, 0.0)
-        )
-    elif effect == "thermal_viscous_friction":
-        yield from ((flaw(coefficient=_SMALL * torque, rate=rate),) for rate in _THINNING)
-    elif effect == "voltage_scaling":
-        yield tuple(flaw(share=_SMALL, nominal=f * NOMINAL) for f in (0.8, 1.1))
-    elif effect == "stribeck_friction":
-        yield from ((flaw(level=_SMALL * torque, speed=s * speed),) for s in _SLOWNESS)
-    elif effect == "load_stribeck_friction":
-        yield from ((flaw(coefficient=_SMALL, speed=s * speed),) for s in _SLOWNESS)
-    elif effect == "presliding":
-        yield from ((flaw(level=_SMALL * torque, length=length),) for length in _BENT)
-    elif effect == "joint_spring":
-        yield tuple(flaw(stiffness=_SMALL * torque, rest=rest) for rest in (0.0, 1.0))
-        center = float(machine.center[j])
-        yield from ((flaw(stiffness=_SMALL * torque, rest=center + r),) for r in (-0.5, 0.0, 0.5))
-    elif effect == "torque_ripple":
-        for order in _ORDERS:
-            yield tuple(
-                flaw(amplitude=_SMALL * torque, order=order, phase=phase)
-                for phase in (0.0, 0.5 * np.pi)
-            )
-    elif effect == "thermal_drift":
-        for share in _WARMING:
-            yield (flaw(rate=1e-4, time_constant=max(share * typical.duration, 1.0)),)
-    elif effect == "current_limit":
-        yield from ((flaw(limit=float(typical.peak[j]) * (1.0 - u)),) for u in _CLIPPED)
-    elif effect == "joint_compliance":
-        yield (flaw(stiffness=1e3 * torque, damping=1.0),)
-    elif effect == "rotor_inertia":
-        yield (flaw(reflected_inertia=(1.0 + _SMALL) * float(machine.reflected[j])),)
-    elif effect in _PLAIN:
-        name, absent = _PLAIN[effect]
-        scale = torque if effect.endswith(("friction", "offset", "drag")) else 1.0
-        yield (Flaw(effect, where, {name: absent + _SMALL * (scale if absent == 0.0 else 1.0)}),)
-
-
-_PLAIN = {
-    "viscous_friction": ("coefficient", 0.0),
-    "coulomb_friction": ("level", 0.0),
-    "rotor_viscous_friction": ("coefficient", 0.0),
-    "rotor_coulomb_friction": ("level", 0.0),
-    "quadratic_drag": ("coefficient", 0.0),
-    "load_friction": ("coefficient", 0.0),
-    "torque_offset": ("offset", 0.0),
-    "position_offset": ("offset", 0.0),
-    "actuation_delay": ("delay", 0.0),
-    "torque_constant": ("factor", 1.0),
-}
+    ways = [losing(less, 1.0), losing(1.0, less)]
+    peak, reflected = float(typical.peak[j]), float(typical.machine.reflected[j])
+    return {
+        "viscous_friction": [[{"coefficient": push}]],
+        "coulomb_friction": [[{"level": push}]],
+        "rotor_viscous_friction": [[{"coefficient": push}]],
+        "rotor_coulomb_friction": [[{"level": push}]],
+        "quadratic_drag": [[{"coefficient": push}]],
+        "load_friction": [[{"coefficient": push}]],
+        "torque_offset": [[{"offset": push}]],
+        "position_offset": [[{"offset": push}]],
+        "actuation_delay": [[{"delay": _SMALL}]],
+        "torque_constant": [[{"factor": 1.0 + _SMALL}]],
+        "transmission_efficiency": [[losing(less, less)], *([way] for way in ways), ways],
+        "load_presliding": [[{**w, "length": x} for w in ways] for x in _BENT_UNDER_LOAD],
+        "directional_viscous_friction": [
+            [
+                {"positive_direction": push, "negative_direction": 0.0},
+                {"positive_direction": 0.0, "negative_direction": push},
+            ]
+        ],
+        "thermal_viscous_friction": [[{"coefficient": push, "rate": x}] for x in _THINNING],
+        "voltage_scaling": [[{"share": _SMALL, "nominal": f * NOMINAL} for f in (0.8, 1.1)]],
+        "stribeck_friction": [[{"level": push, "speed": x * speed}] for x in _SLOWNESS],
+        "load_stribeck_friction": [
+            [{"coefficient": _SMALL, "speed": x * speed}] for x in _SLOWNESS
+        ],
+        "presliding": [[{"level": push, "length": x}] for x in _BENT],
+        "joint_spring": [
+            [{"stiffness": push, "rest": rest} for rest in (0.0, 1.0)],
+            *([{"stiffness": push, "rest": center + rest}] for rest in (-0.5, 0.0, 0.5)),
+        ],
+        "torque_ripple": [
+            [{"amplitude": push, "order": x, "phase": phase} for phase in (0.0, 0.5 * np.pi)]
+            for x in _ORDERS
+        ],
+        "thermal_drift": [
+            [{"rate": 1e-4, "time_constant": max(share * typical.duration, 1.0)}]
+            for share in _WARMING
+        ],
+        "current_limit": [[{"limit": peak * (1.0 - share)}] for share in _CLIPPED],
+        "joint_compliance": [[{"stiffness": 1e3 * torque, "damping": 1.0}]],
+        "rotor_inertia": [[{"reflected_inertia": (1.0 + _SMALL) * reflected}]],
+    }
 
 
 def _of_bodies(effect: str, where: str) -> Iterator[Span]:

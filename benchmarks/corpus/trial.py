@@ -6,7 +6,7 @@ import json
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,13 @@ import numpy as np
 
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import draw_case
-from benchmarks.corpus.experiments import following_runs
 from benchmarks.corpus.folder import write_folder
 from benchmarks.corpus.record import Table, record_cases
 from benchmarks.corpus.truth import truth_of
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import write_text
-from wbc.identification import Diagnosis, diagnose
+from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Robot
 
@@ -35,7 +34,7 @@ def try_cases(
     seed: int,
     withheld: bool = False,
 ) -> list[Result]:
-    """Diagnose these cases, follow the experiments that are asked for, and write the results.
+    """Diagnose these cases and write the results.
 
     Args:
         numbers: of the cases.
@@ -47,21 +46,12 @@ def try_cases(
     start = time.perf_counter()
     tables = record_cases([(case, case.excitations) for case in cases])
     spent = (time.perf_counter() - start) / len(cases)
-    results, open_ends = [], []
+    results = []
     for case, recorded in zip(cases, tables, strict=True):
         logs = [without_forces(log) if withheld else log for log in logs_of(recorded)]
-        result, diagnosis = tried(case, logs, withheld)
-        result["simulation_seconds"] = spent
+        result = {**tried(case, logs, withheld), "simulation_seconds": spent}
+        write_text(folder / f"{result['number']:04d}.json", json.dumps(result))
         results.append(result)
-        if diagnosis is not None and diagnosis.verdict == "ambiguous" and not withheld:
-            open_ends.append((case, logs, result, following_runs(case, diagnosis)))
-        else:
-            _write(result, folder)
-    jobs = [(case, runs) for case, _, _, runs in open_ends]
-    for (case, logs, result, runs), more in zip(open_ends, record_cases(jobs), strict=True):
-        longer = replace(case, excitations=(*case.excitations, *runs))
-        result["followed"] = tried(longer, [*logs, *logs_of(more)])[0]
-        _write(result, folder)
     return results
 
 
@@ -91,16 +81,14 @@ def robot_of(case: Case) -> Robot:
         return load_robot(str(write_folder(case.machine, Path(folder))))
 
 
-def tried(
-    case: Case, logs: Sequence[Log], withheld: bool = False
-) -> tuple[Result, Diagnosis | None]:
-    """Diagnose a case; return the result held against its truth, and the diagnosis if any."""
+def tried(case: Case, logs: Sequence[Log], withheld: bool = False) -> Result:
+    """Diagnose a case; return the result held against its truth."""
     result, robot = described(case, withheld), robot_of(case)
     start = time.process_time()
     try:
         diagnosis = diagnose(robot, logs)
     except WbcError as error:
-        return {**result, "verdict": "error", "message": str(error), "found": []}, None
+        return {**result, "verdict": "error", "message": str(error), "found": []}
     result["seconds"] = time.process_time() - start
     result |= {
         "verdict": diagnosis.verdict,
@@ -123,7 +111,7 @@ def tried(
             for finding in diagnosis.findings
         ],
     }
-    return result, diagnosis
+    return result
 
 
 def described(case: Case, withheld: bool = False) -> Result:
@@ -143,7 +131,3 @@ def described(case: Case, withheld: bool = False) -> Result:
         "unexplained": truth.unexplained,
         "seconds": 0.0,
     }
-
-
-def _write(result: Result, folder: Path) -> None:
-    write_text(folder / f"{result['number']:04d}.json", json.dumps(result))

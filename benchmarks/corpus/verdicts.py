@@ -105,13 +105,6 @@ def first_right(result: dict[str, Any]) -> bool:
     return named_set(result) <= {cause["effect"], *cause["stand_ins"]}
 
 
-def settled(result: dict[str, Any]) -> bool:
-    """Whether nothing is named beside the one cause but what no run here can tell from it."""
-    cause = result["causes"][0]
-    equals = cause.get("equals", ())  # not judged in results written earlier
-    return named_set(result) <= {cause["effect"], *cause["stand_ins"], *equals}
-
-
 def invented(result: dict[str, Any]) -> bool:
     """Whether an effect was added that is no cause and stands for none."""
     allowed = {name for _, name in result["merged"]}

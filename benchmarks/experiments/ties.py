@@ -17,7 +17,7 @@ and for every other name kept the best motion of the same length for the two alo
 true values, is expected to bring less than 3 nats.
 
 With `--duration` all follow-ups last so long: the planned ones, and each run that the words ask for
-(8 s at most, as in the corpus). The ties of a seed are the same for every length.
+(8 s at most). The ties of a seed are the same for every length.
 
 Where a cause can do all that the true one does, no motion speaks against it; `wbc experiment` says
 so, and these ties are counted apart. Results are kept in the folder, one file per machine: a run
@@ -30,18 +30,18 @@ import argparse
 import json
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import draw_case
 from benchmarks.corpus.excitation import Excitation
-from benchmarks.corpus.experiments import RUN_FOR
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.trial import logs_of, robot_of
@@ -53,7 +53,6 @@ from benchmarks.experiments.follow_up import (
     noise_of,
     planned_runs,
 )
-from benchmarks.experiments.judge import kept, settled, share
 from benchmarks.experiments.making import Candidate, candidates, names
 from wbc.arrays import FloatArray
 from wbc.design.experiment import Cause, Designed, Rivals
@@ -69,7 +68,20 @@ from wbc.robot import Effect, Robot
 
 Result = dict[str, Any]
 _FIXED = ("pendulum", "arm2", "arm3", "arm4")
-_WORDS = 8.0  # [s] of a run that the words ask for, as in the corpus
+_WORDS = 8.0  # [s] of a run that the words ask for
+_RUNS = {
+    "speeds": "viscous_friction quadratic_drag",  # several speeds
+    "sweep": "coulomb_friction stribeck_friction torque_ripple",  # slowly both ways
+    "slow": "load_friction transmission_efficiency",  # lift and lower slowly
+    "holds": "torque_constant payload_mass center_of_mass joint_spring torque_offset "
+    "position_offset gravity_direction",  # still in many poses
+    "shake": "rotor_inertia actuation_delay",  # fast with small strokes
+    "fast": "supply_sag current_limit",  # several joints accelerate at once
+    "stops": "joint_compliance",  # stop abruptly
+    "multisine": "backlash thermal_drift",  # swing the load; one loaded motion for long
+}
+_RUN_FOR = {effect: kind for kind, effects in _RUNS.items() for effect in effects.split()}
+"""Which run the `experiment` of each listed effect describes."""
 
 
 def main() -> None:
@@ -206,10 +218,43 @@ def margins(robot: Robot, logs: Sequence[Log], causes: Sequence[Cause]) -> list[
 
 def _words(case: Case, causes: Sequence[Cause], duration: float) -> tuple[Excitation, ...]:
     """Return one run of each kind that the causes' advice in words asks for, of 8 s at most."""
-    kinds = dict.fromkeys(RUN_FOR[c[0].name] for c in causes if c[0].name in RUN_FOR)
+    kinds = dict.fromkeys(_RUN_FOR[cause[0].name] for cause in causes)
     first = 1_000_000 + 100 * case.number
     length = min(duration, _WORDS)
     return tuple(Excitation(kind, first + k, length, first + k) for k, kind in enumerate(kinds))
+
+
+def kept(nats: Sequence[float]) -> tuple[bool, tuple[int, ...]]:
+    """Return whether a diagnosis keeps the true cause, and the rivals that it keeps.
+
+    It keeps what lies within `TIED` nats of the best.
+
+    Args:
+        nats: evidence of the true cause beyond that of each rival.
+    """
+    best = max(0.0, *(-n for n in nats))
+    rivals = tuple(k for k, n in enumerate(nats) if -n > best - TIED)
+    return best < TIED, rivals
+
+
+def settled(nats: Sequence[float], attainable: Mapping[str, float]) -> bool:
+    """Whether the names kept hold the truth, and no motion speaks against the others kept.
+
+    Args:
+        nats: evidence of the true cause beyond that of each rival.
+        attainable: number of a rival -> nats that the best motion for the two is expected to bring.
+    """
+    true, rivals = kept(nats)
+    return true and all(attainable[str(k)] < TIED for k in rivals)
+
+
+def share(hits: Sequence[bool]) -> str:
+    """Return a share with its 90 % interval (Wilson)."""
+    if not hits:
+        return "no case"
+    test = binomtest(int(np.sum(hits)), len(hits))
+    low, high = test.proportion_ci(0.9, method="wilson")
+    return f"{100 * np.mean(hits):4.0f} % ({100 * low:3.0f} to {100 * high:3.0f}) of {len(hits)}"
 
 
 def report(results: Sequence[Result]) -> str:

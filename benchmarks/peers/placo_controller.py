@@ -1,23 +1,16 @@
-"""PlaCo's dynamics solver on the same robot, tasks, contacts and states; run by its own Python.
-
-Reads a scene (JSON) given as argument, then one line "first count" per block of ticks from
-standard input, and answers each with the ticks' times in microseconds as JSON.
-"""
+"""PlaCo's dynamics solver on the same robot, tasks, contacts and states; run by its own Python."""
 
 from __future__ import annotations
 
-import json
-import sys
-import time
 from importlib.metadata import version
 
 import numpy as np
 import placo
+from serving import given, serve
 
 
 def main():
-    with open(sys.argv[1], encoding="utf-8") as file:
-        scene = json.load(file)
+    scene = given()
     robot = placo.RobotWrapper(scene["urdf"], placo.Flags.ignore_collisions)
     joints = scene["joints"]
     places = [robot.get_joint_offset(joint) for joint in joints]
@@ -25,24 +18,19 @@ def main():
     states = np.array(scene["positions"]), np.array(scene["velocities"]), np.array(scene["com"])
     place(robot, states[0][0], states[1][0], places, rows)
     peer = Problem(robot, scene)
-    print(json.dumps([f"placo {version('placo')}, pin {version('pin')}", 0]), flush=True)
-    for line in sys.stdin:
-        first, count = map(int, line.split())
-        times = []
-        for tick in (first, *range(first, first + count)):  # the first once to warm up
-            start = time.process_time_ns(), time.perf_counter_ns()
-            peer.switch(scene["active"][tick])
-            place(robot, states[0][tick], states[1][tick], places, rows)
-            com = peer.com
-            com.target_world, com.dtarget_world, com.ddtarget_world = states[2][tick]
-            result = peer.solver.solve(False)
-            if result.success:  # it has no friction of joints: known friction is added
-                result.tau[rows] + scene["dry"] * np.sign(states[1][tick][6:])
-            stop = time.process_time_ns(), time.perf_counter_ns()
-            times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
-            if not result.success:
-                raise RuntimeError(f"PlaCo failed at tick {tick}")
-        print(json.dumps(times[1:]), flush=True)
+
+    def run(tick):
+        peer.switch(scene["active"][tick])
+        place(robot, states[0][tick], states[1][tick], places, rows)
+        com = peer.com
+        com.target_world, com.dtarget_world, com.ddtarget_world = states[2][tick]
+        result = peer.solver.solve(False)
+        if not result.success:
+            raise RuntimeError(f"PlaCo failed at tick {tick}")
+        # it has no friction of joints: known friction is added
+        return result.tau[rows] + scene["dry"] * np.sign(states[1][tick][6:])
+
+    serve(f"placo {version('placo')}, pin {version('pin')}", run)
 
 
 def place(robot, position, velocity, places, rows):

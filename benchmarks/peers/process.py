@@ -16,7 +16,7 @@ class Peer:
         version: of the peer and its libraries.
     """
 
-    def __init__(self, name: str, variable: str, script: Path, scene: Path, *options: str) -> None:
+    def __init__(self, name: str, variable: str, script: Path, scene: Path) -> None:
         """Start the peer and wait until it is ready.
 
         Raises:
@@ -29,7 +29,7 @@ class Peer:
         self.name = name
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [python, str(script), str(scene), *options],
+            [python, str(script), str(scene)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -1,24 +1,17 @@
-"""TSID on the same robot, tasks, contacts and states; run by its own Python.
-
-Argument: a scene (JSON). Then one line "first count" per block of ticks from standard input, each
-answered with the ticks' times in microseconds as JSON.
-"""
+"""TSID on the same robot, tasks, contacts and states; run by its own Python."""
 
 from __future__ import annotations
 
-import json
-import sys
-import time
 from importlib.metadata import version
 
 import numpy as np
 import pinocchio as pin
 import tsid
+from serving import given, serve
 
 
 def main():
-    with open(sys.argv[1], encoding="utf-8") as file:
-        scene = json.load(file)
+    scene = given()
     model = pin.buildModelFromUrdf(scene["urdf"], pin.JointModelFreeFlyer())
     locked = [
         model.getJointId(name) for name in list(model.names)[2:] if name not in scene["joints"]
@@ -30,20 +23,12 @@ def main():
     robot = tsid.RobotWrapper(model, False)
     peer = Formulation(robot, scene)
     states = np.array(scene["positions"]), np.array(scene["velocities"]), np.array(scene["com"])
-    print(
-        json.dumps([f"tsid {version('tsid')}, pin {pin.__version__}", peer.problem.nVar]),
-        flush=True,
-    )
-    for line in sys.stdin:
-        first, count = map(int, line.split())
-        times = []
-        for tick in (first, *range(first, first + count)):  # the first once to warm up
-            start = time.process_time_ns(), time.perf_counter_ns()
-            peer.switch(scene["active"][tick])
-            peer.tick(tick, states[0][tick], states[1][tick], states[2][tick])
-            stop = time.process_time_ns(), time.perf_counter_ns()
-            times.append([1e-3 * (b - a) for a, b in zip(start, stop, strict=True)])
-        print(json.dumps(times[1:]), flush=True)
+
+    def run(tick):
+        peer.switch(scene["active"][tick])
+        peer.tick(tick, states[0][tick], states[1][tick], states[2][tick])
+
+    serve(f"tsid {version('tsid')}, pin {pin.__version__}", run)
 
 
 class Formulation:

@@ -113,19 +113,6 @@ def test_an_answer_is_held_against_its_truth() -> None:
     assert figures["90 % intervals cover"][1:3] == (100.0, 1)
 
 
-def test_an_exact_equal_is_no_failure_of_the_next_experiment() -> None:
-    both = answer("ambiguous", ("load_friction", "j1", ("viscous_friction",)))
-    only = answer("named", ("viscous_friction", "j1", ()))
-    shares = []
-    for equals in ((), ("viscous_friction",)):
-        followed = [json.loads(json.dumps(r)) for r in (both, only)]
-        for result in followed:
-            result["causes"][0]["equals"] = list(equals)
-        figures = {f.name: f for f in score([{**both, "followed": f} for f in followed])}
-        shares.append(figures["next experiment resolves"][1])
-    assert shares == [0.0, 50.0]  # the cause itself must stay among the names
-
-
 @pytest.mark.parametrize("number", [4, 32, 93, 303])
 def test_what_is_hidden_in_a_short_log_leaves_noise(number: int) -> None:
     """Logs of 3 to 6 s; in the last two a body flies, of whose motion only the pose is known."""

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.mujoco_model import mujoco_model
+from benchmarks.sim import mujoco_model
 from tests.reference.free_bodies import at, ball, block, mujoco_block_on_slope, world_velocity
 from wbc import load_robot
 from wbc.sim import Plane, Plant
