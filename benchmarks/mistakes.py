@@ -27,8 +27,9 @@ from benchmarks.recorded import MACHINES, ROBOTS, finish
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.errors import LogError
-from wbc.measurement import Log, LogFinding, find_suspicions, load_logs, mended, together
-from wbc.measurement.mistakes import single_ratios
+from wbc.identification.readings import find_suspicions
+from wbc.identification.readings.mistakes import single_ratios
+from wbc.measurement import Log, LogFinding, load_logs, mended, together
 from wbc.robot import Robot
 from wbc.robot.coordinates import slides
 from wbc.samples import sample_logs

@@ -15,7 +15,7 @@ from benchmarks.corpus.trial import logs_of, robot_of
 from benchmarks.corpus.truth import truth_of
 from benchmarks.corpus.unlisted import NAMES
 from benchmarks.corpus.verdicts import judge_result
-from wbc.measurement import find_suspicions
+from wbc.identification.readings import find_suspicions
 
 
 def result(found: str, probability: float, verdict: str = "named", size: float = 8.0) -> Any:

@@ -18,17 +18,15 @@ from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
+from wbc.identification.readings import check_logs, find_suspicions, suspicions
 from wbc.measurement import (
     Log,
     SuspiciousLogError,
-    check_logs,
-    find_suspicions,
     load_log,
     load_logs,
     mended,
     read_logs,
     save_log,
-    suspicions,
     together,
 )
 from wbc.samples import sample_logs

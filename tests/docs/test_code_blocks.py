@@ -28,7 +28,8 @@ from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.options import build_parser
 from wbc.effects import CoulombFriction
-from wbc.measurement import readings, save_log
+from wbc.identification.readings import kinds as readings
+from wbc.measurement import save_log
 from wbc.sim.excitation import record_with
 
 ROOT = Path(__file__).resolve().parents[2]

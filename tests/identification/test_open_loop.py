@@ -10,7 +10,8 @@ import pytest
 from wbc.cli import main
 from wbc.effects import CoulombFriction, PayloadMass, TransmissionEfficiency, load_robot
 from wbc.identification.open_loop import HORIZONS, open_loop
-from wbc.measurement import Log, save_log, with_machine
+from wbc.identification.readings import with_machine
+from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.samples import sample_logs

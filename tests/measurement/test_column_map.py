@@ -10,15 +10,8 @@ import pytest
 
 from wbc import load_robot
 from wbc.errors import LogError
-from wbc.measurement import (
-    check_robot,
-    load_log,
-    load_logs,
-    merged,
-    parse_column_map,
-    read_logs,
-    write_map,
-)
+from wbc.identification.readings import check_robot
+from wbc.measurement import load_log, load_logs, merged, parse_column_map, read_logs, write_map
 from wbc.measurement.findings import lines, read_table
 
 

@@ -9,10 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.outside import outside
+from wbc.identification.readings import check_log
 from wbc.measurement import (
     Log,
     align_velocity,
-    check_log,
     derivative,
     fit_velocity,
     load_log,

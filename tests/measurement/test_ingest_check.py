@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from wbc.effects import load_robot
-from wbc.measurement import (
-    Log,
-    LogSource,
-    align_velocity,
-    check_log,
-    check_logs,
-    fit_velocity,
-)
+from wbc.identification.readings import check_log, check_logs
+from wbc.measurement import Log, LogSource, align_velocity, fit_velocity
 
 
 def _kinds(log: Log) -> set[str]:

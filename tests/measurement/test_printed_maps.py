@@ -16,8 +16,9 @@ import pytest
 from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
-from wbc.measurement import Log, check_log, load_logs, read_logs
-from wbc.measurement import mistakes as suspicions
+from wbc.identification.readings import check_log
+from wbc.identification.readings import mistakes as suspicions
+from wbc.measurement import Log, load_logs, read_logs
 from wbc.measurement.guess import guess_names
 
 ROOT = Path(__file__).resolve().parents[2]

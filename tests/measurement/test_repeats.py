@@ -8,10 +8,10 @@ import pytest
 from tests.outside import outside
 from wbc.effects import load_robot
 from wbc.errors import LogError
+from wbc.identification.readings import check_log
 from wbc.measurement import (
     Log,
     LogSource,
-    check_log,
     cut_at_gaps,
     find_duplicates,
     find_repeats,

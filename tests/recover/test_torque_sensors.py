@@ -22,7 +22,8 @@ from wbc.identification.classic import ClassicFit, identify, link_names
 from wbc.identification.formulas import discover
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
-from wbc.measurement import Log, check_logs
+from wbc.identification.readings import check_logs
+from wbc.measurement import Log
 from wbc.sim import Sensor
 from wbc.sim.excitation import ENCODER, record_run
 from wbc.transmission import mesh_input

@@ -15,8 +15,9 @@ from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
 from wbc.identification import servo as rollouts
+from wbc.identification.readings import check_log, rotor_torques
 from wbc.identification.servo import ServoModels
-from wbc.measurement import Log, check_log, rotor_torques
+from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from wbc.effects import load_robot
 from wbc.errors import LogError
+from wbc.identification.readings import with_machine
 from wbc.measurement import (
     ColumnMap,
     Log,
@@ -19,7 +20,6 @@ from wbc.measurement import (
     parse_column_map,
     read_table,
     together,
-    with_machine,
     write_map,
 )
 from wbc.measurement.column_map import SECTIONS

@@ -28,9 +28,9 @@ from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
+from wbc.identification.readings.first_guess import guessed_numbers
 from wbc.identification.servo import UNITS, Rollouts, fit_rollouts
 from wbc.measurement import Log
-from wbc.measurement.guess import guessed_numbers
 from wbc.robot import Effect, Robot
 from wbc.view.rows import (
     contest_rows,

@@ -19,19 +19,18 @@ from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
-from wbc.measurement import LogFinding, LogQuality, check_logs, find_repeats, read_table, write_map
-from wbc.measurement import read_logs as read_suspicious
-from wbc.measurement.guess import (
-    MapGuess,
+from wbc.identification.readings import check_logs
+from wbc.identification.readings.first_guess import (
     guess_map,
-    guess_names,
-    guess_ratios,
     guessed_numbers,
     model_joints,
     not_found,
     write_robot,
 )
-from wbc.measurement.robot_checks import told_by_rows
+from wbc.identification.readings.robot_checks import told_by_rows
+from wbc.measurement import LogFinding, LogQuality, find_repeats, read_table, write_map
+from wbc.measurement import read_logs as read_suspicious
+from wbc.measurement.guess import MapGuess, guess_names, guess_ratios
 from wbc.robot.model_file import left_out
 from wbc.view.rows import clock_rows, joint_rows, short_label
 

@@ -14,10 +14,10 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
+from wbc.identification.readings.torque import DriveLaw, drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
-from wbc.measurement.torque import DriveLaw, drive_law
 from wbc.robot import Motion, Robot
 from wbc.robot.coordinates import unit_at
 

@@ -245,7 +245,7 @@ def fit_rollouts(
 
     The whole servo is simulated from its first position under the recorded target, with the duty,
     current and heat of its winding; nothing of the log is looked at again. Each log may be one of
-    another load, gain or supply voltage (`wbc.measurement.with_machine`).
+    another load, gain or supply voltage (`wbc.identification.readings.with_machine`).
 
     Args:
         robot: with one driven joint, the motor's torque constant, resistance and supply voltage.

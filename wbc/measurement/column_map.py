@@ -51,13 +51,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
 from wbc.measurement.findings import ENCODER_RATES, column_entries, read_table
-from wbc.measurement.schema import (
-    TIME,
-    column_units,
-    likely_meant,
-    split_column,
-    unit_factor,
-)
+from wbc.measurement.schema import TIME, column_units, likely_meant, split_column, unit_factor
 
 _MISSING = ("when_needed", "drop_rows", "bridge")
 SECTIONS = ("rows", "time", "columns", "trusted")

@@ -4,8 +4,8 @@ second publisher, torques without a sign, units and signs of position, velocity 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from math import log, log2, pi
+from dataclasses import dataclass, field, replace
+from math import inf, log, log2, pi
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import true_runs
-from wbc.measurement.clocks import PERIODS, gaps, period
+from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
+from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.findings import (
     LIKELY,
@@ -27,16 +28,7 @@ from wbc.measurement.findings import (
     trusted,
 )
 from wbc.measurement.log import Log
-from wbc.measurement.readings import (
-    CLOCKS,
-    EVERYWHERE,
-    Reading,
-    of_motion,
-    velocity_ratio,
-    whole_counts,
-)
-from wbc.measurement.schema import LOG_UNITS
-from wbc.measurement.torque import REPORTED
+from wbc.measurement.schema import LOG_UNITS, REPORTED
 
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile
 _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
@@ -45,6 +37,100 @@ _FOLDS = 5  # times that a torque must be mirrored at zero; a smooth minimum is 
 _FOLD_ROWS = 4  # rows to either side over which the slope at a fold is taken
 _RESET = "no turn and no range of counts; a counter that was reset"
 _NEAR_ZERO = 0.05  # of the range of a torque
+
+# How often a set of logs has a mistake of a kind: a judgement, nobody counted. A factor 3 moves a
+# decision by one nat; clear cases have ten or more.
+EVERYWHERE = log(0.02)
+_COUNTS = 100.0  # rad: sixteen turns in whole numbers, which no joint of an arm or leg makes
+COUNTS_OF_A_TURN = {1 << bits: float(f"{2.0 * pi / (1 << bits):.10g}") for bits in ENCODER_BITS}
+"""Counts of an encoder in a turn -> what one of them is worth [rad]."""
+CLOCKS = ("ms", "us", "ns")
+"""Units that time stamps may have instead of seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way to read the columns of a log; the default changes nothing.
+
+    Attributes:
+        kind: short name for machines, empty for the log as it stands.
+        text: what is wrong, as a clause; empty for the log as it stands.
+        prior: log probability before the rows are seen.
+        mend: the map that reads the log so.
+        weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
+        rivals: log prior of what is no mistake of a column and needs the same torque.
+        exchanged: driven joints that have each other's columns.
+    """
+
+    kind: str = ""
+    text: str = ""
+    prior: float = log(0.8)
+    mend: Mend = field(default_factory=dict)
+    weight: float = 1.0
+    rivals: float = -inf
+    exchanged: tuple[int, ...] = ()
+
+
+def of_motion(joint: str, ratio: float, counted: bool) -> list[Reading]:
+    """Return the mistakes that show in the velocity of a joint beside its position.
+
+    Args:
+        joint: its name.
+        ratio: N of its gear, 1 where none is known.
+        counted: whether its position holds encoder counts.
+    """
+    rotor = {"side": "rotor", "gear_ratio": ratio}
+    ways: list[tuple[str, str, Mapping[str, Mapping[str, Any]]]] = [
+        ("degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
+        ("degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
+        ("velocity_unit", "the velocity is in rpm", {"velocity": {"unit": "rpm"}}),
+        ("velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}),
+        ("degrees", "the position is in turns", {"position": {"unit": "turn"}}),
+        *(("time_unit", f"the time is in {unit}", {"time": {"unit": unit}}) for unit in CLOCKS),
+        (
+            "velocity_unit",
+            "the position is in thousandths of the velocity's unit",
+            {"position": {"scale": 0.001}},
+        ),
+        (
+            "velocity_sign",
+            "position and velocity have opposite signs",
+            {"velocity": {"sign": -1}},
+        ),
+    ]
+    if abs(ratio) != 1.0 and np.isfinite(ratio):
+        both = {"velocity": {**rotor, "unit": "rpm"}}
+        ways += [
+            ("gear_side", "the velocity is that of the rotor", {"velocity": rotor}),
+            ("gear_side", "the position is that of the rotor", {"position": rotor}),
+            ("gear_side", "the velocity is that of the rotor, in rpm", both),
+        ]
+    for turn, worth in COUNTS_OF_A_TURN.items() if counted else ():
+        ways.append(
+            ("counts", f"the position counts {turn} a turn", {"position": {"scale": worth}})
+        )
+    return [
+        Reading(kind, text, EVERYWHERE, mend if "time" in mend else _columns(joint, mend))
+        for kind, text, mend in ways
+    ]
+
+
+def _columns(joint: str, entries: Mapping[str, Mapping[str, Any]]) -> Mend:
+    return {"columns": {f"{joint}.{quantity}": dict(entry) for quantity, entry in entries.items()}}
+
+
+def velocity_ratio(reading: Reading) -> float:
+    """Return velocity over d position / d time of a joint in a log that needs a reading of it."""
+    rules = parse_column_map(reading.mend)
+    factors = {rule.target.rpartition(".")[2]: rule.factors[0] for rule in rules.rules}
+    return factors.get("position", 1.0) / (factors.get("velocity", 1.0) * rules.time.factor)
+
+
+def whole_counts(log: Log) -> list[str]:
+    """Return the positions that hold encoder counts: whole numbers, far beyond turns."""
+    names = [f"{joint}.position" for joint in log.with_quantity("position")]
+    far = [name for name in names if np.ptp(log.column(name)) > _COUNTS]
+    return [name for name in far if np.array_equal(log.column(name), np.round(log.column(name)))]
 
 
 def wraps(log: Log) -> list[LogFinding]:

@@ -3,51 +3,26 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import LogError, RobotError
-from wbc.files import write_text
+from wbc.errors import LogError
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
 from wbc.measurement.column_map import parse_column_map
 from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.filters import turns_ratio
-from wbc.measurement.findings import LIKELY, LogFinding, Mend, merged
+from wbc.measurement.findings import Mend, merged
 from wbc.measurement.formats import open_table
-from wbc.measurement.log import Log
-from wbc.measurement.mistakes import find_suspicions, single_ratios
 from wbc.measurement.names import MOTION, NameGuess, asked, channels, guess_name, joints_of
-from wbc.measurement.read import clock_of, read_logs, split_path
-from wbc.measurement.robot_checks import check_robot, told_by_rows
-from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, TIME
+from wbc.measurement.read import clock_of, split_path
+from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, REPORTED, TIME
 from wbc.measurement.tables import Table
-from wbc.measurement.torque import REPORTED
-from wbc.robot import Robot
-from wbc.robot.model_file import driven_joints, read_model
 
-_LOGS = 4  # of a file that are looked at: a guess needs no more
-_ROUNDS = 6  # of corrections, one upon another
-_OF_MOTION = (
-    "wrap",
-    "stale",
-    "missing",
-    "time_unit",
-    "velocity_unit",
-    "velocity_sign",
-    "gear_side",
-    "degrees",
-    "counts",
-)
-_LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
 _DIRECT = 0.1
 """How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
 it tells no ratio."""
@@ -164,57 +139,6 @@ def guess_names(
     return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 
 
-def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
-    """Return a guess corrected by what the rows say against the robot.
-
-    Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
-
-    Args:
-        robot: whose logs they are, as far as it is known.
-        paths: the logs.
-        start: from the names.
-    """
-    table, reasons = dict(start.table), list(start.reasons)
-    for _ in range(_ROUNDS):
-        logs = _read(paths, table, robot)
-        doubts = [
-            finding
-            for own in [*find_suspicions(logs, robot), *(check_robot(log, robot) for log in logs)]
-            for finding in own
-            if finding.likeliest
-            and not finding.alone
-            and finding.kind not in _LACKS
-            and finding.probability >= LIKELY
-            and not _denied(finding, table)
-        ]
-        # What contradicts itself within a log comes before what the torques say.
-        inner = [f for f in doubts if f.kind in _OF_MOTION]
-        if not doubts:
-            break
-        said = {repr(f.likeliest): f for f in reversed(inner or doubts)}
-        for finding in reversed(said.values()):
-            table = merged(table, finding.likeliest)
-            reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
-    told = told_by_rows(robot, _read(paths, table, robot))
-    return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)), told=told)
-
-
-def not_found(
-    robot: Robot, paths: Sequence[str | Path], table: Mapping[str, Any]
-) -> list[LogFinding]:
-    """Return what logs lack that the diagnosis of a robot needs, and columns that are refused.
-
-    Args:
-        robot: whose logs they are.
-        paths: the logs.
-        table: the map that reads them.
-    """
-    logs = _read(paths, table, robot)
-    refused = [f for own in find_suspicions(logs, robot) for f in own if f.severity == "error"]
-    lacks = check_robot(logs[0], robot)
-    return list({finding.text: finding for finding in [*lacks, *refused]}.values())
-
-
 def guess_ratios(
     path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
 ) -> Mapping[str, RatioGuess]:
@@ -296,19 +220,6 @@ def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
     return np.asarray(table.numbers(column.name) * worth)
 
 
-def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
-    """Whether the names say what a finding doubts: angles in rad."""
-    entries = [
-        table.get("columns", {}).get(name, {}) for name in finding.likeliest.get("columns", {})
-    ]
-    return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
-
-
-def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
-    rules = parse_column_map(table, "", single_ratios(robot))
-    return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
-
-
 def _clock(table: Table) -> dict[str, Any]:
     if not table.clocks:
         raise LogError(
@@ -348,122 +259,3 @@ def _parts(table: Table, mapped: Mapping[str, Any]) -> Mend:
         return {}
     advancing(time, columns, "spread", np.arange(time.size), str(table.path))  # raises if lost
     return repeated_mend(time, columns)
-
-
-_KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
-_GUESS = "guess: not in the model file; look it up"
-
-
-def guessed_numbers(path: str | Path) -> list[str]:
-    """Return the numbers of a robot description that are still guesses, `gears.knee.gear_ratio`.
-
-    Empty for a robot that is no file.
-    """
-    file = Path(path)
-    gears = tomllib.loads(file.read_text("utf-8")).get("gears", {}) if file.is_file() else {}
-    return [
-        f"gears.{joint}.{key}"
-        for joint, numbers in gears.items()
-        for key, number in numbers.items()
-        if isinstance(number, dict) and str(number.get("source", "")).startswith(_GUESS)
-    ]
-
-
-def model_joints(path: Path, base: str) -> tuple[str, ...]:
-    """Return the joints of a model file that a gear can drive.
-
-    Raises:
-        RobotError: a file that cannot be read, or without such a joint.
-    """
-    model, _ = read_model(path, base, [])
-    joints = driven_joints(model)
-    if not joints:
-        raise RobotError(f"'{path}' has no joint with one degree of freedom for a gear to drive.")
-    return joints
-
-
-def write_robot(
-    target: str | Path,
-    model: Path,
-    base: str,
-    driven: Sequence[str],
-    name: str,
-    targets: Sequence[str] = (),
-    held: Sequence[str] = (),
-    ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
-    *,
-    shared: bool = False,
-) -> Path:
-    """Write a robot.toml whose numbers come from the model file, or are marked as guesses.
-
-    Args:
-        target: the file.
-        model: URDF or MJCF.
-        base: fixed or free_flyer.
-        driven: joints that get a gear.
-        name: of the robot.
-        targets: joints of those whose drive follows a target that the logs hold, without a torque.
-        held: joints that are welded at zero.
-        ratios: gear ratios that the logs tell.
-        shared: whether one table holds the guesses for all gears; what the model file states of a
-            joint stands in a table of its own.
-    """
-    stated = {**_reductions(model), **_armatures(model)}
-    lines = [
-        "# Written by `wbc init`. Numbers whose source is 'guess' are to be looked up.",
-        f'name = "{name}"',
-        f'model = "{model.resolve().as_posix()}"',
-        f'base = "{base}"',
-    ]
-    if held:
-        names = ", ".join(f'"{joint}"' for joint in held)
-        lines.append(f"lock = [{names}]  # guess: no column with their position, so held at zero")
-    own = [joint for joint in driven if joint in stated] if shared else driven
-    for joint in ("*", *own) if shared else own:
-        ratio, inertia = stated.get(joint, (None, None))
-        told = ratios.get(joint, RatioGuess(1.0, "torque is then taken behind the gear"))
-        lines += [
-            "",
-            f'[gears."{joint}"]',
-            _number("gear_ratio", ratio, told.value, "1", told.source),
-            _number("rotor_inertia", inertia, 0.0, "kg m^2", "the diagnosis can find it"),
-        ]
-        if joint in targets:
-            why = "it scales every torque: the gains of the drive make the torque of the target"
-            lines += [
-                _number("kp", None, _KP, "N m/rad", why),
-                _number("kd", None, _KD, "N m s/rad", "as kp"),
-            ]
-    return write_text(Path(target), "\n".join(lines) + "\n")
-
-
-def _number(key: str, value: float | None, guess: float, unit: str, why: str) -> str:
-    known = value is not None
-    source = "the model file" if known else f"{_GUESS}; {why}"
-    return (
-        f'{key} = {{ value = {value if known else guess}, unit = "{unit}", source = "{source}" }}'
-    )
-
-
-def _reductions(path: Path) -> Mapping[str, tuple[float, float | None]]:
-    """Return joint -> (gear ratio, no inertia) of the <transmission> elements of a URDF."""
-    found: dict[str, tuple[float, float | None]] = {}
-    for element in _root(path).iter("transmission"):
-        joint, ratio = element.find("joint"), element.findtext(".//mechanicalReduction") or ""
-        with suppress(ValueError):
-            if joint is not None and float(ratio) != 0.0:
-                found[str(joint.get("name"))] = (float(ratio), None)
-    return found
-
-
-def _armatures(path: Path) -> Mapping[str, tuple[float, float]]:
-    """Return joint -> (1, armature) of the joints of an MJCF file that state one themselves."""
-    joints = {joint.get("name"): joint.get("armature") for joint in _root(path).iter("joint")}
-    return {name: (1.0, float(own)) for name, own in joints.items() if name and own}
-
-
-def _root(path: Path) -> ElementTree.Element:
-    try:
-        return ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as cause:
-        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause

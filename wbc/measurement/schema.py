@@ -39,6 +39,9 @@ winding is open, `target_position` and `target_velocity` the set point of a posi
 `goal_position` is the old name of `target_position`.
 """
 
+REPORTED = ("rotor_torque", "motor_torque", "current")
+"""Quantities that a drive reports its torque by."""
+
 OLD_NAMES = {"goal_position": "target_position"}
 """Quantity by its old name -> by its name of today; a log is asked for either."""
 

@@ -35,7 +35,8 @@ from wbc.identification.answer.words import (
 )
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.measurement import Log, LogSource, check_logs
+from wbc.identification.readings import check_logs
+from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
 from wbc.view.residuals import residual_plots

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import ViewError
+from wbc.identification.readings.torque import contact_forces
 from wbc.measurement import Log
-from wbc.measurement.torque import contact_forces
 from wbc.robot import Robot
 from wbc.view.channels import (
     base_pitch,

@@ -12,11 +12,11 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate, link_torque
 from wbc.dynamics import rotor_torque as needed_torque
 from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.readings.torque import contact_forces
 from wbc.identification.records.log_checks import require_readable
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log
-from wbc.measurement.torque import contact_forces
 from wbc.robot import Motion, Robot
 from wbc.view.channels import (
     RecordedImpact,

@@ -17,8 +17,9 @@ from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.readings import check_robot, rotor_torques
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log, check_robot, rotor_torques, save_log
+from wbc.measurement import Log, save_log
 from wbc.robot import Motion, Robot, robots_directory
 
 GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.identification.records.contacts import active_contacts
-from wbc.measurement import (
-    Log,
+from wbc.identification.readings import (
     feedback_torques,
     makes_torque,
     reports_current,
@@ -18,7 +16,9 @@ from wbc.measurement import (
     rotor_torques,
     without_position,
 )
-from wbc.measurement.torque import contact_forces, positions, velocities
+from wbc.identification.readings.torque import contact_forces, positions, velocities
+from wbc.identification.records.contacts import active_contacts
+from wbc.measurement import Log
 from wbc.robot import Robot
 
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even

@@ -21,7 +21,8 @@ import pinocchio as pin
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import Workspace, contact_jacobians
 from wbc.errors import IdentificationError
-from wbc.measurement import Log, moving_contact
+from wbc.identification.readings import moving_contact
+from wbc.measurement import Log
 from wbc.robot import Robot
 
 _RANK = 1e-3  # of the largest singular value: directions below it are not told by the base

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import IdentificationError
+from wbc.identification.readings import refusal
 from wbc.identification.records.record import Record
-from wbc.measurement import Log, SuspiciousLogError, find_duplicates, refusal
+from wbc.measurement import Log, SuspiciousLogError, find_duplicates
 from wbc.robot import Robot
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
@@ -58,7 +59,7 @@ def require_logs(logs: Sequence[Log]) -> None:
 
 
 def require_readable(robot: Robot, log: Log) -> None:
-    """Check that something can be said of a robot from a log, see `wbc.measurement.refusal`.
+    """Check that something can be said of a robot from a log, see `refusal`.
 
     Raises:
         IdentificationError: too short a log.

@@ -7,7 +7,8 @@ import pytest
 
 from wbc.effects import load_robot
 from wbc.errors import LogError, TransmissionError
-from wbc.measurement import Log, LogSource, check_robot, feedback_torques, rotor_torques
+from wbc.identification.readings import check_robot, feedback_torques, rotor_torques
+from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout

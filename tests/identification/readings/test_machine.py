@@ -13,7 +13,8 @@ from wbc.cli import main
 from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_robot, save_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
-from wbc.measurement import Log, save_log, with_machine
+from wbc.identification.readings import with_machine
+from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout

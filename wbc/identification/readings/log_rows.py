@@ -13,11 +13,7 @@ from scipy import stats
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import LogError
-from wbc.measurement.channel_checks import resting_joints
-from wbc.measurement.clocks import longest_piece, too_short
-from wbc.measurement.filters import derivative, differentiate, low_pass
-from wbc.measurement.log import Log
-from wbc.measurement.torque import (
+from wbc.identification.readings.torque import (
     contact_forces,
     positions,
     reports_torque,
@@ -25,6 +21,10 @@ from wbc.measurement.torque import (
     torque_quantity,
     without_position,
 )
+from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.clocks import longest_piece, too_short
+from wbc.measurement.filters import derivative, differentiate, low_pass
+from wbc.measurement.log import Log
 from wbc.robot import Motion, Robot
 
 _ROUNDING = 1e-9  # of a torque, below which one is nothing

@@ -20,9 +20,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.readings.log_rows import LogRows, Need
 from wbc.measurement.column_map import ColumnRule, parse_column_map
-from wbc.measurement.log_rows import LogRows, Need
-from wbc.measurement.readings import Reading
+from wbc.measurement.column_mistakes import Reading
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4

@@ -13,22 +13,22 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import LogError
-from wbc.measurement.clocks import too_short
-from wbc.measurement.evidence import Bench, evidence
-from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
-from wbc.measurement.log import Log
-from wbc.measurement.log_rows import rows_of
-from wbc.measurement.names import unread
-from wbc.measurement.read import mended
-from wbc.measurement.readings import Reading
-from wbc.measurement.torque import (
-    REPORTED,
+from wbc.identification.readings.evidence import Bench, evidence
+from wbc.identification.readings.log_rows import rows_of
+from wbc.identification.readings.torque import (
     makes_torque,
     placeless_joints,
     positions,
     torque_channels,
     without_position,
 )
+from wbc.measurement.clocks import too_short
+from wbc.measurement.column_mistakes import Reading
+from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
+from wbc.measurement.log import Log
+from wbc.measurement.names import unread
+from wbc.measurement.read import mended
+from wbc.measurement.schema import REPORTED
 from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")

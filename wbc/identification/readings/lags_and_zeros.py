@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.measurement.evidence import (
+from wbc.identification.readings.evidence import (
     GAIN_SPREAD,
     GAINS,
     MOST_SAMPLES,
@@ -20,7 +20,7 @@ from wbc.measurement.evidence import (
     log_likelihood,
     need_columns,
 )
-from wbc.measurement.log_rows import LogRows, Need
+from wbc.identification.readings.log_rows import LogRows, Need
 from wbc.robot.coordinates import slides
 
 _SHIFTS = 3  # times that torques are moved back; delays of 10 to 50 ms end within 5 ms

@@ -13,17 +13,8 @@ from scipy.signal import lfilter
 from tests.outside import outside
 from wbc.dynamics import link_torque
 from wbc.effects import load_robot
-from wbc.measurement import (
-    Log,
-    SuspiciousLogError,
-    check_logs,
-    find_suspicions,
-    load_logs,
-    mended,
-    read_logs,
-    suspicions,
-    together,
-)
+from wbc.identification.readings import check_logs, find_suspicions, suspicions
+from wbc.measurement import Log, SuspiciousLogError, load_logs, mended, read_logs, together
 from wbc.robot import Motion, Robot
 from wbc.robot.library import robots_directory
 

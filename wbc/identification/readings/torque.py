@@ -17,12 +17,9 @@ from wbc.dynamics import inertial_parameters
 from wbc.errors import LogError
 from wbc.measurement.log import OF_THE_DRIVE, Log, Machine
 from wbc.measurement.names import unread
-from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
+from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY, REPORTED
 from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
-
-REPORTED = ("rotor_torque", "motor_torque", "current")
-"""Quantities that a drive reports its torque by."""
 
 _QUANTITIES = (*REPORTED, "duty", "target_position")
 _STATES = 4  # drawn at random; one that does not show a dependence has measure zero
@@ -34,7 +31,7 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
 
     From `rotor_torque`; or `motor_torque` / N; or `current` times the torque constant; or, where
     none of them was recorded, what a winding makes of the recorded duty, or a drive of its target
-    (`wbc.measurement.torque`).
+    (`DriveLaw`).
 
     Raises:
         LogError: a joint has none of these, a current and no torque constant, or a target and no

@@ -9,22 +9,28 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import logsumexp
 
-from wbc.measurement.channel_checks import resting_joints
-from wbc.measurement.clocks import find_repeats
-from wbc.measurement.column_mistakes import (
-    magnitudes,
-    motion_findings,
-    stale_rows,
-    together_likely,
-    wraps,
-)
-from wbc.measurement.evidence import (
+from wbc.identification.readings.evidence import (
     GAIN_SPREAD,
     Bench,
     Judged,
     evidence,
     foreign,
     ratio_evidence,
+)
+from wbc.identification.readings.kinds import readings
+from wbc.identification.readings.lags_and_zeros import other_zeros, shared_lags
+from wbc.identification.readings.log_rows import rows_of
+from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.clocks import find_repeats
+from wbc.measurement.column_mistakes import (
+    COUNTS_OF_A_TURN,
+    Reading,
+    magnitudes,
+    motion_findings,
+    stale_rows,
+    together_likely,
+    whole_counts,
+    wraps,
 )
 from wbc.measurement.findings import (
     CERTAIN,
@@ -36,11 +42,8 @@ from wbc.measurement.findings import (
     together,
     trusted,
 )
-from wbc.measurement.lags_and_zeros import other_zeros, shared_lags
 from wbc.measurement.log import Log
-from wbc.measurement.log_rows import rows_of
 from wbc.measurement.read import mended
-from wbc.measurement.readings import COUNTS_OF_A_TURN, Reading, readings, whole_counts
 from wbc.robot import Robot
 
 _TRUST = {"trusted": True}
