@@ -175,10 +175,10 @@ def test_ends_that_miss_laws_are_counted_and_named() -> None:
     assert ("unsettled", 0.25) in [(event.kind, event.size) for event in missed.events]
 
 
-def test_long_steps_that_make_energy_are_named() -> None:
-    """A leg without motors falls and bounces; at 10 ms some of its steps gain 0.06 to 0.65 J."""
+def test_long_steps_make_no_energy_and_are_named() -> None:
+    """A leg without motors falls and bounces; at 10 ms some of its steps gained 0.06 to 0.65 J."""
     leg = load_robot("planar_leg")
-    plant, rng, gained = Plant(leg), np.random.default_rng(1), 0
+    plant, rng, named = Plant(leg), np.random.default_rng(1), 0
     for _ in range(3):
         q = leg.pose()
         q[1] += 0.3 - plant.gaps(plant.state(q)).min()
@@ -187,10 +187,9 @@ def test_long_steps_that_make_energy_are_named() -> None:
             before = plant.mechanical_energy(state)
             result = plant.step(state, np.zeros(2), 1e-2)
             state = result.state
-            if plant.mechanical_energy(state) > before + 0.05:
-                gained += 1
-                assert {event.kind for event in result.events} & {"coarse", "energy"}
-    assert gained > 0
+            assert plant.mechanical_energy(state) < before + 0.05
+            named += any(event.kind == "coarse" for event in result.events)
+    assert named > 0
 
 
 def test_restitution_with_friction_never_makes_energy() -> None:

@@ -6,27 +6,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Number, Row, compiled, several
-from wbc.mechanics.inertia import bodies_at, momentum_of
-from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.books import spring_energy
-from wbc.sim.step.compliant import stored_at
-from wbc.sim.step.contacts import solid_gap, touch_ground
-from wbc.sim.step.field import AHEAD
-from wbc.sim.step.gears import motor_speeds
-from wbc.sim.step.tables import (
-    DEFLECTION,
-    HERTZ,
-    INERTIA,
-    OPENED,
-    REACH,
-    STIFFNESS,
-    Opened,
-    point_of_reference,
-)
+from wbc.sim.step.passive import survey
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,56 +124,6 @@ def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
     if flow.bent == flow.reloaded == 0.0:
         return []
     return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]
-
-
-@compiled(several(Number, Number, Count), OPENED, Row, Row, Number)
-def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[float, float, int]:
-    """Return what a plant stores at q (nq,), v (nv,), time [J]; the deepest body, and its gap.
-
-    Stored are the kinetic energy of links and rotors, gravity's, and that of springs in gears and
-    compliant contacts. The gap is
-    that of the origin of the joint that carries a body, from the nearest solid that loops know.
-    """
-    tree, placed, gears = plant.tree, plant.placed, plant.gears
-    joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
-    place(joints, tree.shapes, q, poses)
-    about = point_of_reference(plant.flight.bases, poses)
-    columns_at(joints, tree.shapes, poses, about, placed.columns)
-    bodies_at(joints, tree.shapes, poses, about, placed.bodies)
-    count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
-    motion, momentum, motor, normal = np.zeros((count, 6)), np.empty(6), np.empty(m), np.empty(3)
-    for i in range(count):
-        first, body = joints[i, 3], placed.bodies[i]
-        last = joints[i + 1, 3] if i + 1 < count else len(v)
-        for k in range(6):
-            motion[i, k] = motion[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
-            for row in range(first, last):
-                motion[i, k] += placed.columns[row, k] * v[row]
-        momentum_of(body, motion[i], momentum)
-        for k in range(6):
-            energy += 0.5 * momentum[k] * motion[i, k]
-        for k in range(3):
-            energy -= tree.gravity[k] * (body[1 + k] + body[0] * about[k])
-        gap = np.inf
-        for s in range(len(solids)):
-            gap = min(gap, solid_gap(solids[s], poses[i, 9:], normal))
-        if body[0] > 0.0 and gap < deepest:
-            deepest, lowest = gap, i
-    motor_speeds(gears, v, motor)
-    for g in range(m):
-        energy += 0.5 * gears.numbers[g, INERTIA] * motor[g] * motor[g]
-        if gears.numbers[g, STIFFNESS] < np.inf:
-            energy += spring_energy(gears.numbers[g], gears.motion[g, DEFLECTION])
-        if len(gears.coupling):
-            for c in range(len(v)):
-                energy += motor[g] * gears.coupling[g, c] * v[c]
-    if plant.bounds[HERTZ] > 0.0:
-        plant.bounds[REACH] = AHEAD
-        touch_ground(plant, time, np.zeros(0, dtype=np.bool_))
-        plant.obstacles.stands[:] = np.nan
-        for b in range(len(plant.obstacles.touch)):
-            energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
-    return energy, deepest, lowest
 
 
 def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:

@@ -14,17 +14,14 @@ from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.books import KINETIC, NORMAL, TRAFFIC
+from wbc.sim.step.books import KINETIC, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.course import Impact
 from wbc.sim.step.flow import Flow
+from wbc.sim.step.passive import MADE
 from wbc.sim.step.program import StepSolution
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
-_MADE = 5e-5
-"""The same, of energy beyond what the step was given. The steps of 10 ms in which a leg that falls
-and bounces gains 0.06 to 0.65 J have at least 8e-5; what turns freely has its step's own error: at
-1 ms a disc that spins on its edge 3e-5, a double pendulum without losses 3e-7."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +30,9 @@ class StepEvent:
 
     Attributes:
         kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
-            where the step's energy balance gained more than a hundredth of the energy in play, or
-            where more energy is stored at its end than it was given, which a shorter step mends;
+            where the step's energy balance gained more than a hundredth of the energy in play,
+            where more energy is stored at its end than it was given, or where that was taken from
+            speeds that no law bounds (`sim/step/passive`), which a shorter step mends;
             "unsettled", where the budget of work ended before all laws were met: friction is that
             of the impulses found so far, or flanks of gears or the coupling of rotors are not
             settled; "overlap", where a barrier was overrun further than the plant's return speed
@@ -186,10 +184,12 @@ def events_of(
     play = kinetic + abs(balance.flow.work) + balance.flow.lost
     gain = -balance.residual
     made = gain - balance.flow.lost
-    if gain > _COARSE * play + 1e-9 or made > _MADE * play + 1e-9:
+    taken = sum(float(part.end.books[TAKEN]) for part in parts)
+    if taken > 0.0 or gain > _COARSE * play + 1e-9 or made > MADE * play + 1e-9:
+        gain = max(gain, taken)
         text = (
-            f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from nowhere; "
-            "shorten dt"
+            f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from nowhere"
+            f"{' and were taken from its speeds' if taken > 0.0 else ''}; shorten dt"
         )
         found.append(StepEvent("coarse", parts[-1].state.time, gain, text))
     return tuple(found)

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.sim.random_robots import random_robot
 from wbc import Robot, load_robot
 from wbc.sim import Plane, Plant, SimState
 from wbc.transmission import Transmission
@@ -72,3 +73,22 @@ def test_a_thrown_solo12_flies_along_its_parabola() -> None:
     fallen = center + 0.6 * speed - np.array([0.0, 0.0, 0.5 * 9.81 * 0.6**2])
     assert np.abs(after[0] - fallen).max() < 1e-4
     assert np.linalg.norm(after[2] - turn) < 1e-4 * np.linalg.norm(turn)
+
+
+@pytest.mark.parametrize("base", ["fixed", "free"])
+@pytest.mark.parametrize("seed", [0, 2])
+def test_steps_that_are_too_long_for_a_fast_tree_make_no_energy(base, seed) -> None:
+    """Links that turn by up to a radian in a step: its velocity terms alone made them fly off."""
+    rng = np.random.default_rng(seed)
+    robot = random_robot(rng, base, 1.0, 1.0, 0.0, coupled=False).lossless()
+    plant, told = Plant(robot, Plane(height=-1e4)), set()
+    state = plant.state(robot.neutral(), 30.0 * rng.normal(size=robot.model.nv))
+    start, turn = plant.mechanical_energy(state), _motion(robot, state)[2]
+    for _ in range(100):
+        result = plant.step(state, np.zeros(robot.transmission.size), 0.02)
+        state = result.state
+        told |= {event.kind for event in result.events}
+    assert plant.mechanical_energy(state) < 1.03 * start
+    assert told == {"coarse"}
+    if base == "free":
+        assert _motion(robot, state)[2] == pytest.approx(turn, rel=1e-6, abs=1e-6)

@@ -24,9 +24,11 @@ from wbc.sim.step.tables import (
     Opened,
 )
 
-MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION, CONTACT, NORMAL, TRAFFIC, KINETIC, MISSED = range(11)
+MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION = range(6)
+CONTACT, NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 12)
 """Work and losses of a part [J]: see `EnergyFlow`; what one contact or stop made; bounds of what
-moved; and the speed by which a passive end misses the laws."""
+moved; the speed by which a passive end misses the laws; and what was taken from speeds that the
+velocity terms had made, see `passive`."""
 
 
 @compiled(Number, Row, Number, counted=False)
@@ -141,7 +143,7 @@ def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved)
 
 @compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
 def books_of(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
-    """Write work and losses of a part, MOTOR to MISSED, see `EnergyFlow`.
+    """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.

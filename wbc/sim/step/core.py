@@ -168,7 +168,7 @@ class Core:
         )
         stored = m + nv + size + tangents * barriers.contacts
         pushes = 3 * (points + len(barriers.pairs))
-        sizes = (nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv)
+        sizes = nq, nv, m, stored, size, nv, m, size, pushes, m, 12, 2, nq, nv, size, nv, nv, nq
         ends = np.cumsum(sizes).tolist()
         self._cuts = tuple(map(slice, [0, *ends], ends))
         self._out, self._size = np.zeros(ends[-1]), size

@@ -239,6 +239,8 @@ def to_middle(
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
+    for i in range(len(q)):
+        plant.end.start[i] = q[i]
     if len(bases) or touching or plant.obstacles.fields:
         place(joints, shapes, q, poses)
         look(tree, flight, upto, placed)

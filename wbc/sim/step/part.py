@@ -33,6 +33,7 @@ from wbc.sim.step.part_rows import (
     part_system,
     rows_of,
 )
+from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
 from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import DEFLECTION, HERTZ, OPENED, TOUCH, Opened
 
@@ -159,6 +160,7 @@ def second_half(
         return 10 + solved.way
     books_of(plant, acting, rows, solved)
     elements, both = len(rows.laws), len(rows.targets)
+    turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
     contacts = solved.impulse[elements + both - len(rows.frictions) :]
     world_pushes(plant, contacts, rows.axes, rows.which, end.pushes.reshape(-1, 3))
     pressed = solved.impulse[elements : elements + both]
@@ -169,6 +171,8 @@ def second_half(
         if plant.gears.at[i, 1] == 1:  # motors stay where they are
             for c in range(len(end.moved)):
                 end.deflection[i] -= plant.gears.rows[i, c] * end.moved[c]
+    if not 0.5 * step * turns <= TURN:
+        keep_passive(plant, acting)
     result = hold_or_land(plant, pressed)
     return -result if left else result
 

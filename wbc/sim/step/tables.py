@@ -186,12 +186,13 @@ class Ending(NamedTuple):
         pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
             world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
-        books: (11,) work and losses [J], MOTOR to MISSED of `books`.
+        books: (12,) work and losses [J], MOTOR to TAKEN of `books`.
         work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
         middle, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
+        start: q (nq,) at the start.
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
     """
 
@@ -212,6 +213,7 @@ class Ending(NamedTuple):
     rate: FloatArray
     force: FloatArray
     moved: FloatArray
+    start: FloatArray
     closed: BoolArray
 
 

@@ -1,0 +1,158 @@
+"""What a plant stores, and the bound that it sets to a part: no part makes energy.
+
+The velocity terms of a part are those of its start and its middle. Where bodies turn far within a
+part they may make energy, and what is too fast turns farther in the next one. So a part that ends
+with more energy than it was given is slowed down at its end: the joints first, whose speeds alone
+these terms change, with the momentum of free bases kept; where a rigid body would still have too
+much, all of it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.compiled import Count, Nothing, Number, OutRow, Row, compiled, several
+from wbc.mechanics.inertia import bodies_at, momentum_of
+from wbc.mechanics.kinematics import columns_at, place
+from wbc.sim.step.books import GROUND, KINETIC, MOTOR, TAKEN, spring_energy
+from wbc.sim.step.compliant import stored_at
+from wbc.sim.step.contacts import solid_gap, touch_ground
+from wbc.sim.step.field import AHEAD
+from wbc.sim.step.gears import motor_speeds
+from wbc.sim.step.motion import set_momentum
+from wbc.sim.step.part_rows import ACTING, Acting
+from wbc.sim.step.tables import (
+    DEFLECTION,
+    HERTZ,
+    INERTIA,
+    OPENED,
+    REACH,
+    SPEED,
+    STIFFNESS,
+    Opened,
+    point_of_reference,
+)
+
+MADE = 5e-5
+"""Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
+and bounces gains 0.06 to 0.65 J have at least 8e-5; what turns freely has its step's own error: at
+1 ms a disc that spins on its edge 3e-5, a double pendulum without losses 3e-7."""
+TURN = 0.03
+"""[rad] by which no body turns in a part that is not looked at; the disc above turns so far."""
+
+
+@compiled(several(Number, Number, Count), OPENED, Row, Row, Number)
+def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[float, float, int]:
+    """Return what a plant stores at q (nq,), v (nv,), time [J]; the deepest body, and its gap.
+
+    Stored are the kinetic energy of links and rotors, gravity's, and that of springs in gears and
+    compliant contacts. The gap is
+    that of the origin of the joint that carries a body, from the nearest solid that loops know.
+    """
+    tree, placed, gears = plant.tree, plant.placed, plant.gears
+    joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
+    place(joints, tree.shapes, q, poses)
+    about = point_of_reference(plant.flight.bases, poses)
+    columns_at(joints, tree.shapes, poses, about, placed.columns)
+    bodies_at(joints, tree.shapes, poses, about, placed.bodies)
+    count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
+    motion, momentum, motor, normal = np.zeros((count, 6)), np.empty(6), np.empty(m), np.empty(3)
+    for i in range(count):
+        first, body = joints[i, 3], placed.bodies[i]
+        last = joints[i + 1, 3] if i + 1 < count else len(v)
+        for k in range(6):
+            motion[i, k] = motion[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
+            for row in range(first, last):
+                motion[i, k] += placed.columns[row, k] * v[row]
+        momentum_of(body, motion[i], momentum)
+        for k in range(6):
+            energy += 0.5 * momentum[k] * motion[i, k]
+        for k in range(3):
+            energy -= tree.gravity[k] * (body[1 + k] + body[0] * about[k])
+        gap = np.inf
+        for s in range(len(solids)):
+            gap = min(gap, solid_gap(solids[s], poses[i, 9:], normal))
+        if body[0] > 0.0 and gap < deepest:
+            deepest, lowest = gap, i
+    motor_speeds(gears, v, motor)
+    for g in range(m):
+        energy += 0.5 * gears.numbers[g, INERTIA] * motor[g] * motor[g]
+        if gears.numbers[g, STIFFNESS] < np.inf:
+            energy += spring_energy(gears.numbers[g], gears.motion[g, DEFLECTION])
+        if len(gears.coupling):
+            for c in range(len(v)):
+                energy += motor[g] * gears.coupling[g, c] * v[c]
+    if plant.bounds[HERTZ] > 0.0:
+        plant.bounds[REACH] = AHEAD
+        touch_ground(plant, time, np.zeros(0, dtype=np.bool_))
+        plant.obstacles.stands[:] = np.nan
+        for b in range(len(plant.obstacles.touch)):
+            energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
+    return energy, deepest, lowest
+
+
+@compiled(Number, OPENED, Row)
+def fastest_turn(plant: Opened, v: FloatArray) -> float:
+    """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
+    joints, columns, most = plant.tree.joints, plant.placed.columns, 0.0
+    turning = np.zeros((len(joints), 3))
+    for i in range(len(joints)):
+        first, square = joints[i, 3], 0.0
+        last = joints[i + 1, 3] if i + 1 < len(joints) else len(v)
+        for k in range(3):
+            turning[i, k] = turning[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
+            for row in range(first, last):
+                turning[i, k] += columns[row, 3 + k] * v[row]
+            square += turning[i, k] * turning[i, k]
+        most = max(most, square)
+    return sqrt(most)
+
+
+@compiled(Number, OPENED, Row, Number, Number, OutRow)
+def slowed(plant: Opened, fast: FloatArray, share: float, time: float, v: FloatArray) -> float:
+    """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
+    for i in range(len(v)):
+        v[i] = share * fast[i]
+    set_momentum(plant.flight, plant.placed, v)
+    energy, _, _ = survey(plant, plant.end.position, v, time)
+    return energy
+
+
+@compiled(Nothing, OPENED, ACTING)
+def keep_passive(plant: Opened, acting: Acting) -> None:
+    """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
+
+    Args:
+        plant: its memory stands at the end, with the books.
+        acting: what the part starts from.
+    """
+    end, motion, books, fast = plant.end, plant.gears.motion, plant.end.books, plant.end.velocity
+    time, work = acting.time + acting.step, books[MOTOR] + books[GROUND]
+    for i in range(len(fast)):
+        work += 0.5 * acting.step * end.force[i] * (end.speed[i] + end.after[i])
+    had, _, _ = survey(plant, end.start, acting.v, acting.time)
+    for i in range(len(motion)):
+        motion[i, DEFLECTION], motion[i, SPEED] = end.deflection[i], end.motor_speed[i]
+    has, _, _ = survey(plant, end.position, fast, time)
+    most = had + work + MADE * (books[KINETIC] + abs(work))
+    if has <= most:
+        return
+    given, v = fast.copy(), end.velocity
+    none, half = slowed(plant, given, 0.0, time, v), slowed(plant, given, 0.5, time, v)
+    # Stored energy is quadratic in the share: none + along share + square share^2.
+    square, along = 2.0 * (has + none - 2.0 * half), 4.0 * half - has - 3.0 * none
+    if none < most:
+        root = along + sqrt(max(along * along + 4.0 * square * (most - none), 0.0))
+        share = 2.0 * (most - none) / root if root > 0.0 else 1.0
+        books[TAKEN] = has - slowed(plant, given, min(share, 1.0), time, v)
+        return
+    slowed(plant, given, 0.0, time, v)
+    given[:] = 0.0
+    rest, _, _ = survey(plant, end.position, given, time)
+    share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
+    for i in range(len(v)):
+        v[i] *= share
+    books[TAKEN] = has - rest - share * share * (none - rest)
