@@ -26,7 +26,7 @@ MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatAr
 
 @dataclass(frozen=True)
 class HuntCrossley:
-    """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`sim/step/compliant`).
+    """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`sim/step/solution`).
 
     A body that arrives at a low speed v leaves at about (1 - a v) v.
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Count, Nothing, Number, Row, compiled, several
-from wbc.sim.step.compliant import stored_at
 from wbc.sim.step.part_rows import ACTING, ROWS, SOLVED, Acting, PartRows, Solved
+from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     ACCURACY,
     BACKWARD,

@@ -19,7 +19,6 @@ from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
-from wbc.sim.step.compliant import NEVER
 from wbc.sim.step.contacts import FIELD, GAPS
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.flanks import grip_laws
@@ -51,7 +50,7 @@ from wbc.sim.step.program import (
     tolerance_of,
     unsolved,
 )
-from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, couple
+from wbc.sim.step.solution import NEVER, NO_INERTIA, UNDECIDED, couple
 from wbc.sim.step.tables import Ending, Obstacles, opened
 
 _NOTHING = np.zeros(0)

@@ -18,12 +18,12 @@ from wbc.compiled import Count, Nothing, Number, OutRow, Row, compiled, several
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.step.books import GROUND, KINETIC, MOTOR, TAKEN, spring_energy
-from wbc.sim.step.compliant import stored_at
 from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds
 from wbc.sim.step.motion import set_momentum
 from wbc.sim.step.part_rows import ACTING, Acting
+from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     DEFLECTION,
     HERTZ,
