@@ -66,6 +66,22 @@ def test_small_arrays_live_in_the_call_that_makes_them():
     assert found.tolist() == [2.0, 1.0, 0.0]
 
 
+@compiled(counted=False)
+def turned(given: Row, found: OutRow) -> float:
+    """Write an array backward and return its first entry."""
+    for i in range(len(given)):
+        found[i] = given[len(given) - 1 - i]
+    return found[0]
+
+
+def test_types_stand_in_the_annotations_unless_they_are_given():
+    found = np.zeros(2)
+    assert turned(np.array([1.0, 2.0]), found) == 2.0
+    assert found.tolist() == [2.0, 1.0]
+    with pytest.raises(TypeError, match="No matching definition"):
+        turned(np.array([1.0, 2.0]), np.zeros(4)[::2])
+
+
 def test_a_function_that_makes_arrays_must_count_who_holds_them():
     with pytest.raises(NumbaError):
         compiled(Number, Number, counted=False)(lambda x: x + np.zeros(2)[0])(1.0)

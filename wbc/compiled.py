@@ -16,10 +16,21 @@ from copy import copy
 from dis import get_instructions
 from functools import cache
 from hashlib import sha256
+from inspect import isfunction
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import CodeType
-from typing import Any, ClassVar, TypeVar, cast
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    TypeAlias,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+    overload,
+)
 
 import numba
 from llvmlite import binding, ir
@@ -35,34 +46,36 @@ from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
+from wbc.arrays import BoolArray, FloatArray, IntArray
+
 Number, Count, Flag, Nothing = types.float64, types.int64, types.boolean, types.void
-Vector = types.Array(types.float64, 1, "A", readonly=True)
+Vector: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "A", readonly=True)]
 """To read, with any stride."""
-Row = types.Array(types.float64, 1, "C", readonly=True)
+Row: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C", readonly=True)]
 """To read, without gaps."""
-Matrix = types.Array(types.float64, 2, "A", readonly=True)
+Matrix: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "A", readonly=True)]
 """To read, in any order."""
-Dense = types.Array(types.float64, 2, "C", readonly=True)
+Dense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C", readonly=True)]
 """To read, row by row."""
-Places = types.Array(types.int64, 1, "C", readonly=True)
+Places: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C", readonly=True)]
 """Row numbers to read."""
-Table = types.Array(types.int64, 2, "C", readonly=True)
+Table: TypeAlias = Annotated[IntArray, types.Array(types.int64, 2, "C", readonly=True)]
 """Whole numbers to read, row by row."""
-Flags = types.Array(types.boolean, 1, "A", readonly=True)
+Flags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A", readonly=True)]
 """To read."""
-OutFlags = types.Array(types.boolean, 1, "A")
+OutFlags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A")]
 """To write."""
-OutVector = types.Array(types.float64, 1, "A")
+OutVector: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "A")]
 """To write."""
-OutRow = types.Array(types.float64, 1, "C")
+OutRow: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C")]
 """To write, without gaps."""
-OutMatrix = types.Array(types.float64, 2, "A")
+OutMatrix: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "A")]
 """To write."""
-OutDense = types.Array(types.float64, 2, "C")
+OutDense: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "C")]
 """To write, row by row."""
-OutPlaces = types.Array(types.int64, 1, "C")
+OutPlaces: TypeAlias = Annotated[IntArray, types.Array(types.int64, 1, "C")]
 """Row numbers to write."""
-OutTable = types.Array(types.int64, 2, "C")
+OutTable: TypeAlias = Annotated[IntArray, types.Array(types.int64, 2, "C")]
 """Whole numbers to write, row by row."""
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -74,14 +87,15 @@ into functions that call it."""
 
 def several(*fields: Any) -> Any:
     """Return the type of a tuple of arrays and numbers, as a result."""
-    return types.Tuple(fields)
+    return types.Tuple([kind_of(field) for field in fields])
 
 
 def group(names: type[tuple[Any, ...]], *fields: Any) -> Any:
     """Return the type of a NamedTuple of arrays and numbers, as an argument or a result."""
-    if len(set(fields)) == 1:
-        return types.NamedUniTuple(fields[0], len(fields), names)
-    return types.NamedTuple(fields, names)
+    kinds = [kind_of(field) for field in fields]
+    if len(set(kinds)) == 1:
+        return types.NamedUniTuple(kinds[0], len(kinds), names)
+    return types.NamedTuple(kinds, names)
 
 
 def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
@@ -156,26 +170,58 @@ def _ask(context: Any, address: Any, what: Any, time: Any, later: Any) -> Any:
 ask: Any = intrinsic(_ask)
 
 
-def compiled(
-    result: Any, *arguments: Any, counted: bool = True
-) -> Callable[[_Function], _Function]:
-    """Return a decorator of a function that will be machine code for these types.
+@overload
+def compiled(function: _Function, /) -> _Function: ...
+@overload
+def compiled(*kinds: Any, counted: bool = ...) -> Callable[[_Function], _Function]: ...
+def compiled(*kinds: Any, counted: bool = True) -> Any:
+    """Return a decorator of a function that will be machine code for the types of its annotations.
 
     Sums may be taken in any order, so that they use the processor's vectors; what is not finite
     stays so.
 
     Args:
-        result: type of what it returns.
-        arguments: types of what it takes.
+        kinds: the function itself, where nothing else is said; or types of its result and of its
+            arguments, where its annotations do not say them.
         counted: whether it counts who holds the memory of its arrays, as a function that makes
             arrays must. One that only reads and writes those that it is given need not, and then
             slices cost nothing; its own small arrays come from `local`.
     """
 
-    def decorator(function: _Function) -> _Function:
-        return cast(_Function, MachineCode(function, result(*arguments), counted))
+    def decorator(function: Callable[..., Any]) -> Any:
+        result, *arguments = map(kind_of, stated or _annotated(function))
+        return MachineCode(function, result(*arguments), counted)
 
-    return decorator
+    alone = len(kinds) == 1 and isfunction(kinds[0])
+    stated = () if alone else kinds
+    return decorator(kinds[0]) if alone else decorator
+
+
+def _annotated(function: Callable[..., Any]) -> list[Any]:
+    """Return what a function is annotated to return, and to take."""
+    hints = get_type_hints(function, include_extras=True)
+    return [hints.pop("return"), *hints.values()]
+
+
+def kind_of(declared: Any) -> Any:
+    """Return numba's type of what an annotation declares; one of numba's own is itself.
+
+    A NamedTuple is the tuple of its fields, one with `structure` (`wbc.structures`) that structure.
+    """
+    if isinstance(declared, types.Type):
+        return declared
+    if get_origin(declared) is Annotated:
+        return get_args(declared)[1]
+    if get_origin(declared) is tuple:
+        return several(*get_args(declared))
+    if declared in _PLAIN:
+        return _PLAIN[declared]
+    if "structure" in vars(declared):
+        return declared.structure.kind
+    return group(declared, *get_type_hints(declared, include_extras=True).values())
+
+
+_PLAIN = {float: Number, int: Count, bool: Flag, type(None): Nothing}
 
 
 def make_ready(room: str) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from hashlib import sha256
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar, cast, get_type_hints
 
 import numpy as np
 from llvmlite import ir
@@ -21,6 +21,9 @@ from numba.extending import NativeValue, models, register_model, unbox
 from numba.np.arrayobj import populate_array
 
 from wbc.arrays import frozen
+from wbc.compiled import kind_of
+
+_Tuple = TypeVar("_Tuple", bound=tuple[Any, ...])
 
 
 class _Kind(types.Type):  # type: ignore[misc]
@@ -140,8 +143,9 @@ class Structure:
             fields: name -> kind of array, as in `wbc.compiled`, or of structure; `Count` or `Flag`
                 for a number that stays the same.
         """
-        self.kind = _Kind(label, tuple(fields.items()))
-        self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": fields})
+        kinds = {name: kind_of(field) for name, field in fields.items()}
+        self.kind = _Kind(label, tuple(kinds.items()))
+        self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": kinds})
 
     def of(self, **values: Any) -> Any:
         """Return a structure that holds these arrays; they are read and written where they lie.
@@ -151,3 +155,16 @@ class Structure:
             TypeError: an array of another kind.
         """
         return self._made(values)
+
+
+def structured(names: type[_Tuple]) -> type[_Tuple]:
+    """Let a NamedTuple be a structure for compiled functions, of the types of its annotations."""
+    fields = get_type_hints(names, include_extras=True)
+    cast(Any, names).structure = Structure(names.__name__, **fields)
+    return names
+
+
+def stored(values: _Tuple) -> _Tuple:
+    """Return arrays with names as what compiled functions take, see `structured`."""
+    named: Any = values
+    return cast(_Tuple, named.structure.of(**named._asdict()))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Matrix, Nothing, OutMatrix, Vector, compiled
+from wbc.compiled import Matrix, OutMatrix, Vector, compiled
 
 
 def bent_along(positions: FloatArray, length: ArrayLike) -> FloatArray:
@@ -22,8 +22,8 @@ def bent_along(positions: FloatArray, length: ArrayLike) -> FloatArray:
     return z.reshape(positions.shape)
 
 
-@compiled(Nothing, Matrix, Vector, OutMatrix)
-def _follow(positions: FloatArray, length: FloatArray, bent: FloatArray) -> None:
+@compiled
+def _follow(positions: Matrix, length: Vector, bent: OutMatrix) -> None:
     for i in range(positions.shape[1]):
         z = 0.0
         for k in range(1, len(positions)):

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.compiled import Dense, Nothing, Number, OutRow, Row, Table, compiled
+from wbc.compiled import Dense, Number, OutRow, Row, Table, compiled
 from wbc.effects.catalogue import EFFECTS
 from wbc.effects.drive import CurrentLimit, TorqueConstant, TorqueOffset
 from wbc.effects.friction import (
@@ -273,14 +273,9 @@ _stribeck = compiled(Number, Number, Number, Number)(stribeck_level)
 _extra_share = compiled(Number, Number, Number, Number)(extra_share)
 
 
-@compiled(Nothing, Table, Dense, Row, Row, OutRow, OutRow, counted=False)
+@compiled(counted=False)
 def fill_joint_torques(
-    joints: IntArray,
-    numbers: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
-    smooth: FloatArray,
-    dry: FloatArray,
+    joints: Table, numbers: Dense, position: Row, velocity: Row, smooth: OutRow, dry: OutRow
 ) -> None:
     """Write what the effects at joints do: smooth torque, and level >= 0 of dry friction.
 
@@ -313,8 +308,8 @@ def fill_joint_torques(
             smooth[row] += _ripple(q, a, b, c)
 
 
-@compiled(Nothing, Dense, Row, OutRow, counted=False)
-def fill_delivered(drives: FloatArray, command: FloatArray, rotor: FloatArray) -> None:
+@compiled(counted=False)
+def fill_delivered(drives: Dense, command: Row, rotor: OutRow) -> None:
     """Write the torque on the rotors (m,) [N m] that the drives give for a command (m,)."""
     for i in range(len(drives)):
         limit = drives[i, LIMIT]
@@ -322,21 +317,21 @@ def fill_delivered(drives: FloatArray, command: FloatArray, rotor: FloatArray) -
         rotor[i] = given + drives[i, OFFSET]
 
 
-@compiled(Nothing, Dense, Row, OutRow, counted=False)
-def fill_commands(drives: FloatArray, rotor: FloatArray, command: FloatArray) -> None:
+@compiled(counted=False)
+def fill_commands(drives: Dense, rotor: Row, command: OutRow) -> None:
     """Write what to command (m,) so that drives within their limits put `rotor` (m,) [N m] on."""
     for i in range(len(drives)):
         command[i] = (rotor[i] - drives[i, OFFSET]) / drives[i, GAIN]
 
 
-@compiled(Nothing, Dense, Row, Row, Row, OutRow, OutRow, counted=False)
+@compiled(counted=False)
 def fill_efficiencies(
-    gears: FloatArray,
-    turning: FloatArray,
-    forward: FloatArray,
-    backward: FloatArray,
-    now_forward: FloatArray,
-    now_backward: FloatArray,
+    gears: Dense,
+    turning: Row,
+    forward: Row,
+    backward: Row,
+    now_forward: OutRow,
+    now_backward: OutRow,
 ) -> None:
     """Write eta_f and eta_b (m,) at the present speeds of the gears' outputs.
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Dense, Nothing, OutDense, compiled
+from wbc.compiled import Dense, OutDense, compiled
 
 
-@compiled(Nothing, Dense, Dense, OutDense)
-def filter_both_ways(sections: FloatArray, steady: FloatArray, values: FloatArray) -> None:
+@compiled
+def filter_both_ways(sections: Dense, steady: Dense, values: OutDense) -> None:
     """Filter columns (N, k) in place, forward and then backward.
 
     Each pass begins as if its first value had lasted for ever.

@@ -13,35 +13,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Nothing,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Row,
-    compiled,
-)
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, compiled
 from wbc.mechanics.linear import factor, solve_factored
-from wbc.mechanics.rows import SYSTEM, RowSystem
+from wbc.mechanics.rows import RowSystem
 
 _ROUNDS = 3
 """The spring leaves 1e-9 of a row's speed and rounding 1e-7 of its impulse; each round takes off
 as much again. Fewer left stances of 120 rows short of 1e-10, more changed nothing."""
 
 
-@compiled(Nothing, Row, Row, Count, Dense, Dense, OutDense, OutDense, counted=False)
+@compiled(counted=False)
 def row_blocks(
-    slope: FloatArray,
-    frictions: FloatArray,
+    slope: Row,
+    frictions: Row,
     tangents: int,
-    pieces: FloatArray,
-    sliding: FloatArray,
-    on_speed: FloatArray,
-    on_impulse: FloatArray,
+    pieces: Dense,
+    sliding: Dense,
+    on_speed: OutDense,
+    on_impulse: OutDense,
 ) -> None:
     """Write S and C (r, 3), row by row: on the normal or the row itself, and on the two tangents.
 
@@ -67,10 +56,8 @@ def row_blocks(
                 on_speed[row, 1 + b] += slope[row] * turning * turn
 
 
-@compiled(Nothing, Count, Count, Dense, Row, OutRow, counted=False)
-def times(
-    contacts: int, tangents: int, blocks: FloatArray, given: FloatArray, result: FloatArray
-) -> None:
+@compiled(counted=False)
+def times(contacts: int, tangents: int, blocks: Dense, given: Row, result: OutRow) -> None:
     """Write S or C (r, 3) times a vector (r,)."""
     size = len(given)
     first = size - contacts * tangents
@@ -83,14 +70,9 @@ def times(
             result[i] += blocks[i, 1 + b] * given[first + contact * tangents + b]
 
 
-@compiled(Nothing, Count, Count, Dense, Dense, Row, OutDense, counted=False)
+@compiled(counted=False)
 def undo(
-    contacts: int,
-    tangents: int,
-    on_speed: FloatArray,
-    on_impulse: FloatArray,
-    spring: FloatArray,
-    columns: FloatArray,
+    contacts: int, tangents: int, on_speed: Dense, on_impulse: Dense, spring: Row, columns: OutDense
 ) -> None:
     """Replace columns (r, c) by (C + spring S)^-1 of them, contact by contact.
 
@@ -122,8 +104,8 @@ def undo(
             columns[row + 1, c] = (a * two - d * one) / whole
 
 
-@compiled(Nothing, Dense, Row, OutRow, counted=False)
-def gathered(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
+@compiled(counted=False)
+def gathered(ways: Dense, given: Row, result: OutRow) -> None:
     """Write W x (n,) of W' (r, n) and x (r,)."""
     result[:] = 0.0
     for i in range(len(ways)):
@@ -133,8 +115,8 @@ def gathered(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
                 result[j] += share * ways[i, j]
 
 
-@compiled(Nothing, Dense, Row, OutRow, counted=False)
-def spread(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
+@compiled(counted=False)
+def spread(ways: Dense, given: Row, result: OutRow) -> None:
     """Write W' y (r,) of W' (r, n) and y (n,)."""
     for i in range(len(ways)):
         total = 0.0
@@ -143,19 +125,17 @@ def spread(ways: FloatArray, given: FloatArray, result: FloatArray) -> None:
         result[i] = total
 
 
-@compiled(
-    Flag, Count, Count, Dense, Dense, Dense, Row, OutDense, OutDense, OutPlaces, counted=False
-)
+@compiled(counted=False)
 def factor_in_velocities(
     contacts: int,
     tangents: int,
-    ways: FloatArray,
-    on_speed: FloatArray,
-    on_impulse: FloatArray,
-    spring: FloatArray,
-    weighted: FloatArray,
-    total: FloatArray,
-    pivots: IntArray,
+    ways: Dense,
+    on_speed: Dense,
+    on_impulse: Dense,
+    spring: Row,
+    weighted: OutDense,
+    total: OutDense,
+    pivots: OutPlaces,
 ) -> bool:
     """Write (C + spring S)^-1 S W' (r, n) and the factors of 1 + W times it; False if singular."""
     size, n = ways.shape
@@ -183,13 +163,9 @@ def factor_in_velocities(
     return factor(total, pivots)
 
 
-@compiled(Flag, SYSTEM, Dense, Dense, Row, OutRow)
+@compiled
 def solve_in_velocities(
-    system: RowSystem,
-    pieces: FloatArray,
-    sliding: FloatArray,
-    impulse: FloatArray,
-    solved: FloatArray,
+    system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
 ) -> bool:
     """Write the row impulses (r,) that solve the pieces, like `solve_pieces`.
 

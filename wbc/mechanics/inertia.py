@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Nothing,
-    OutDense,
-    OutRow,
-    Row,
-    Table,
-    Vector,
-    compiled,
-    local,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Row, Table, Vector, compiled, local
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def momentum_of(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> None:
+@compiled(counted=False)
+def momentum_of(body: Row, motion: Row, momentum: OutRow) -> None:
     """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
     m, x, y, z = body[0], body[1], body[2], body[3]
     a, b, c, p, q, r = motion[0], motion[1], motion[2], motion[3], motion[4], motion[5]
@@ -30,14 +18,8 @@ def momentum_of(body: FloatArray, motion: FloatArray, momentum: FloatArray) -> N
     momentum[5] = x * b - y * a + body[6] * p + body[8] * q + body[9] * r
 
 
-@compiled(Nothing, Table, Dense, Dense, Row, OutDense, counted=False)
-def bodies_at(
-    joints: IntArray,
-    shapes: FloatArray,
-    poses: FloatArray,
-    about: FloatArray,
-    bodies: FloatArray,
-) -> None:
+@compiled(counted=False)
+def bodies_at(joints: Table, shapes: Dense, poses: Dense, about: Row, bodies: OutDense) -> None:
     """Write mass, first moment and inertia of each body about a point.
 
     Args:
@@ -67,8 +49,8 @@ def bodies_at(
         body[9] = part[6] * pose[6] + part[7] * pose[7] + part[8] * pose[8] + m * (x * x + y * y)
 
 
-@compiled(Nothing, Table, Dense, OutDense, counted=False)
-def composites_of(joints: IntArray, bodies: FloatArray, composite: FloatArray) -> None:
+@compiled(counted=False)
+def composites_of(joints: Table, bodies: Dense, composite: OutDense) -> None:
     """Write the sums (n, 10) of `bodies_at` over the tree behind each joint."""
     for i in range(len(joints)):
         for k in range(10):
@@ -79,10 +61,8 @@ def composites_of(joints: IntArray, bodies: FloatArray, composite: FloatArray) -
                 composite[joints[i, 0], k] += composite[i, k]
 
 
-@compiled(Nothing, Table, Dense, Dense, Count, OutDense, counted=False)
-def inertia_at(
-    rows: IntArray, composite: FloatArray, columns: FloatArray, upto: int, inertia: FloatArray
-) -> None:
+@compiled(counted=False)
+def inertia_at(rows: Table, composite: Dense, columns: Dense, upto: int, inertia: OutDense) -> None:
     """Write H_l, of which both halves are filled.
 
     Args:
@@ -106,8 +86,8 @@ def inertia_at(
             i = rows[i, 1]
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) -> None:
+@compiled(counted=False)
+def _add_cross_motion(motion: Row, other: Row, total: OutRow) -> None:
     """Add how fast a spatial velocity (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -120,8 +100,8 @@ def _add_cross_motion(motion: FloatArray, other: FloatArray, total: FloatArray) 
         total[3 + k] += motion[3 + i] * other[3 + j] - motion[3 + j] * other[3 + i]
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray) -> None:
+@compiled(counted=False)
+def _add_cross_force(motion: Row, momentum: Row, total: OutRow) -> None:
     """Add how fast a momentum (6,) that moves along with `motion` (6,) changes."""
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -134,17 +114,17 @@ def _add_cross_force(motion: FloatArray, momentum: FloatArray, total: FloatArray
         )
 
 
-@compiled(Nothing, Table, Row, Dense, Dense, Vector, *(OutDense,) * 3, OutRow)
+@compiled
 def move_bodies(
-    joints: IntArray,
-    gravity: FloatArray,
-    columns: FloatArray,
-    bodies: FloatArray,
-    v: FloatArray,
-    motion: FloatArray,
-    drift: FloatArray,
-    force: FloatArray,
-    bias: FloatArray,
+    joints: Table,
+    gravity: Row,
+    columns: Dense,
+    bodies: Dense,
+    v: Vector,
+    motion: OutDense,
+    drift: OutDense,
+    force: OutDense,
+    bias: OutRow,
 ) -> None:
     """Write how bodies move at v, and the forces that hold the tree at v' = 0.
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Dense, Nothing, Number, OutDense, OutRow, Row, Table, compiled, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, Table, compiled, local
 from wbc.mechanics.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
-@compiled(Nothing, Row, Number, Number, OutRow, counted=False)
-def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> None:
+@compiled(counted=False)
+def _about_axis(axis: Row, cos: float, sin: float, turn: OutRow) -> None:
     """Write the rotation (9,) about a unit axis (3,)."""
     x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
     turn[0], turn[1], turn[2] = cos + rest * x * x, rest * x * y - sin * z, rest * x * z + sin * y
@@ -22,8 +21,8 @@ def _about_axis(axis: FloatArray, cos: float, sin: float, turn: FloatArray) -> N
     turn[6], turn[7], turn[8] = rest * x * z - sin * y, rest * y * z + sin * x, cos + rest * z * z
 
 
-@compiled(Nothing, Row, OutRow, counted=False)
-def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
+@compiled(counted=False)
+def _of_quaternion(quaternion: Row, turn: OutRow) -> None:
     """Write the rotation (9,) of a quaternion (x, y, z, w)."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     turn[0], turn[1], turn[2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
@@ -31,8 +30,8 @@ def _of_quaternion(quaternion: FloatArray, turn: FloatArray) -> None:
     turn[6], turn[7], turn[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
+@compiled(counted=False)
+def _product(left: Row, right: Row, turn: OutRow) -> None:
     for i in range(3):
         for j in range(3):
             turn[3 * i + j] = (
@@ -42,8 +41,8 @@ def _product(left: FloatArray, right: FloatArray, turn: FloatArray) -> None:
             )
 
 
-@compiled(Nothing, Table, Dense, Row, OutDense, counted=False)
-def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray) -> None:
+@compiled(counted=False)
+def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
     """Write the pose of every joint: rotation (9 by rows) and place (3), world.
 
     Args:
@@ -96,10 +95,8 @@ def place(joints: IntArray, shapes: FloatArray, q: FloatArray, poses: FloatArray
         _product(mounted, own, pose[:9])
 
 
-@compiled(Nothing, Table, Dense, Dense, Row, OutDense, counted=False)
-def columns_at(
-    joints: IntArray, shapes: FloatArray, poses: FloatArray, about: FloatArray, columns: FloatArray
-) -> None:
+@compiled(counted=False)
+def columns_at(joints: Table, shapes: Dense, poses: Dense, about: Row, columns: OutDense) -> None:
     """Write the motion of the tree behind each joint per unit of each row of v.
 
     Args:
@@ -132,8 +129,8 @@ def columns_at(
             column[3], column[4], column[5] = a, b, c
 
 
-@compiled(Nothing, Row, Row, Number, OutRow, counted=False)
-def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
+@compiled(counted=False)
+def _fly(q: Row, v: Row, time: float, moved: OutRow) -> None:
     """Write the pose (7,) after flying with the constant body velocity v (6,): SE(3)'s exponential.
 
     With w = time * angular, its size t, and the linear part u: the place moves by
@@ -170,10 +167,8 @@ def _fly(q: FloatArray, v: FloatArray, time: float, moved: FloatArray) -> None:
         moved[k] /= size
 
 
-@compiled(Nothing, Table, Row, Row, Number, OutRow, counted=False)
-def moved_along(
-    joints: IntArray, q: FloatArray, v: FloatArray, time: float, moved: FloatArray
-) -> None:
+@compiled(counted=False)
+def moved_along(joints: Table, q: Row, v: Row, time: float, moved: OutRow) -> None:
     """Write the configuration (nq,) that v (nv,) leads to from q (nq,) in `time`."""
     for i in range(len(joints)):
         kind, at, row = joints[i, 1], joints[i, 2], joints[i, 3]

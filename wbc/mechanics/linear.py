@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutPlaces, OutRow, Places, compiled
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, compiled
 
 
-@compiled(Flag, OutDense, Count, Count, OutPlaces, counted=False)
-def take_pivot(matrix: FloatArray, k: int, end: int, pivots: IntArray) -> bool:
+@compiled(counted=False)
+def take_pivot(matrix: OutDense, k: int, end: int, pivots: OutPlaces) -> bool:
     """Bring the largest entry of column k to row k and eliminate below, up to column `end`.
 
     Returns:
@@ -32,8 +31,8 @@ def take_pivot(matrix: FloatArray, k: int, end: int, pivots: IntArray) -> bool:
     return True
 
 
-@compiled(Flag, OutDense, OutPlaces, counted=False)
-def factor(matrix: FloatArray, pivots: IntArray) -> bool:
+@compiled(counted=False)
+def factor(matrix: OutDense, pivots: OutPlaces) -> bool:
     """Replace a matrix (n, n) by its triangular factors with row pivots; False where singular.
 
     Four pivots at a time change what is right of them: it is read and written once for the four.
@@ -60,8 +59,8 @@ def factor(matrix: FloatArray, pivots: IntArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, Places, OutRow, counted=False)
-def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> None:
+@compiled(counted=False)
+def solve_factored(matrix: Dense, pivots: Places, right: OutRow) -> None:
     """Replace the right side (n,) by the solution, with what `factor` left."""
     size = len(right)
     for k in range(size):
@@ -79,8 +78,8 @@ def solve_factored(matrix: FloatArray, pivots: IntArray, right: FloatArray) -> N
         right[i] = (right[i] - total) / matrix[i, i]
 
 
-@compiled(Flag, Dense, OutDense, counted=False)
-def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
+@compiled(counted=False)
+def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
     """Write L, lower triangular, with L' L = inertia (n, n); False where that is not positive.
 
     From the leaves to the root, where the zeros between branches of a tree stay zeros
@@ -104,8 +103,8 @@ def factor_inertia(inertia: FloatArray, lower: FloatArray) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, OutDense, counted=False)
-def halfway(lower: FloatArray, columns: FloatArray) -> None:
+@compiled(counted=False)
+def halfway(lower: Dense, columns: OutDense) -> None:
     """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
         for c in range(columns.shape[1]):
@@ -117,8 +116,8 @@ def halfway(lower: FloatArray, columns: FloatArray) -> None:
                     columns[j, c] -= share * columns[i, c]
 
 
-@compiled(Nothing, Dense, OutRow, counted=False)
-def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
+@compiled(counted=False)
+def rest_of_way(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
         total = 0.0
@@ -127,8 +126,8 @@ def rest_of_way(lower: FloatArray, right: FloatArray) -> None:
         right[i] = (right[i] - total) / lower[i, i]
 
 
-@compiled(Nothing, Dense, OutDense, counted=False)
-def products(columns: FloatArray, gram: FloatArray) -> None:
+@compiled(counted=False)
+def products(columns: Dense, gram: OutDense) -> None:
     """Write columns' columns (r, r)."""
     size = columns.shape[1]
     gram[:] = 0.0

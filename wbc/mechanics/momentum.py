@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Flag, Matrix, Nothing, OutVector, Vector, compiled, local, view
+from wbc.compiled import Matrix, OutVector, Vector, compiled, local, view
 
 
-@compiled(Nothing, Matrix, Vector, Flag, Vector, OutVector, counted=False)
-def _to_rows(
-    turn: FloatArray, lever: FloatArray, planar: bool, wrench: FloatArray, rows: FloatArray
-) -> None:
+@compiled(counted=False)
+def _to_rows(turn: Matrix, lever: Vector, planar: bool, wrench: Vector, rows: OutVector) -> None:
     """Write a wrench (6,) about the centre of mass, world axes, as rows of the base (3 or 6)."""
     about = local(3)
     for i in range(3):
@@ -27,8 +24,8 @@ def _to_rows(
             rows[3 + i] += turn[j, i] * about[j]
 
 
-@compiled(Nothing, Matrix, Count, OutVector, counted=False)
-def _solve(inertia: FloatArray, first: int, rows: FloatArray) -> None:
+@compiled(counted=False)
+def _solve(inertia: Matrix, first: int, rows: OutVector) -> None:
     """Solve H_bb x = rows in place (Cholesky)."""
     size = len(rows)
     factor, inverse = view(local(36), 0, 6, 6), local(6)  # one division per row: they are slow
@@ -52,15 +49,15 @@ def _solve(inertia: FloatArray, first: int, rows: FloatArray) -> None:
         rows[i] *= inverse[i]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
+@compiled(counted=False)
 def momentum_at(
-    inertia: FloatArray,
-    turn: FloatArray,
-    lever: FloatArray,
+    inertia: Matrix,
+    turn: Matrix,
+    lever: Vector,
     first: int,
     planar: bool,
-    velocity: FloatArray,
-    momentum: FloatArray,
+    velocity: Vector,
+    momentum: OutVector,
 ) -> None:
     """Write the momentum (6,) of the tree on a free base, angular about its centre of mass.
 
@@ -93,15 +90,15 @@ def momentum_at(
         momentum[3 + i] -= lever[j] * momentum[k] - lever[k] * momentum[j]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
+@compiled(counted=False)
 def velocity_at(
-    inertia: FloatArray,
-    turn: FloatArray,
-    lever: FloatArray,
+    inertia: Matrix,
+    turn: Matrix,
+    lever: Vector,
     first: int,
     planar: bool,
-    momentum: FloatArray,
-    velocity: FloatArray,
+    momentum: Vector,
+    velocity: OutVector,
 ) -> None:
     """Write the base's rows of v (nv,) so that the tree has a momentum (6,); inverts `momentum_at`.
 
@@ -119,15 +116,15 @@ def velocity_at(
         velocity[first + i] = rows[i]
 
 
-@compiled(Nothing, Matrix, Matrix, Vector, Count, Flag, Vector, OutVector, counted=False)
+@compiled(counted=False)
 def part_on_joints(
-    inertia: FloatArray,
-    turn: FloatArray,
-    lever: FloatArray,
+    inertia: Matrix,
+    turn: Matrix,
+    lever: Vector,
     first: int,
     planar: bool,
-    weight: FloatArray,
-    bias: FloatArray,
+    weight: Vector,
+    bias: OutVector,
 ) -> None:
     """Take out of the bias (nv,) what the momentum of a free base accounts for, in place.
 

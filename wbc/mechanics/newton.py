@@ -14,21 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
 from wbc.mechanics.in_velocities import solve_in_velocities
-from wbc.mechanics.rows import SYSTEM, RowSystem, pieces_at, products_of, solve_pieces
+from wbc.mechanics.rows import RowSystem, pieces_at, products_of, solve_pieces
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
 NEWTON, PROXIMAL, CONVEX, PASSIVE, UNSOLVED = range(5)
@@ -66,10 +54,8 @@ _WORK = 1e8
 """Multiplications and additions, thrice as many, after which no other way is begun."""
 
 
-@compiled(Nothing, Dense, Row, Row, OutRow, counted=False)
-def speeds_at(
-    delassus: FloatArray, free: FloatArray, impulse: FloatArray, speed: FloatArray
-) -> None:
+@compiled(counted=False)
+def speeds_at(delassus: Dense, free: Row, impulse: Row, speed: OutRow) -> None:
     """Write free + delassus @ impulse (r,)."""
     for i in range(len(free)):
         total = 0.0
@@ -78,13 +64,9 @@ def speeds_at(
         speed[i] = free[i] + total
 
 
-@compiled(Flag, SYSTEM, Dense, Dense, Row, OutRow, counted=False)
+@compiled(counted=False)
 def solve_smaller(
-    system: RowSystem,
-    pieces: FloatArray,
-    sliding: FloatArray,
-    impulse: FloatArray,
-    solved: FloatArray,
+    system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
 ) -> bool:
     """Solve the pieces in velocities where the system has `ways`, else in impulses."""
     if len(system.ways):
@@ -92,29 +74,25 @@ def solve_smaller(
     return solve_pieces(system, pieces, sliding, impulse, solved)
 
 
-@compiled(Number, SYSTEM, Row, OutRow, OutDense, OutDense, counted=False)
+@compiled(counted=False)
 def look_at(
-    system: RowSystem,
-    impulse: FloatArray,
-    speed: FloatArray,
-    pieces: FloatArray,
-    sliding: FloatArray,
+    system: RowSystem, impulse: Row, speed: OutRow, pieces: OutDense, sliding: OutDense
 ) -> float:
     """Write the speeds and pieces at row impulses (r,); return the largest residual."""
     speeds_at(system.delassus, system.free, impulse, speed)
     return pieces_at(system, impulse, speed, pieces, sliding)
 
 
-@compiled(Number, SYSTEM, Row)
-def distance(system: RowSystem, impulse: FloatArray) -> float:
+@compiled
+def distance(system: RowSystem, impulse: Row) -> float:
     """Return how far the row farthest from its law is at row impulses (r,), as a speed."""
     size = len(impulse)
     pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
     return look_at(system, impulse, np.empty(size), pieces, sliding)
 
 
-@compiled(Number, Dense, counted=False)
-def merit_of(pieces: FloatArray) -> float:
+@compiled(counted=False)
+def merit_of(pieces: Dense) -> float:
     """Return the sum of the squares of the residuals."""
     merit = 0.0
     for i in range(len(pieces)):
@@ -122,14 +100,9 @@ def merit_of(pieces: FloatArray) -> float:
     return merit
 
 
-@compiled(Count, SYSTEM, Row, Number, Count, Count, OutRow)
+@compiled
 def newton(
-    system: RowSystem,
-    start: FloatArray,
-    tolerance: float,
-    whole: int,
-    shortened: int,
-    impulse: FloatArray,
+    system: RowSystem, start: Row, tolerance: float, whole: int, shortened: int, impulse: OutRow
 ) -> int:
     """Write the row impulses (r,) at which every row is on its law.
 
@@ -177,8 +150,8 @@ def newton(
     return -whole - shortened
 
 
-@compiled(SYSTEM, SYSTEM, Number, Row)
-def softened(system: RowSystem, compliance: float, about: FloatArray) -> RowSystem:
+@compiled
+def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     """Return the system with a compliance in series with every row, unloaded at `about` (r,).
 
     It is a share of each row's own, 1/slope before tangents were paired.
@@ -198,10 +171,8 @@ def softened(system: RowSystem, compliance: float, about: FloatArray) -> RowSyst
     )  # fmt: skip
 
 
-@compiled(Count, SYSTEM, Row, Number, Count, OutRow)
-def proximal(
-    system: RowSystem, start: FloatArray, tolerance: float, most: int, impulse: FloatArray
-) -> int:
+@compiled
+def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow) -> int:
     """Write the row impulses (r,) by proximal rounds, like `newton`.
 
     A split of forces that has to move far (a corner of a sole that must let go before the rest
@@ -229,14 +200,9 @@ def proximal(
     return -used - 1
 
 
-@compiled(several(Count, Number), SYSTEM, SYSTEM, Row, Number, Count, OutRow)
+@compiled
 def shift_cones(
-    system: RowSystem,
-    convex: RowSystem,
-    start: FloatArray,
-    tolerance: float,
-    most: int,
-    impulse: FloatArray,
+    system: RowSystem, convex: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow
 ) -> tuple[int, float]:
     """Write row impulses (r,) by rounds of convex programs, see `shifted_cones`.
 
@@ -298,9 +264,9 @@ def shift_cones(
     return used, least
 
 
-@compiled(several(Count, Count), SYSTEM, Row, Number, Number, OutRow)
+@compiled
 def solve_system(
-    system: RowSystem, start: FloatArray, tolerance: float, work: float, impulse: FloatArray
+    system: RowSystem, start: Row, tolerance: float, work: float, impulse: OutRow
 ) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
@@ -380,10 +346,8 @@ def solve_system(
     return used, passive
 
 
-@compiled(Nothing, SYSTEM, Dense, Row, Row, OutRow, counted=False)
-def velocity_after(
-    system: RowSystem, lower: FloatArray, free: FloatArray, impulse: FloatArray, after: FloatArray
-) -> None:
+@compiled(counted=False)
+def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, after: OutRow) -> None:
     """Write v (n,) after row impulses (r,).
 
     Args:

@@ -15,21 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    group,
-    local,
-    several,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
 from wbc.mechanics.linear import factor, halfway, products, solve_factored
 
 
@@ -51,23 +37,20 @@ class RowSystem(NamedTuple):
         tangents: d per contact.
     """
 
-    half: FloatArray
-    ways: FloatArray
-    delassus: FloatArray
-    free: FloatArray
-    spring: FloatArray
-    slope: FloatArray
-    laws: FloatArray
-    targets: FloatArray
-    frictions: FloatArray
-    grips: FloatArray
+    half: OutDense
+    ways: OutDense
+    delassus: OutDense
+    free: OutRow
+    spring: OutRow
+    slope: OutRow
+    laws: OutDense
+    targets: OutRow
+    frictions: OutRow
+    grips: OutRow
     tangents: int
 
 
-SYSTEM = group(RowSystem, *(OutDense,) * 3, *(OutRow,) * 3, OutDense, *(OutRow,) * 3, Count)
-
-
-@compiled(Count, Count, Count, counted=False)
+@compiled(counted=False)
 def products_of(rows: int, freedoms: int) -> int:
     """Return thrice the products of a system of the pieces, solved in impulses or in velocities.
 
@@ -78,14 +61,8 @@ def products_of(rows: int, freedoms: int) -> int:
     return min(rows**3, freedoms * freedoms * (3 * rows + freedoms))
 
 
-@compiled(Nothing, Dense, Dense, Count, OutRow, OutRow, counted=False)
-def lines(
-    delassus: FloatArray,
-    laws: FloatArray,
-    pairs: int,
-    spring: FloatArray,
-    slope: FloatArray,
-) -> None:
+@compiled(counted=False)
+def lines(delassus: Dense, laws: Dense, pairs: int, spring: OutRow, slope: OutRow) -> None:
     """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
 
     Args:
@@ -110,14 +87,14 @@ def lines(
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
 
 
-@compiled(SYSTEM, Dense, Dense, Row, OutDense, OutRow, OutRow, Count)
+@compiled
 def system_of(
-    matrix: FloatArray,
-    lower: FloatArray,
-    free: FloatArray,
-    laws: FloatArray,
-    targets: FloatArray,
-    frictions: FloatArray,
+    matrix: Dense,
+    lower: Dense,
+    free: Row,
+    laws: OutDense,
+    targets: OutRow,
+    frictions: OutRow,
     tangents: int,
 ) -> RowSystem:
     """Return the system of the rows `matrix` G (r, n).
@@ -149,8 +126,8 @@ def system_of(
     )
 
 
-@compiled(several(Number, Number, Number), Row, Number, Number, counted=False)
-def branch_of(law: FloatArray, point: float, slope: float) -> tuple[float, float, float]:
+@compiled(counted=False)
+def branch_of(law: Row, point: float, slope: float) -> tuple[float, float, float]:
     """Return sign, gain and bring of the branch on which a law meets the line T - slope w = point.
 
     The sign is +1 turning forward, -1 backward, 0 stuck; the gain is k, the mesh input per output;
@@ -174,8 +151,8 @@ def branch_of(law: FloatArray, point: float, slope: float) -> tuple[float, float
     return 0.0, 0.0, 0.0
 
 
-@compiled(Number, Row, Number, Number, counted=False)
-def meeting_speed(law: FloatArray, point: float, slope: float) -> float:
+@compiled(counted=False)
+def meeting_speed(law: Row, point: float, slope: float) -> float:
     """Return w at which a law (9,) meets the line T - slope w = point."""
     sign, gain, bring = branch_of(law, point, slope)
     if sign == 0.0:
@@ -184,8 +161,8 @@ def meeting_speed(law: FloatArray, point: float, slope: float) -> float:
     return speed
 
 
-@compiled(Number, Row, Number, Number, Number, counted=False)
-def own_speed(law: FloatArray, slope: float, impulse: float, speed: float) -> float:
+@compiled(counted=False)
+def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
     """Return w of an element (9,) that carries an impulse T at u = W v.
 
     Where there is a spring it follows from the law, not from the spring, whose impulse may hardly
@@ -204,10 +181,8 @@ def own_speed(law: FloatArray, slope: float, impulse: float, speed: float) -> fl
     return meeting_speed(law, point, law[7] * give * slope)
 
 
-@compiled(Nothing, Row, Number, Number, Number, OutRow, counted=False)
-def element_piece(
-    law: FloatArray, slope: float, impulse: float, speed: float, piece: FloatArray
-) -> None:
+@compiled(counted=False)
+def element_piece(law: Row, slope: float, impulse: float, speed: float, piece: OutRow) -> None:
     """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
 
     Args:
@@ -237,13 +212,9 @@ def element_piece(
     piece[3] = missing / (on_speed + on_impulse * slope)
 
 
-@compiled(Number, SYSTEM, Row, Row, OutDense, OutDense, counted=False)
+@compiled(counted=False)
 def pieces_at(
-    system: RowSystem,
-    impulse: FloatArray,
-    speed: FloatArray,
-    pieces: FloatArray,
-    sliding: FloatArray,
+    system: RowSystem, impulse: Row, speed: Row, pieces: OutDense, sliding: OutDense
 ) -> float:
     """Write the pieces met by the lines of `slope` through (speed, impulse).
 
@@ -307,13 +278,9 @@ def pieces_at(
     return worst
 
 
-@compiled(Flag, SYSTEM, Dense, Dense, Row, OutRow)
+@compiled
 def solve_pieces(
-    system: RowSystem,
-    pieces: FloatArray,
-    sliding: FloatArray,
-    impulse: FloatArray,
-    solved: FloatArray,
+    system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
 ) -> bool:
     """Write the row impulses (r,) that solve the pieces; False where they contradict each other.
 

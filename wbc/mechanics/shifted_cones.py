@@ -20,20 +20,9 @@ import math
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    local,
-)
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
 from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
-from wbc.mechanics.rows import SYSTEM, RowSystem, branch_of
+from wbc.mechanics.rows import RowSystem, branch_of
 
 _COMPLIANCE = 1e-2
 """Of that of each row alone, in the first round: the softer, the fewer steps it takes. 80 steps of
@@ -44,9 +33,9 @@ _SETTLED = 1e-12  # of x
 _FLAT = 0.1  # share of a slope that may be left along a step
 
 
-@compiled(Nothing, Number, Number, Number, Row, OutRow, OutDense, counted=False)
+@compiled(counted=False)
 def onto_cone(
-    mu: float, slope: float, push: float, wish: FloatArray, onto: FloatArray, rise: FloatArray
+    mu: float, slope: float, push: float, wish: Row, onto: OutRow, rise: OutDense
 ) -> None:
     """Write the nearest point of a friction cone to normal and tangential impulses.
 
@@ -78,15 +67,9 @@ def onto_cone(
             rise[1 + a, 1 + b] = mu * mu * within * both + slope * mu * pressed / size * across
 
 
-@compiled(Nothing, SYSTEM, Row, Row, Row, Row, OutRow, OutDense, counted=False)
+@compiled(counted=False)
 def answer(
-    system: RowSystem,
-    own: FloatArray,
-    about: FloatArray,
-    shift: FloatArray,
-    speed: FloatArray,
-    impulse: FloatArray,
-    rise: FloatArray,
+    system: RowSystem, own: Row, about: Row, shift: Row, speed: Row, impulse: OutRow, rise: OutDense
 ) -> None:
     """Write the impulses (r,) of rows with a compliance, and how they fall with the speeds.
 
@@ -138,8 +121,8 @@ def answer(
             impulse[first + a] = onto[1 + a]
 
 
-@compiled(Nothing, SYSTEM, Dense, Dense, OutDense)
-def stiffened(system: RowSystem, ways: FloatArray, rise: FloatArray, total: FloatArray) -> None:
+@compiled
+def stiffened(system: RowSystem, ways: Dense, rise: Dense, total: OutDense) -> None:
     """Write the lower half of 1 + W rise W' (n, n), of W' (r, n) and the rises of `answer`."""
     (size, n), d, contacts = ways.shape, system.tangents, len(system.frictions)
     first, row_of = size - contacts * (1 + d), np.empty(n)
@@ -172,16 +155,16 @@ def stiffened(system: RowSystem, ways: FloatArray, rise: FloatArray, total: Floa
                     total[j, k] += share * row_of[k]
 
 
-@compiled(Count, SYSTEM, Dense, Row, Row, Row, OutRow, OutRow, OutRow)
+@compiled
 def minimise(
     system: RowSystem,
-    ways: FloatArray,
-    own: FloatArray,
-    about: FloatArray,
-    shift: FloatArray,
-    x: FloatArray,
-    speed: FloatArray,
-    impulse: FloatArray,
+    ways: Dense,
+    own: Row,
+    about: Row,
+    shift: Row,
+    x: OutRow,
+    speed: OutRow,
+    impulse: OutRow,
 ) -> int:
     """Write the end of one convex program; return how many linear systems it took.
 
@@ -254,8 +237,8 @@ def minimise(
     return used
 
 
-@compiled(Number, SYSTEM, Row, OutRow, counted=False)
-def slips(system: RowSystem, speed: FloatArray, shift: FloatArray) -> float:
+@compiled(counted=False)
+def slips(system: RowSystem, speed: Row, shift: OutRow) -> float:
     """Write mu |u_t| (k,) of the contacts; return the largest change."""
     contacts, d, changed = len(system.frictions), system.tangents, 0.0
     for contact in range(contacts):
@@ -268,8 +251,8 @@ def slips(system: RowSystem, speed: FloatArray, shift: FloatArray) -> float:
     return changed
 
 
-@compiled(Nothing, SYSTEM, OutRow, counted=False)
-def compliance_of(system: RowSystem, own: FloatArray) -> None:
+@compiled(counted=False)
+def compliance_of(system: RowSystem, own: OutRow) -> None:
     """Write a compliance (r,) of each row, a share of its own; one for each contact."""
     contacts, d, size = len(system.frictions), system.tangents, len(own)
     for i in range(size):

@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import OutDense, OutRow, OutTable
+from wbc.structures import structured
 
 REVOLUTE, UNBOUNDED, PRISMATIC, FREE_FLYER = range(4)
 """Joints that the loops know: about an axis, the same with q as cos and sin, along one, free."""
@@ -22,6 +24,7 @@ _KINDS = {
 }
 
 
+@structured
 class Tree(NamedTuple):
     """The bodies and joints of a robot; joint i here is joint i + 1 of pinocchio's.
 
@@ -34,10 +37,10 @@ class Tree(NamedTuple):
         gravity: (3,) [m/s^2].
     """
 
-    joints: IntArray
-    shapes: FloatArray
-    rows: IntArray
-    gravity: FloatArray
+    joints: OutTable
+    shapes: OutDense
+    rows: OutTable
+    gravity: OutRow
 
 
 def joints_of(model: Any) -> tuple[IntArray, FloatArray]:

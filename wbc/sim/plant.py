@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
-from wbc.compiled import Flag, OutVector, Vector, compiled, make_ready
+from wbc.compiled import OutVector, Vector, compiled, make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Hull, Robot, body_surfaces
 from wbc.sim.energy import surveyed
@@ -307,8 +307,8 @@ class Plant:
         return given
 
 
-@compiled(Flag, Vector, Vector, Vector, OutVector)
-def clip_torques(torque: FloatArray, low: FloatArray, high: FloatArray, given: FloatArray) -> bool:
+@compiled
+def clip_torques(torque: Vector, low: Vector, high: Vector, given: OutVector) -> bool:
     """Write torques (m,) clipped to their bounds; return False where one is no number."""
     good = True
     for i in range(len(torque)):

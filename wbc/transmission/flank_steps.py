@@ -5,10 +5,10 @@ Loading the compiler takes a moment that most programs need not wait for.
 
 from __future__ import annotations
 
-from wbc.compiled import Number, compiled, several
+from wbc.compiled import compiled
 
 
-@compiled(several(Number, Number, Number, Number), *(Number,) * 9)
+@compiled
 def flank_impulse(
     stiffness: float,
     damping: float,

@@ -26,6 +26,7 @@ from wbc.compiled import (
     Table,
     Vector,
     compiled,
+    kind_of,
 )
 from wbc.control.qp.problem import INFINITE
 from wbc.control.tree import TREE
@@ -82,7 +83,7 @@ TRUSTED, FULL_SPEED, CORRECTION, OBSERVES = range(4)
 
 
 MotorRows = tuple[FloatArray, FloatArray, FloatArray]
-_Three = types.UniTuple(OutRow, 3)
+_Three = types.UniTuple(kind_of(OutRow), 3)
 
 
 @compiled(Nothing, GEARS.kind, *[Vector] * 2, Number, OutRow, _Three)

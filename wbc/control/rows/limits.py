@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.compiled import Dense, Nothing, Number, OutRow, Places, Row, Vector, compiled
+from wbc.compiled import Dense, Nothing, Number, OutRow, Places, Row, Vector, compiled, kind_of
 from wbc.errors import ControlError
 from wbc.robot import Robot
 from wbc.structures import Structure
@@ -58,7 +58,9 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
     return found
 
 
-@compiled(Nothing, JOINTS.kind, Row, Dense, *[Vector] * 2, Number, types.UniTuple(OutRow, 2))
+@compiled(
+    Nothing, JOINTS.kind, Row, Dense, *[Vector] * 2, Number, types.UniTuple(kind_of(OutRow), 2)
+)
 def place_joint_bounds(
     joints: Any,
     bias: FloatArray,

@@ -9,21 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutFlags,
-    OutRow,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled
 from wbc.mechanics.kinematics import moved_along, place
 from wbc.mechanics.linear import (
     factor,
@@ -37,13 +23,11 @@ from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import ACTING, Acting
+from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.tables import (
     DRIFT_FROM,
-    GEARS,
     HERTZ,
     INERTIA,
-    OPENED,
     REACH,
     RETURN_SPEED,
     TOUCH,
@@ -69,8 +53,8 @@ _TRIES = 100
 _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
 
 
-@compiled(Nothing, Dense, Flags, Row, OutRow)
-def least(delassus: FloatArray, pressed: BoolArray, missing: FloatArray, push: FloatArray) -> None:
+@compiled
+def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
     """Write the pushes (b,) that open gaps by what is missing: delassus @ push >= missing.
 
     Only pressed ones pull, and softly: rows of places that are near to each other are nearly the
@@ -109,8 +93,8 @@ def least(delassus: FloatArray, pressed: BoolArray, missing: FloatArray, push: F
             return
 
 
-@compiled(Nothing, Dense, GEARS, OutDense, counted=False)
-def metric_of(inertia: FloatArray, gears: Gears, metric: FloatArray) -> None:
+@compiled(counted=False)
+def metric_of(inertia: Dense, gears: Gears, metric: OutDense) -> None:
     """Write H_l (nv, nv) with the rotors of rigid gears: what is light moves first."""
     for i in range(len(inertia)):
         for j in range(len(inertia)):
@@ -123,14 +107,8 @@ def metric_of(inertia: FloatArray, gears: Gears, metric: FloatArray) -> None:
                     metric[i, j] += gears.numbers[g, INERTIA] * turning[i] * turning[j]
 
 
-@compiled(Flag, Dense, Dense, Flags, Row, OutRow)
-def shift_of(
-    metric: FloatArray,
-    matrix: FloatArray,
-    pressed: BoolArray,
-    missing: FloatArray,
-    shift: FloatArray,
-) -> bool:
+@compiled
+def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: OutRow) -> bool:
     """Write the least shift (nv,) that takes overlaps back; False where none can be found.
 
     Args:
@@ -160,7 +138,7 @@ def shift_of(
     return True
 
 
-@compiled(Count, OPENED, counted=False)
+@compiled(counted=False)
 def rigid_ones(plant: Opened) -> int:
     """Return how many barriers are rigid: all, or the joint limits where contacts are compliant."""
     limits = 2 * len(plant.obstacles.limit_at)
@@ -169,14 +147,9 @@ def rigid_ones(plant: Opened) -> int:
     return limits + len(plant.obstacles.touch)
 
 
-@compiled(Nothing, OPENED, Dense, Flags, Row, Number, Number)
+@compiled
 def take_back(
-    plant: Opened,
-    matrix: FloatArray,
-    pressed: BoolArray,
-    drift: FloatArray,
-    furthest: float,
-    time: float,
+    plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest: float, time: float
 ) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
@@ -223,9 +196,9 @@ def take_back(
             return
 
 
-@compiled(several(Number, Number), OPENED, Row, Number, OutFlags, OutRow, counted=False)
+@compiled(counted=False)
 def drifts(
-    plant: Opened, pushes: FloatArray, step: float, pressed: BoolArray, drift: FloatArray
+    plant: Opened, pushes: Row, step: float, pressed: OutFlags, drift: OutRow
 ) -> tuple[float, float]:
     """Write the gaps (l + k,) of closed barriers at the end, and whether they are pressed.
 
@@ -254,8 +227,8 @@ def drifts(
     return off, deepest
 
 
-@compiled(Flag, OPENED, ACTING, Dense, Row)
-def arrive(plant: Opened, acting: Acting, matrix: FloatArray, pushes: FloatArray) -> bool:
+@compiled
+def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
     """Write the end of a part; return whether some overlap is left.
 
     These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
@@ -291,8 +264,8 @@ def arrive(plant: Opened, acting: Acting, matrix: FloatArray, pushes: FloatArray
     return left
 
 
-@compiled(Flag, OPENED, Row, OutRow, OutRow)
-def lift(plant: Opened, stiff: FloatArray, q: FloatArray, gap: FloatArray) -> bool:
+@compiled
+def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
     """Move q (nq,) out of the ground (as it lies at time zero); False where no motion does it.
 
     Args:

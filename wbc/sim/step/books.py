@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Nothing, Number, Row, compiled, several
-from wbc.sim.step.part_rows import ACTING, ROWS, SOLVED, Acting, PartRows, Solved
+from wbc.compiled import Row, compiled
+from wbc.sim.step.part_rows import Acting, PartRows, Solved
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     ACCURACY,
@@ -16,7 +15,6 @@ from wbc.sim.step.tables import (
     HERTZ,
     INERTIA,
     INVERSE,
-    OPENED,
     PLAY,
     RATIO,
     STIFFNESS,
@@ -31,8 +29,8 @@ moved; the speed by which a passive end misses the laws; and what was taken from
 velocity terms had made, see `passive`."""
 
 
-@compiled(Number, Row, Number, counted=False)
-def spring_energy(gear: FloatArray, deflection: float) -> float:
+@compiled(counted=False)
+def spring_energy(gear: Row, deflection: float) -> float:
     """Return what a compliant gear stores at a deflection [rad], beyond its play [J]."""
     half = 0.5 * gear[PLAY]
     bent = deflection - min(max(deflection, -half), half)
@@ -40,7 +38,7 @@ def spring_energy(gear: FloatArray, deflection: float) -> float:
     return stored
 
 
-@compiled(several(Number, Number), OPENED, ACTING, ROWS, SOLVED, Count, Number, counted=False)
+@compiled(counted=False)
 def loose_losses(
     plant: Opened, acting: Acting, rows: PartRows, solved: Solved, which: int, lost: float
 ) -> tuple[float, float]:
@@ -82,7 +80,7 @@ def loose_losses(
     return lost, 0.0
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
+@compiled(counted=False)
 def book_gears(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
     """Write the motors' work, and what is lost in gears and in friction of joints."""
     books, motor, mesh = plant.end.books, plant.end.motor_speed, plant.end.mesh_impulse
@@ -103,7 +101,7 @@ def book_gears(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) ->
         books[FRICTION] += (rows.laws[i, 5] + rows.laws[i, 6] * size) * size
 
 
-@compiled(Number, OPENED, ACTING, ROWS, SOLVED, Count, counted=False)
+@compiled(counted=False)
 def soft_loss(plant: Opened, acting: Acting, rows: PartRows, solved: Solved, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
     stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
@@ -114,7 +112,7 @@ def soft_loss(plant: Opened, acting: Acting, rows: PartRows, solved: Solved, con
     return lost
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
+@compiled(counted=False)
 def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
     """Write the ground's work, what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
@@ -141,7 +139,7 @@ def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved)
         books[CONTACT] += max(-push * mean, 0.0)
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
+@compiled(counted=False)
 def books_of(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
     """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 

@@ -6,14 +6,9 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.compiled import (
-    Count,
     Dense,
-    Flag,
     Flags,
-    Nothing,
-    Number,
     OutDense,
     OutPlaces,
     OutRow,
@@ -26,7 +21,7 @@ from wbc.compiled import (
 from wbc.sim.step.field import field_gap
 from wbc.sim.step.pairs import FAR, meet_all, pair_of
 from wbc.sim.step.peaks import meet_fields
-from wbc.sim.step.tables import OPENED, REACH, RETURN_SPEED, Opened, point_of_reference
+from wbc.sim.step.tables import REACH, RETURN_SPEED, Opened, point_of_reference
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
 """Kinds of solids, first of the numbers of a solid; zeros may follow them.
@@ -44,8 +39,8 @@ GAPS, SPEEDS = range(2)
 """What Python is asked for."""
 
 
-@compiled(Number, Row, Row, OutRow, counted=False)
-def box_gap(box: FloatArray, point: FloatArray, normal: FloatArray) -> float:
+@compiled(counted=False)
+def box_gap(box: Row, point: Row, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a box (20,), and write the way out (3,).
 
     Outside, the way leads from the nearest face, edge or corner; inside, to the nearest face.
@@ -75,8 +70,8 @@ def box_gap(box: FloatArray, point: FloatArray, normal: FloatArray) -> float:
     return nearest
 
 
-@compiled(Number, Row, Row, OutRow, counted=False)
-def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float:
+@compiled(counted=False)
+def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it."""
     if solid[0] == PLANE:
         for k in range(3):
@@ -100,17 +95,15 @@ def solid_gap(solid: FloatArray, point: FloatArray, normal: FloatArray) -> float
     return gap
 
 
-@compiled(Nothing, Row, Dense, OutRow, OutDense, counted=False)
-def solid_gaps(
-    solid: FloatArray, points: FloatArray, gaps: FloatArray, normals: FloatArray
-) -> None:
+@compiled(counted=False)
+def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> None:
     """Write the distances (k,) of points (k, 3) from a solid, and the normals (k, 3)."""
     for i in range(len(points)):
         gaps[i] = solid_gap(solid, points[i], normals[i])
 
 
-@compiled(Nothing, OPENED, Number, Flags, counted=False)
-def touch_ground(plant: Opened, time: float, closed: BoolArray) -> None:
+@compiled(counted=False)
+def touch_ground(plant: Opened, time: float, closed: Flags) -> None:
     """Write gap, normal and place of contact barriers, for the poses in memory and a time.
 
     Of those whose flag (2 j + c,) is set, or, without flags, of all.
@@ -148,8 +141,8 @@ def touch_ground(plant: Opened, time: float, closed: BoolArray) -> None:
         meet_fields(plant, ground, closed[limits + ground :] if some else closed)
 
 
-@compiled(Nothing, OPENED, Row, Number, Flags, OutRow, counted=False)
-def gaps_at(plant: Opened, q: FloatArray, time: float, closed: BoolArray, gap: FloatArray) -> None:
+@compiled(counted=False)
+def gaps_at(plant: Opened, q: Row, time: float, closed: Flags, gap: OutRow) -> None:
     """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid, pairs.
 
     Args:
@@ -173,7 +166,7 @@ def gaps_at(plant: Opened, q: FloatArray, time: float, closed: BoolArray, gap: F
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 
 
-@compiled(Count, OPENED, Count, Count, counted=False)
+@compiled(counted=False)
 def carrier(plant: Opened, barrier: int, side: int) -> int:
     """Return the last row of v that moves one side of a contact barrier, -1 for ground at rest.
 
@@ -190,7 +183,7 @@ def carrier(plant: Opened, barrier: int, side: int) -> int:
     return row
 
 
-@compiled(Number, OPENED, Count, counted=False)
+@compiled(counted=False)
 def friction_of(plant: Opened, barrier: int) -> float:
     """Return the friction coefficient of a contact barrier."""
     pair = pair_of(plant, barrier)
@@ -202,8 +195,8 @@ def friction_of(plant: Opened, barrier: int) -> float:
     return own
 
 
-@compiled(Nothing, OPENED, Flags, Row, OutRow, counted=False)
-def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) -> None:
+@compiled(counted=False)
+def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
     """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
 
     Args:
@@ -233,8 +226,8 @@ def rates_at(plant: Opened, closed: BoolArray, v: FloatArray, rate: FloatArray) 
         rate[b] += one[3] * (motion[2] + motion[3] * y - motion[4] * x)
 
 
-@compiled(Nothing, Row, Flag, OutDense, counted=False)
-def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
+@compiled(counted=False)
+def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
     """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3).
 
     On level ground the tangents are along +x, and +y.
@@ -255,14 +248,9 @@ def contact_axes(normal: FloatArray, planar: bool, axes: FloatArray) -> None:
     axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@compiled(Nothing, OPENED, Flags, Count, OutDense, OutDense, OutPlaces, counted=False)
+@compiled(counted=False)
 def barrier_rows(
-    plant: Opened,
-    closed: BoolArray,
-    first: int,
-    matrix: FloatArray,
-    axes: FloatArray,
-    which: IntArray,
+    plant: Opened, closed: Flags, first: int, matrix: OutDense, axes: OutDense, which: OutPlaces
 ) -> None:
     """Write the rows of the closed barriers: limits, contact normals, contact tangents.
 
@@ -314,14 +302,9 @@ def barrier_rows(
                     i = rows[i, 1]
 
 
-@compiled(Nothing, OPENED, Number, Number, Dense, Places, OutRow, counted=False)
+@compiled(counted=False)
 def ground_speeds(
-    plant: Opened,
-    time: float,
-    later: float,
-    axes: FloatArray,
-    which: IntArray,
-    speed: FloatArray,
+    plant: Opened, time: float, later: float, axes: Dense, which: Places, speed: OutRow
 ) -> None:
     """Write how fast the ground moves along the rows of closed contacts (k + k d,).
 
@@ -345,17 +328,15 @@ def ground_speeds(
                 speed[at] += axes[c * (1 + d) + a, x] * ground[which[c], x]
 
 
-@compiled(Number, OPENED, Number, counted=False)
+@compiled(counted=False)
 def other_place(plant: Opened, step: float) -> float:
     """Return the gap [m] from which on a closed barrier is at another place, in a part of h [s]."""
     gap: float = min(_JUMPED * plant.bounds[RETURN_SPEED] * step, 0.5 * FAR)
     return gap
 
 
-@compiled(Nothing, OPENED, Flags, Number, Dense, OutRow, counted=False)
-def lowest_speeds(
-    plant: Opened, kept: BoolArray, step: float, rows: FloatArray, targets: FloatArray
-) -> None:
+@compiled(counted=False)
+def lowest_speeds(plant: Opened, kept: Flags, step: float, rows: Dense, targets: OutRow) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
     A barrier that was kept ahead of its closing, or is at another place now (the nearest place in a
@@ -389,10 +370,8 @@ def lowest_speeds(
             row += 1
 
 
-@compiled(Nothing, OPENED, Row, Dense, Places, OutDense, counted=False)
-def world_pushes(
-    plant: Opened, solved: FloatArray, axes: FloatArray, which: IntArray, pushes: FloatArray
-) -> None:
+@compiled(counted=False)
+def world_pushes(plant: Opened, solved: Row, axes: Dense, which: Places, pushes: OutDense) -> None:
     """Write the impulse on every contact point, and on the first hull of every pair (k + p, 3).
 
     Args:

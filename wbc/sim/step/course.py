@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import Count, Flags, Number, OutFlags, OutRow, Row, compiled
+from wbc.compiled import Flags, OutFlags, OutRow, Row, compiled
 from wbc.errors import SimulationError
 from wbc.sim.barriers import TOUCH
 from wbc.sim.setup import Setup
@@ -314,15 +314,9 @@ def check_outside(setup: Setup, gap: FloatArray) -> None:
 FAST, SLOW = range(2)
 
 
-@compiled(Count, Flags, Flags, Row, Row, Count, Number, OutFlags, counted=False)
+@compiled(counted=False)
 def landing_of(
-    closed: BoolArray,
-    kept: BoolArray,
-    start: FloatArray,
-    end: FloatArray,
-    limits: int,
-    short: float,
-    landing: BoolArray,
+    closed: Flags, kept: Flags, start: Row, end: Row, limits: int, short: float, landing: OutFlags
 ) -> int:
     """Write which barriers land; return SLOW where only points do, none from farther than `short`.
 
@@ -342,10 +336,8 @@ def landing_of(
     return SLOW if found and slowly else FAST
 
 
-@compiled(Number, Flags, Flags, Row, Row, OutRow, counted=False)
-def nearest(
-    closed: BoolArray, kept: BoolArray, start: FloatArray, gap: FloatArray, ahead: FloatArray
-) -> float:
+@compiled(counted=False)
+def nearest(closed: Flags, kept: Flags, start: Row, gap: Row, ahead: OutRow) -> float:
     """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
 
     An overlap at the start is on its way out; what is written counts from there.
@@ -357,8 +349,8 @@ def nearest(
     return least
 
 
-@compiled(Number, Row, Row, counted=False)
-def first_crossing(early: FloatArray, late: FloatArray) -> float:
+@compiled(counted=False)
+def first_crossing(early: Row, late: Row) -> float:
     """Return the share of the way at which the first gap closes, linearly between two ends."""
     first = 1.0
     for i in range(len(late)):

@@ -13,8 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Flag, Nothing, Number, OutRow, Row, compiled, local
+from wbc.compiled import OutRow, Row, compiled, local
 from wbc.sim.step.pairs import to_segment
 
 AHEAD = 0.02
@@ -24,8 +23,8 @@ _FLAT = 1e-5  # share of a curvature beside which another one is none
 _SETTLED = 1e-6  # [m]; the next step would be about this, squared, over the radius of curvature
 
 
-@compiled(Count, Row, Count, Count, Number, counted=False)
-def cell_of(field: FloatArray, first: int, count: int, at: float) -> int:
+@compiled(counted=False)
+def cell_of(field: Row, first: int, count: int, at: float) -> int:
     """Return the cell of an axis (count,), from `first` on, in which a place is, or the nearest."""
     share = (at - field[first]) / (field[first + count - 1] - field[first])
     cell = int(min(max(share, 0.0), 1.0) * (count - 1))  # exact where lines are evenly apart
@@ -37,8 +36,8 @@ def cell_of(field: FloatArray, first: int, count: int, at: float) -> int:
     return cell
 
 
-@compiled(Count, Row, Count, Count, Number, OutRow, counted=False)
-def cubics(field: FloatArray, first: int, count: int, at: float, found: FloatArray) -> int:
+@compiled(counted=False)
+def cubics(field: Row, first: int, count: int, at: float, found: OutRow) -> int:
     """Write Hermite's cubics at a place of an axis; return the cell.
 
     Args:
@@ -64,8 +63,8 @@ def cubics(field: FloatArray, first: int, count: int, at: float, found: FloatArr
     return low
 
 
-@compiled(Nothing, Row, Number, Number, OutRow, counted=False)
-def surface_at(field: FloatArray, x: float, y: float, found: FloatArray) -> None:
+@compiled(counted=False)
+def surface_at(field: Row, x: float, y: float, found: OutRow) -> None:
     """Write z, its slopes along x and y, and its derivatives xx, xy and yy (6,) at a place."""
     a, b = int(field[1]), int(field[2])
     along_x, along_y = local(12), local(12)
@@ -83,16 +82,16 @@ def surface_at(field: FloatArray, x: float, y: float, found: FloatArray) -> None
         found[4], found[5] = found[4] + along_x[4 + p] * slope, found[5] + along_x[p] * bend
 
 
-@compiled(Nothing, Row, OutRow, counted=False)
-def way_out(at: FloatArray, normal: FloatArray) -> None:
+@compiled(counted=False)
+def way_out(at: Row, normal: OutRow) -> None:
     """Write the normal (3,) out of a field; `at` (6,) see `surface_at`."""
     size = sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
     normal[0], normal[1], normal[2] = -at[1] / size, -at[2] / size, 1.0 / size
 
 
-@compiled(Number, Number, Number, Number, Number, Number, OutRow, counted=False)
+@compiled(counted=False)
 def newton_step(
-    a: float, b: float, d: float, slope_x: float, slope_y: float, place: FloatArray
+    a: float, b: float, d: float, slope_x: float, slope_y: float, place: OutRow
 ) -> float:
     """Move a place (2,) to where slopes end that rise by [[a, b], [b, d]]; return how far."""
     whole = a * d - b * b
@@ -101,15 +100,9 @@ def newton_step(
     return max(abs(x), abs(y))
 
 
-@compiled(Flag, Row, Row, Row, Number, Number, OutRow, OutRow, counted=False)
+@compiled(counted=False)
 def go_nearest(
-    field: FloatArray,
-    start: FloatArray,
-    end: FloatArray,
-    reach: float,
-    width: float,
-    place: FloatArray,
-    at: FloatArray,
+    field: Row, start: Row, end: Row, reach: float, width: float, place: OutRow, at: OutRow
 ) -> bool:
     """Move a place of a field to the nearest one to a segment among those about it.
 
@@ -165,8 +158,8 @@ def go_nearest(
     return False
 
 
-@compiled(Number, Row, Row, Number, OutRow, counted=False)
-def field_gap(field: FloatArray, point: FloatArray, reach: float, normal: FloatArray) -> float:
+@compiled(counted=False)
+def field_gap(field: Row, point: Row, reach: float, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a field, and write the way out (3,).
 
     The nearest place is the one to which Newton's iteration leads from straight below the point.

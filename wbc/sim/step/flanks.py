@@ -9,21 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import OutDense, Row, compiled
 from wbc.mechanics.newton import PASSIVE, UNSOLVED, solve_system, speeds_at
-from wbc.mechanics.rows import SYSTEM, RowSystem, own_speed
-from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved
-from wbc.sim.step.tables import DAMPING, DEFLECTION, GEARS, PLAY, STIFFNESS, Gears
+from wbc.mechanics.rows import RowSystem, own_speed
+from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.tables import DAMPING, DEFLECTION, PLAY, STIFFNESS, Gears
 from wbc.transmission.flank_steps import flank_impulse
 
 END, IMPULSE, SLOPE, DAMPED, HELD = range(5)
@@ -40,9 +30,9 @@ _ROUNDS = 200
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
-@compiled(several(Number, Number, Number, Flag), Row, Number, Number, Number, Number, counted=False)
+@compiled(counted=False)
 def flanks_at(
-    gear: FloatArray, place: float, rate: float, step: float, end: float
+    gear: Row, place: float, rate: float, step: float, end: float
 ) -> tuple[float, float, float, bool]:
     """Return what a loose gear passes at the relative speed `end`, by `flank_impulse`.
 
@@ -69,10 +59,8 @@ def flanks_at(
     return impulse, slope, damped, slope > 0.0 or impulse != 0.0
 
 
-@compiled(Nothing, GEARS, Row, Number, Row, OutDense, counted=False)
-def take_hold(
-    gears: Gears, relative: FloatArray, step: float, end: FloatArray, flanks: FloatArray
-) -> None:
+@compiled(counted=False)
+def take_hold(gears: Gears, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
     """Write the flanks (m, 5) of loose gears that start at relative speeds (m,) and end at `end`.
 
     Those of rigid gears stay.
@@ -86,14 +74,9 @@ def take_hold(
             flanks[i, HELD] = 1.0 if found[3] else 0.0
 
 
-@compiled(Nothing, GEARS, Row, Number, Row, Row, OutDense)
+@compiled
 def grip_laws(
-    gears: Gears,
-    relative: FloatArray,
-    step: float,
-    after: FloatArray,
-    motor: FloatArray,
-    laws: FloatArray,
+    gears: Gears, relative: Row, step: float, after: Row, motor: Row, laws: OutDense
 ) -> None:
     """Write the springs of loose gears into laws (m, 9), of a part whose end is known.
 
@@ -120,9 +103,9 @@ def grip_laws(
             laws[i, 8] = own[IMPULSE] - own[SLOPE] * end[i] if soft else 0.0
 
 
-@compiled(Nothing, GEARS, Flag, OutDense, OutDense, OutDense, counted=False)
+@compiled(counted=False)
 def lean_on_flanks(
-    gears: Gears, safely: bool, near: FloatArray, rounds: FloatArray, laws: FloatArray
+    gears: Gears, safely: bool, near: OutDense, rounds: OutDense, laws: OutDense
 ) -> None:
     """Write the springs of a round into laws (m, 9): near flanks (m, 5), with `rounds` (m, 3)."""
     for i in range(len(near)):
@@ -139,14 +122,9 @@ def lean_on_flanks(
         laws[i, 8] = own[IMPULSE] - slope * own[END] if holds and soft else 0.0
 
 
-@compiled(several(Flag, Number), GEARS, Row, OutDense, OutDense, Row, OutDense, counted=False)
+@compiled(counted=False)
 def misses_flanks(
-    gears: Gears,
-    ways: FloatArray,
-    near: FloatArray,
-    passed: FloatArray,
-    impulse: FloatArray,
-    rounds: FloatArray,
+    gears: Gears, ways: Row, near: OutDense, passed: OutDense, impulse: Row, rounds: OutDense
 ) -> tuple[bool, float]:
     """Return whether all flanks are met, and the greatest change of speed of one that is not.
 
@@ -176,12 +154,12 @@ def misses_flanks(
     return met, missed
 
 
-@compiled(several(Count, Count, Number), GEARS, ROWS, SYSTEM, Row, Number, Number, SOLVED)
+@compiled
 def solve_gripped(
     gears: Gears,
     rows: PartRows,
     system: RowSystem,
-    start: FloatArray,
+    start: Row,
     step: float,
     tolerance: float,
     solved: Solved,

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
-from wbc.compiled import Nothing, Number, OutDense, OutRow, Row, compiled
+from wbc.compiled import OutDense, OutRow, Row, compiled
 from wbc.robot import Robot
 from wbc.sim.state import SimState
 from wbc.sim.step.tables import (
     BACKWARD,
     COULOMB,
-    GEARS,
     INERTIA,
     INVERSE,
-    OPENED,
     RATIO,
     SPEED,
     VISCOUS,
@@ -109,8 +107,8 @@ class Drivetrain:
         return self.ratio * (joint + deflection), self.ratio * speed
 
 
-@compiled(Nothing, GEARS, Row, OutRow, counted=False)
-def motor_speeds(gears: Gears, v: FloatArray, speed: FloatArray) -> None:
+@compiled(counted=False)
+def motor_speeds(gears: Gears, v: Row, speed: OutRow) -> None:
     """Write the speeds (m,) of the motor outputs at v (nv,)."""
     rows, at, motion = gears.rows, gears.at, gears.motion
     for i in range(len(speed)):
@@ -120,8 +118,8 @@ def motor_speeds(gears: Gears, v: FloatArray, speed: FloatArray) -> None:
         speed[i] = motion[i, SPEED] if at[i, 1] == 1 else total
 
 
-@compiled(Nothing, OPENED, Row, Number, OutDense, counted=False)
-def gear_laws(plant: Opened, speed: FloatArray, step: float, laws: FloatArray) -> None:
+@compiled(counted=False)
+def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
     """Write the laws (m, 9) of the gears over a step: what rotors bring along, and their losses.
 
     Args:
@@ -142,8 +140,8 @@ def gear_laws(plant: Opened, speed: FloatArray, step: float, laws: FloatArray) -
         law[7], law[8] = np.inf, 0.0
 
 
-@compiled(Nothing, Row, Number, OutRow, counted=False)
-def rotor_brings(gear: FloatArray, brought: float, law: FloatArray) -> None:
+@compiled(counted=False)
+def rotor_brings(gear: Row, brought: float, law: OutRow) -> None:
     """Write what a rotor brings along an impact's path, in its direction and in the other one.
 
     Ending up in the other direction it brings eta_f eta_b M w_before, where a step, which only

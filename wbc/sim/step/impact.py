@@ -9,30 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
 from wbc.mechanics.kinematics import place
 from wbc.mechanics.newton import UNSOLVED
-from wbc.mechanics.rows import SYSTEM, RowSystem
+from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at, ground_speeds, world_pushes
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.motion import look
-from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved, part_system, rows_where
+from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
 from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
-from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, OPENED, REACH, TOUCH, Opened
+from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, REACH, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -46,8 +34,8 @@ _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
 
 
-@compiled(Nothing, OPENED, Row, OutDense, counted=False)
-def impact_laws(plant: Opened, motor: FloatArray, laws: FloatArray) -> None:
+@compiled(counted=False)
+def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
     """Write the laws (m, 9) of the gears along the velocity path of an impact.
 
     Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
@@ -69,8 +57,8 @@ def impact_laws(plant: Opened, motor: FloatArray, laws: FloatArray) -> None:
         law[2], law[3], law[4], law[7] = gear[INERTIA], gear[INVERSE], gear[BACKWARD], np.inf
 
 
-@compiled(Number, OPENED, Row, Row, counted=False)
-def kinetic_of(plant: Opened, v: FloatArray, motor: FloatArray) -> float:
+@compiled(counted=False)
+def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
     """Return the kinetic energy at v (nv,) with motor outputs at (m,), where the memory stands."""
     n, inertia, energy = len(v), plant.placed.inertia, 0.0
     for i in range(n):
@@ -84,15 +72,8 @@ def kinetic_of(plant: Opened, v: FloatArray, motor: FloatArray) -> float:
     return energy
 
 
-@compiled(Number, OPENED, Row, Row, Row, Row, Row, counted=False)
-def mesh_loss(
-    plant: Opened,
-    v: FloatArray,
-    after: FloatArray,
-    motor: FloatArray,
-    following: FloatArray,
-    mesh: FloatArray,
-) -> float:
+@compiled(counted=False)
+def mesh_loss(plant: Opened, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
     """Return the energy lost in the meshes of the rigid gears along the straight path [J].
 
     It is what the rotors and their coupling to the housings give and the links do not get: with
@@ -128,16 +109,16 @@ def mesh_loss(
     return total
 
 
-@compiled(Nothing, OPENED, Row, Number, OutRow, counted=False)
-def gaps_of(plant: Opened, q: FloatArray, time: float, gap: FloatArray) -> None:
+@compiled(counted=False)
+def gaps_of(plant: Opened, q: Row, time: float, gap: OutRow) -> None:
     """Write all gaps (2 j + c,) at q (nq,) and a time."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     plant.bounds[REACH] = AHEAD
     gaps_at(plant, q, time, plant.hit.closed[:0], gap)
 
 
-@compiled(ROWS, OPENED, Flags, Row, Number)
-def impact_rows(plant: Opened, together: BoolArray, v: FloatArray, time: float) -> PartRows:
+@compiled
+def impact_rows(plant: Opened, together: Flags, v: Row, time: float) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
     Their targets are still to be written.
@@ -149,8 +130,8 @@ def impact_rows(plant: Opened, together: BoolArray, v: FloatArray, time: float) 
     return rows
 
 
-@compiled(Flag, OPENED, Flags, Flags, Row, Number, counted=False)
-def reaches(plant: Opened, before: BoolArray, kept: BoolArray, q: FloatArray, time: float) -> bool:
+@compiled(counted=False)
+def reaches(plant: Opened, before: Flags, kept: Flags, q: Row, time: float) -> bool:
     """Write the barriers that are reached, and those that take part; return whether there are any.
 
     Arguments as of `impact_at`. The poses and touches then stand at q.
@@ -164,14 +145,9 @@ def reaches(plant: Opened, before: BoolArray, kept: BoolArray, q: FloatArray, ti
     return found
 
 
-@compiled(Flag, OPENED, Flags, Row, Row, Number, ROWS, counted=False)
+@compiled(counted=False)
 def impact_targets(
-    plant: Opened,
-    before: BoolArray,
-    back: FloatArray,
-    v: FloatArray,
-    left: float,
-    rows: PartRows,
+    plant: Opened, before: Flags, back: Row, v: Row, left: float, rows: PartRows
 ) -> bool:
     """Write at which speeds the barriers are to part; return whether one of them is coming.
 
@@ -195,8 +171,8 @@ def impact_targets(
     return coming
 
 
-@compiled(Nothing, OPENED, Row, ROWS, SOLVED)
-def book_impact(plant: Opened, v: FloatArray, rows: PartRows, solved: Solved) -> None:
+@compiled
+def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     """Write losses of an impact from v (nv,), and the work of moving ground."""
     found, following, m, work = plant.hit.found, rows.motor.copy(), len(rows.motor), 0.0
     for i in range(len(solved.impulse)):
@@ -213,17 +189,17 @@ def book_impact(plant: Opened, v: FloatArray, rows: PartRows, solved: Solved) ->
     found[WORK] = work
 
 
-@compiled(Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number, Row)
+@compiled
 def impact_at(
     plant: Opened,
-    before: BoolArray,
-    kept: BoolArray,
-    back: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
+    before: Flags,
+    kept: Flags,
+    back: Row,
+    q: Row,
+    v: Row,
     time: float,
     left: float,
-    given: FloatArray,
+    given: Row,
 ) -> int:
     """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
 
@@ -281,16 +257,10 @@ def impact_at(
     return HIT
 
 
-@compiled(several(ROWS, SYSTEM, OutDense), OPENED, Flags, Row, Row, Number, Row, Row)
+@compiled
 def impact_in_rows(
-    plant: Opened,
-    together: BoolArray,
-    q: FloatArray,
-    v: FloatArray,
-    time: float,
-    targets: FloatArray,
-    after: FloatArray,
-) -> tuple[PartRows, RowSystem, FloatArray]:
+    plant: Opened, together: Flags, q: Row, v: Row, time: float, targets: Row, after: Row
+) -> tuple[PartRows, RowSystem, OutDense]:
     """Return the rows of an impact at known targets (l + k,), their system, and H_l.
 
     Args:

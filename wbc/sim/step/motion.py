@@ -17,20 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    Table,
-    compiled,
-    local,
-)
+from wbc.arrays import IntArray
+from wbc.compiled import Flags, OutDense, OutRow, Row, Table, compiled, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.momentum import momentum_at, velocity_at
@@ -40,15 +28,11 @@ from wbc.sim.step.contacts import rates_at, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.tables import (
     FIRST,
-    FLIGHT,
     FRAME,
     JOINT,
-    OPENED,
-    PLACED,
     PLACES,
     PLANAR,
     REACH,
-    TREE,
     Flight,
     Opened,
     PlacedTree,
@@ -90,7 +74,7 @@ def _planar(model: Any, number: int) -> bool:
     return names == _PLANAR_ORDER and level and inner == [number + 1, number + 2]
 
 
-@compiled(Nothing, TREE, FLIGHT, Count, PLACED, counted=False)
+@compiled(counted=False)
 def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
     """Write columns, bodies, the first `upto` rows of H_l and the bases' frames in given poses."""
     poses, bases = placed.poses, flight.bases
@@ -108,8 +92,8 @@ def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
             frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
 
 
-@compiled(Count, Table, counted=False)
-def base_rows(bases: IntArray) -> int:
+@compiled(counted=False)
+def base_rows(bases: Table) -> int:
     """Return how many rows of H_l the momenta of the free bases need: up to the last base's."""
     upto = 0
     for i in range(len(bases)):
@@ -117,8 +101,8 @@ def base_rows(bases: IntArray) -> int:
     return upto
 
 
-@compiled(Nothing, FLIGHT, PLACED, Row, counted=False)
-def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+@compiled(counted=False)
+def carry(flight: Flight, placed: PlacedTree, v: Row) -> None:
     """Keep the momentum (6) that every tree has at v (nv,)."""
     bases = flight.bases
     for i in range(len(bases)):
@@ -127,7 +111,7 @@ def carry(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
         momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
 
 
-@compiled(Nothing, FLIGHT, PLACED, counted=False)
+@compiled(counted=False)
 def keep_centers(flight: Flight, placed: PlacedTree) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
     bases, frames, poses = flight.bases, flight.frames, placed.poses
@@ -137,8 +121,8 @@ def keep_centers(flight: Flight, placed: PlacedTree) -> None:
             flight.carried[i, 6 + k] = poses[bases[i, FRAME], 9 + k] + frames[i, 9 + k]
 
 
-@compiled(Nothing, FLIGHT, PLACED, OutRow, counted=False)
-def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
+@compiled(counted=False)
+def set_momentum(flight: Flight, placed: PlacedTree, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
     bases = flight.bases
     for i in range(len(bases)):
@@ -147,8 +131,8 @@ def set_momentum(flight: Flight, placed: PlacedTree, v: FloatArray) -> None:
         velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
 
 
-@compiled(Nothing, TREE, FLIGHT, Number, OutRow, OutDense, counted=False)
-def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: FloatArray) -> None:
+@compiled(counted=False)
+def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
     Args:
@@ -185,8 +169,8 @@ def advance(tree: Tree, flight: Flight, half: float, q: FloatArray, poses: Float
                     poses[body, 9 + k] += missing[k]
 
 
-@compiled(Nothing, OPENED, Row, Number, counted=False)
-def look_ahead(plant: Opened, v: FloatArray, step: float) -> None:
+@compiled(counted=False)
+def look_ahead(plant: Opened, v: Row, step: float) -> None:
     """Write up to which gap height fields are known: how far a body may come in a step, twice.
 
     Args:
@@ -213,8 +197,8 @@ def look_ahead(plant: Opened, v: FloatArray, step: float) -> None:
     plant.bounds[REACH] = min(_NEAR + 2.0 * step * (speed + step * sqrt(weight)), AHEAD)
 
 
-@compiled(Flag, OPENED, Row, Number, counted=False)
-def stands_at(plant: Opened, q: FloatArray, time: float) -> bool:
+@compiled(counted=False)
+def stands_at(plant: Opened, q: Row, time: float) -> bool:
     """Return whether the touches are those at q (nq,) and a time."""
     same: bool = plant.obstacles.stands[len(q)] == time
     for i in range(len(q)):
@@ -222,10 +206,8 @@ def stands_at(plant: Opened, q: FloatArray, time: float) -> bool:
     return same
 
 
-@compiled(Nothing, OPENED, Row, Row, Number, Number, Flags, counted=False)
-def to_middle(
-    plant: Opened, q: FloatArray, v: FloatArray, time: float, half: float, closed: BoolArray
-) -> None:
+@compiled(counted=False)
+def to_middle(plant: Opened, q: Row, v: Row, time: float, half: float, closed: Flags) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
     The attitude goes by the velocity of the middle (one correction), which makes free rotation of

@@ -12,21 +12,8 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    local,
-)
-from wbc.sim.step.tables import BODIES, OPENED, Bodies, Opened
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.sim.step.tables import Bodies, Opened
 
 FAR = 10.0
 """Gap [m] of a barrier whose features do not face each other; nothing acts on it."""
@@ -40,8 +27,8 @@ _INSIDE = 1e-6  # [m] by which a place may lie beside a face or beyond the end o
 _SAME = 1e-5  # [m] within which two barriers are one
 
 
-@compiled(Nothing, Dense, Count, OutRow, counted=False)
-def pose_of(poses: FloatArray, joint: int, pose: FloatArray) -> None:
+@compiled(counted=False)
+def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
     """Write the pose (12,) of a joint, -1 for the world."""
     if joint >= 0:
         for k in range(12):
@@ -51,15 +38,15 @@ def pose_of(poses: FloatArray, joint: int, pose: FloatArray) -> None:
     pose[0] = pose[4] = pose[8] = 1.0
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def turned(pose: FloatArray, way: FloatArray, out: FloatArray) -> None:
+@compiled(counted=False)
+def turned(pose: Row, way: Row, out: OutRow) -> None:
     """Write a direction (3,) in the outer axes of a pose (12,)."""
     for k in range(3):
         out[k] = pose[3 * k] * way[0] + pose[3 * k + 1] * way[1] + pose[3 * k + 2] * way[2]
 
 
-@compiled(Nothing, Row, Row, OutRow, counted=False)
-def between(outer: FloatArray, inner: FloatArray, pose: FloatArray) -> None:
+@compiled(counted=False)
+def between(outer: Row, inner: Row, pose: OutRow) -> None:
     """Write the pose (12,) of `inner` as `outer` sees it."""
     for i in range(3):
         pose[9 + i] = 0.0
@@ -70,8 +57,8 @@ def between(outer: FloatArray, inner: FloatArray, pose: FloatArray) -> None:
             pose[9 + i] += outer[3 * j + i] * (inner[9 + j] - outer[9 + j])
 
 
-@compiled(Nothing, Row, Dense, OutDense, counted=False)
-def placed_points(pose: FloatArray, points: FloatArray, placed: FloatArray) -> None:
+@compiled(counted=False)
+def placed_points(pose: Row, points: Dense, placed: OutDense) -> None:
     """Write points (n, 3) in the outer axes of a pose (12,)."""
     for i in range(len(points)):
         turned(pose, points[i], placed[i])
@@ -79,8 +66,8 @@ def placed_points(pose: FloatArray, points: FloatArray, placed: FloatArray) -> N
             placed[i, k] += pose[9 + k]
 
 
-@compiled(Number, Row, Row, Row, OutRow, counted=False)
-def to_segment(start: FloatArray, end: FloatArray, point: FloatArray, nearest: FloatArray) -> float:
+@compiled(counted=False)
+def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
     """Write the nearest place (3,) of a segment to a point; return its share of the way."""
     along, square = 0.0, 0.0
     for k in range(3):
@@ -93,17 +80,17 @@ def to_segment(start: FloatArray, end: FloatArray, point: FloatArray, nearest: F
     return share
 
 
-@compiled(Number, BODIES, Count, Dense, Count, Number, Flag, Number, Number, OutRow, counted=False)
+@compiled(counted=False)
 def corner_gap(
     bodies: Bodies,
     which: int,
-    points: FloatArray,
+    points: Dense,
     i: int,
     radius: float,
     round_too: bool,
     deepest: float,
     reach: float,
-    found: FloatArray,
+    found: OutRow,
 ) -> float:
     """Return the gap between a hull and a corner, or the ball at it, of another; FAR for none.
 
@@ -180,10 +167,8 @@ def corner_gap(
     return apart
 
 
-@compiled(Number, Row, Row, Number, Number, OutRow, counted=False)
-def edge_gap(
-    one: FloatArray, other: FloatArray, radius: float, tilt: float, found: FloatArray
-) -> float:
+@compiled(counted=False)
+def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) -> float:
     """Return the gap between two edges (12,) that cross, FAR where they do not.
 
     Args:
@@ -238,8 +223,8 @@ def edge_gap(
     return gap - radius
 
 
-@compiled(Number, BODIES, Count, Dense, counted=False)
-def beyond_faces(bodies: Bodies, which: int, points: FloatArray) -> float:
+@compiled(counted=False)
+def beyond_faces(bodies: Bodies, which: int, points: Dense) -> float:
     """Return how far points (n, 3) are all beyond one face of a hull, in its axes, at most.
 
     The ground of a stair has no corners: minus infinity.
@@ -257,8 +242,8 @@ def beyond_faces(bodies: Bodies, which: int, points: FloatArray) -> float:
     return most
 
 
-@compiled(Number, BODIES, Count, Row, counted=False)
-def clearance(bodies: Bodies, which: int, point: FloatArray) -> float:
+@compiled(counted=False)
+def clearance(bodies: Bodies, which: int, point: Row) -> float:
     """Return a lower bound of the distance of a point (3,) from a hull, in its axes."""
     hull, near, away = bodies.hulls[which], local(3), -np.inf
     for f in range(hull[4], hull[4] + hull[5]):
@@ -275,10 +260,8 @@ def clearance(bodies: Bodies, which: int, point: FloatArray) -> float:
     return away
 
 
-@compiled(Nothing, Row, Number, Row, Number, OutRow, counted=False)
-def write_touch(
-    pose: FloatArray, gap: float, found: FloatArray, sign: float, touch: FloatArray
-) -> None:
+@compiled(counted=False)
+def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -> None:
     """Write a gap, the normal and the place (6,), out of a pose (12,), into a touch (7,)."""
     touch[0] = gap
     turned(pose, found[:3], touch[1:4])
@@ -288,8 +271,8 @@ def write_touch(
         touch[4 + k] += pose[9 + k]
 
 
-@compiled(Flag, OutDense, Count, counted=False)
-def doubled(touch: FloatArray, i: int) -> bool:
+@compiled(counted=False)
+def doubled(touch: OutDense, i: int) -> bool:
     """Return whether a touch (s, 7) is where one before it is."""
     for j in range(i):
         square = 0.0
@@ -300,8 +283,8 @@ def doubled(touch: FloatArray, i: int) -> bool:
     return False
 
 
-@compiled(Nothing, BODIES, Dense, Count, OutDense)
-def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> None:
+@compiled
+def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints."""
     a, b, whole = bodies.pairs[pair, 0], bodies.pairs[pair, 1], bodies.pairs[pair, 3] == 1
     one, other, shapes = bodies.hulls[a], bodies.hulls[b], bodies.shapes
@@ -370,8 +353,8 @@ def meet(bodies: Bodies, poses: FloatArray, pair: int, touch: FloatArray) -> Non
             touch[i, 0] = FAR
 
 
-@compiled(Flag, OPENED, Count, Flags, counted=False)
-def is_asked(plant: Opened, pair: int, closed: BoolArray) -> bool:
+@compiled(counted=False)
+def is_asked(plant: Opened, pair: int, closed: Flags) -> bool:
     """Return whether a flag of the pairs' barriers (s,) is set for a pair, or there are none."""
     found = len(closed) == 0
     for i in range(0 if found else plant.bodies.pairs[pair, 2], plant.bodies.pairs[pair, 4]):
@@ -379,8 +362,8 @@ def is_asked(plant: Opened, pair: int, closed: BoolArray) -> bool:
     return found
 
 
-@compiled(Nothing, OPENED, Count, Flags, counted=False)
-def meet_all(plant: Opened, first: int, closed: BoolArray) -> None:
+@compiled(counted=False)
+def meet_all(plant: Opened, first: int, closed: Flags) -> None:
     """Write the touches of pairs of hulls, which begin at `first`, for the poses in memory.
 
     `closed` are flags of the pairs' barriers, see `is_asked`.
@@ -393,7 +376,7 @@ def meet_all(plant: Opened, first: int, closed: BoolArray) -> None:
             meet(bodies, plant.placed.poses, pair, touch[start:end])
 
 
-@compiled(Count, OPENED, Count, counted=False)
+@compiled(counted=False)
 def pair_of(plant: Opened, barrier: int) -> int:
     """Return the pair to which a contact barrier belongs, -1 where it is a point on the ground."""
     points = len(plant.obstacles.touch) - len(plant.bodies.slots)

@@ -4,38 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Count,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
 from wbc.mechanics.newton import UNSOLVED
-from wbc.mechanics.rows import SYSTEM, RowSystem
+from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import arrive, rigid_ones
 from wbc.sim.step.books import books_of
 from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import (
-    ACTING,
-    ROWS,
-    SOLVED,
-    Acting,
-    PartRows,
-    Solved,
-    part_system,
-    rows_of,
-)
+from wbc.sim.step.part_rows import Acting, PartRows, Solved, part_system, rows_of
 from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
 from wbc.sim.step.solution import NO_INERTIA, solve_part
-from wbc.sim.step.tables import DEFLECTION, HERTZ, OPENED, TOUCH, Opened
+from wbc.sim.step.tables import DEFLECTION, HERTZ, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
@@ -43,8 +23,8 @@ SMOOTH, LANDED = 1, 2
 _FASTEST = 10.0
 
 
-@compiled(Nothing, OPENED, Flags, ACTING, counted=False)
-def close(plant: Opened, before: BoolArray, acting: Acting) -> None:
+@compiled(counted=False)
+def close(plant: Opened, before: Flags, acting: Acting) -> None:
     """Write which barriers hold in a part.
 
     Compliant contacts take part that may be met within it: `_FASTEST` [m/s]. One that comes faster
@@ -64,10 +44,10 @@ def close(plant: Opened, before: BoolArray, acting: Acting) -> None:
             end.closed[i] = end.gap[i] < half * _FASTEST
 
 
-@compiled(several(ROWS, SYSTEM, OutRow), OPENED, Flags, ACTING, Row)
+@compiled
 def begin(
-    plant: Opened, before: BoolArray, acting: Acting, stored: FloatArray
-) -> tuple[PartRows, RowSystem, FloatArray]:
+    plant: Opened, before: Flags, acting: Acting, stored: Row
+) -> tuple[PartRows, RowSystem, OutRow]:
     """Return the rows of a part, their system, and the impulses (r,) from which they start.
 
     The rows start from the last step's impulses, from zeros without one. Where H_l is not positive,
@@ -82,7 +62,7 @@ def begin(
     return rows, part_system(rows, plant.obstacles.tangents), start
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, SOLVED, counted=False)
+@compiled(counted=False)
 def keep(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
     """Write v (nv,) after the impulses, these themselves, and how the motors move then."""
     end, half = plant.end, 0.5 * acting.step
@@ -101,8 +81,8 @@ def keep(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
             end.deflection[i] = plant.gears.motion[i, DEFLECTION] + moved
 
 
-@compiled(Count, OPENED, Row, counted=False)
-def hold_or_land(plant: Opened, pushes: FloatArray) -> int:
+@compiled(counted=False)
+def hold_or_land(plant: Opened, pushes: Row) -> int:
     """Write which barriers stay closed, pressed ones or in touch; return LANDED or SMOOTH.
 
     One that is passed by more than a touch has landed. Compliant ones neither close nor land.
@@ -123,14 +103,14 @@ def hold_or_land(plant: Opened, pushes: FloatArray) -> int:
     return result
 
 
-@compiled(Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number)
+@compiled
 def second_half(
     plant: Opened,
-    before: BoolArray,
-    kept: BoolArray,
-    stored: FloatArray,
-    given: FloatArray,
-    v: FloatArray,
+    before: Flags,
+    kept: Flags,
+    stored: Row,
+    given: Row,
+    v: Row,
     time: float,
     step: float,
 ) -> int:
@@ -177,35 +157,19 @@ def second_half(
     return -result if left else result
 
 
-@compiled(Count, OPENED, Flags, Flags, Row, Row, Row, Number, Number)
+@compiled
 def part_of_step(
-    plant: Opened,
-    before: BoolArray,
-    kept: BoolArray,
-    stored: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    time: float,
-    step: float,
+    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, time: float, step: float
 ) -> int:
     """Do both halves of a part from q (nq,), like `second_half` after `to_middle`."""
     to_middle(plant, q, v, time, 0.5 * step, before)
     return second_half(plant, before, kept, stored, np.empty(0), v, time, step)
 
 
-@compiled(
-    several(ROWS, SYSTEM, OutRow, OutDense), OPENED, Flags, Flags, Row, Row, Row, Number, Number
-)
+@compiled
 def part_in_rows(
-    plant: Opened,
-    before: BoolArray,
-    kept: BoolArray,
-    stored: FloatArray,
-    q: FloatArray,
-    v: FloatArray,
-    time: float,
-    step: float,
-) -> tuple[PartRows, RowSystem, FloatArray, FloatArray]:
+    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, time: float, step: float
+) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
     """Return the rows of a part, their system, the start of the rows, and H_l.
 
     Laws and free speeds are those without coupling and flanks, see `couple` and `grip_laws`.

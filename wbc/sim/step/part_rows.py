@@ -14,49 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Row,
-    compiled,
-    group,
-    local,
-)
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, local
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies
 from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
-from wbc.mechanics.rows import SYSTEM, RowSystem, system_of
+from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
-from wbc.sim.step.contacts import (
-    barrier_rows,
-    friction_of,
-    gaps_at,
-    ground_speeds,
-    lowest_speeds,
-)
+from wbc.sim.step.contacts import barrier_rows, friction_of, gaps_at, ground_speeds, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
-from wbc.sim.step.tables import (
-    BACKWARD,
-    FIRST,
-    FLIGHT,
-    HERTZ,
-    JOINT,
-    OPENED,
-    PLACED,
-    PLANAR,
-    TREE,
-    Flight,
-    Opened,
-    PlacedTree,
-)
+from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, PLANAR, Flight, Opened, PlacedTree
 
 
 class Acting(NamedTuple):
@@ -69,8 +36,8 @@ class Acting(NamedTuple):
         step: h [s].
     """
 
-    kept: BoolArray
-    v: FloatArray
+    kept: Flags
+    v: Row
     time: float
     step: float
 
@@ -95,20 +62,20 @@ class PartRows(NamedTuple):
         depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
     """
 
-    matrix: FloatArray
-    lower: FloatArray
-    laws: FloatArray
-    targets: FloatArray
-    frictions: FloatArray
-    free: FloatArray
-    carried: FloatArray
-    pushed: FloatArray
-    axes: FloatArray
-    which: IntArray
-    places: IntArray
-    motor: FloatArray
-    relative: FloatArray
-    depths: FloatArray
+    matrix: OutDense
+    lower: OutDense
+    laws: OutDense
+    targets: OutRow
+    frictions: OutRow
+    free: OutRow
+    carried: OutRow
+    pushed: OutRow
+    axes: OutDense
+    which: OutPlaces
+    places: OutPlaces
+    motor: OutRow
+    relative: OutRow
+    depths: OutDense
 
 
 class Solved(NamedTuple):
@@ -124,28 +91,18 @@ class Solved(NamedTuple):
         missed: speed by which a PASSIVE end misses the laws, else zero.
     """
 
-    impulse: FloatArray
-    speed: FloatArray
-    after: FloatArray
-    end: FloatArray
-    damped: FloatArray
+    impulse: OutRow
+    speed: OutRow
+    after: OutRow
+    end: OutRow
+    damped: OutRow
     used: int
     way: int
     missed: float
 
 
-ACTING = group(Acting, Flags, Row, Number, Number)
-ROWS = group(
-    PartRows, OutDense, OutDense, OutDense, *(OutRow,) * 5, OutDense, OutPlaces, OutPlaces,
-    OutRow, OutRow, OutDense,
-)  # fmt: skip
-SOLVED = group(Solved, *(OutRow,) * 5, Count, Count, Number)
-
-
-@compiled(Nothing, TREE, FLIGHT, PLACED, Row, OutRow)
-def bias_of(
-    tree: Tree, flight: Flight, placed: PlacedTree, v: FloatArray, bias: FloatArray
-) -> None:
+@compiled
+def bias_of(tree: Tree, flight: Flight, placed: PlacedTree, v: Row, bias: OutRow) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
     size, columns = (len(tree.joints), 6), placed.columns
     moving = np.empty(size), np.empty(size), np.empty(size)
@@ -159,7 +116,7 @@ def bias_of(
         part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
 
 
-@compiled(Nothing, OPENED, Number, ROWS)
+@compiled
 def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
     """Write v + h H_l^-1 (forces) (nv,) of the middle."""
     free, speed = rows.free, plant.end.speed
@@ -173,7 +130,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
         free[i] += speed[i]
 
 
-@compiled(Flag, OPENED, Count, counted=False)
+@compiled(counted=False)
 def rubs_alone(plant: Opened, c: int) -> bool:
     """Return whether a coordinate has dry friction, and no gear that shares it."""
     gears = plant.gears
@@ -185,8 +142,8 @@ def rubs_alone(plant: Opened, c: int) -> bool:
     return True
 
 
-@compiled(Nothing, OPENED, Flags, Count, ROWS, counted=False)
-def place_barriers(plant: Opened, closed: BoolArray, row: int, rows: PartRows) -> None:
+@compiled(counted=False)
+def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> None:
     """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
     first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
     for i in range(len(closed)):
@@ -200,8 +157,8 @@ def place_barriers(plant: Opened, closed: BoolArray, row: int, rows: PartRows) -
             row += 1
 
 
-@compiled(ROWS, OPENED, Flags, Row, Count)
-def rows_where(plant: Opened, closed: BoolArray, v: FloatArray, rubbing: int) -> PartRows:
+@compiled
+def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move at v (nv,).
 
     Laws, targets and speeds are still to be written, and the rows of `rubbing` coordinates.
@@ -238,7 +195,7 @@ def rows_where(plant: Opened, closed: BoolArray, v: FloatArray, rubbing: int) ->
     return rows
 
 
-@compiled(Nothing, OPENED, Number, ROWS, counted=False)
+@compiled(counted=False)
 def rub(plant: Opened, step: float, rows: PartRows) -> None:
     """Write rows and laws of the coordinates that rub alone."""
     row = m = len(plant.gears.rows)
@@ -251,7 +208,7 @@ def rub(plant: Opened, step: float, rows: PartRows) -> None:
             row += 1
 
 
-@compiled(Nothing, OPENED, ACTING, ROWS, counted=False)
+@compiled(counted=False)
 def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
     """Write lowest speeds of the closed barriers, how the ground moves, depths of soft contacts.
 
@@ -271,7 +228,7 @@ def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
         rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
 
 
-@compiled(Nothing, OPENED, counted=False)
+@compiled(counted=False)
 def act(plant: Opened) -> None:
     """Write the forces in the middle, and the level of dry friction."""
     forces, end = plant.forces, plant.end
@@ -284,7 +241,7 @@ def act(plant: Opened) -> None:
         end.force[i] += forces.outer[i]
 
 
-@compiled(ROWS, OPENED, ACTING)
+@compiled
 def rows_of(plant: Opened, acting: Acting) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
@@ -309,7 +266,7 @@ def rows_of(plant: Opened, acting: Acting) -> PartRows:
     return rows
 
 
-@compiled(SYSTEM, ROWS, Count)
+@compiled
 def part_system(rows: PartRows, tangents: int) -> RowSystem:
     """Return what a part is to its rows."""
     system = system_of(

@@ -13,8 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Nothing, Number, OutRow, Row, compiled, several
+from wbc.compiled import OutRow, Row, compiled
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.sim.step.books import GROUND, KINETIC, MOTOR, TAKEN, spring_energy
@@ -22,13 +21,12 @@ from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds
 from wbc.sim.step.motion import set_momentum
-from wbc.sim.step.part_rows import ACTING, Acting
+from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     DEFLECTION,
     HERTZ,
     INERTIA,
-    OPENED,
     REACH,
     SPEED,
     STIFFNESS,
@@ -44,8 +42,8 @@ TURN = 0.03
 """[rad] by which no body turns in a part that is not looked at; the disc above turns so far."""
 
 
-@compiled(several(Number, Number, Count), OPENED, Row, Row, Number)
-def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[float, float, int]:
+@compiled
+def survey(plant: Opened, q: Row, v: Row, time: float) -> tuple[float, float, int]:
     """Return what a plant stores at q (nq,), v (nv,), time [J]; the deepest body, and its gap.
 
     Stored are the kinetic energy of links and rotors, gravity's, and that of springs in gears and
@@ -94,8 +92,8 @@ def survey(plant: Opened, q: FloatArray, v: FloatArray, time: float) -> tuple[fl
     return energy, deepest, lowest
 
 
-@compiled(Number, OPENED, Row)
-def fastest_turn(plant: Opened, v: FloatArray) -> float:
+@compiled
+def fastest_turn(plant: Opened, v: Row) -> float:
     """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
     joints, columns, most = plant.tree.joints, plant.placed.columns, 0.0
     turning = np.zeros((len(joints), 3))
@@ -111,8 +109,8 @@ def fastest_turn(plant: Opened, v: FloatArray) -> float:
     return sqrt(most)
 
 
-@compiled(Number, OPENED, Row, Number, Number, OutRow)
-def slowed(plant: Opened, fast: FloatArray, share: float, time: float, v: FloatArray) -> float:
+@compiled
+def slowed(plant: Opened, fast: Row, share: float, time: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
     for i in range(len(v)):
         v[i] = share * fast[i]
@@ -121,7 +119,7 @@ def slowed(plant: Opened, fast: FloatArray, share: float, time: float, v: FloatA
     return energy
 
 
-@compiled(Nothing, OPENED, ACTING)
+@compiled
 def keep_passive(plant: Opened, acting: Acting) -> None:
     """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
 

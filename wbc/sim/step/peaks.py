@@ -15,24 +15,10 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Flags,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    local,
-    several,
-)
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
 from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment, turned
-from wbc.sim.step.tables import OPENED, REACH, Opened
+from wbc.sim.step.tables import REACH, Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
 _SAME = 2e-6  # [m] twice what the curvature lifts a place that is one with another, at most
@@ -44,8 +30,8 @@ _PART = 0.125  # of a cell, from which on it is not cut further
 _STARTS = 512  # most places from which to look for touches of a body
 
 
-@compiled(Flag, Row, Row, Row, counted=False)
-def is_same(field: FloatArray, touch: FloatArray, place: FloatArray) -> bool:
+@compiled(counted=False)
+def is_same(field: Row, touch: Row, place: Row) -> bool:
     """Return whether a touch (7,) is at a place (3,), or so near that both close together."""
     a, b, square = int(field[1]), int(field[2]), 0.0
     for k in range(3):
@@ -54,15 +40,8 @@ def is_same(field: FloatArray, touch: FloatArray, place: FloatArray) -> bool:
     return same
 
 
-@compiled(Nothing, Row, OutDense, Count, Number, Row, Row, counted=False)
-def offer(
-    field: FloatArray,
-    touch: FloatArray,
-    feature: int,
-    gap: float,
-    normal: FloatArray,
-    place: FloatArray,
-) -> None:
+@compiled(counted=False)
+def offer(field: Row, touch: OutDense, feature: int, gap: float, normal: Row, place: Row) -> None:
     """Write a touch at a place (3,) among those of a body (s, 7), unless it is there already.
 
     Its row follows from its feature and the nearest node, so that it stays the same from step to
@@ -87,8 +66,8 @@ def offer(
             touch[at, 1 + x], touch[at, 4 + x] = normal[x], place[x]
 
 
-@compiled(Number, Row, counted=False)
-def spacing_of(field: FloatArray) -> float:
+@compiled(counted=False)
+def spacing_of(field: Row) -> float:
     """Return the mean spacing of the grid along its finer axis [m]."""
     a, b = int(field[1]), int(field[2])
     along, across = field[2 + a] - field[3], field[2 + a + b] - field[3 + a]
@@ -96,16 +75,9 @@ def spacing_of(field: FloatArray) -> float:
     return finer
 
 
-@compiled(Flag, Row, *(Number,) * 5, Dense, Row, counted=False)
+@compiled(counted=False)
 def may_touch(
-    at: FloatArray,
-    bend: float,
-    size: float,
-    x: float,
-    y: float,
-    reach: float,
-    under: FloatArray,
-    tube: FloatArray,
+    at: Row, bend: float, size: float, x: float, y: float, reach: float, under: Dense, tube: Row
 ) -> bool:
     """Return whether a body may be lowest, and near, within a distance of a place of a field.
 
@@ -142,16 +114,16 @@ def may_touch(
     return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < reach * (1.0 + steep)
 
 
-@compiled(Count, Row, Row, Row, Number, Number, Dense, Row, OutDense)
+@compiled
 def starts_of(
-    field: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    field: Row,
+    low: Row,
+    high: Row,
     fine: float,
     reach: float,
-    under: FloatArray,
-    tube: FloatArray,
-    places: FloatArray,
+    under: Dense,
+    tube: Row,
+    places: OutDense,
 ) -> int:
     """Write places (n, 2) near which a body may be lowest over a field; return how many.
 
@@ -198,8 +170,8 @@ def starts_of(
     return count
 
 
-@compiled(Nothing, OPENED, Count, Row, OutDense)
-def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) -> None:
+@compiled
+def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     """Write the touches of a ball, or of what two of them and the line between them are round.
 
     They stand for those of the contact points at its ends, too.
@@ -237,18 +209,16 @@ def meet_round(plant: Opened, which: int, field: FloatArray, touch: FloatArray) 
             offer(field, touch, 0, gap, normal, spot)
 
 
-@compiled(Number, Row, Row, counted=False)
-def rise_along(at: FloatArray, way: FloatArray) -> float:
+@compiled(counted=False)
+def rise_along(at: Row, way: Row) -> float:
     """Return how fast the slope of a height over the field rises along a way (3,)."""
     x, y = way[0], way[1]
     rise: float = -at[3] * x * x - 2.0 * at[4] * x * y - at[5] * y * y
     return rise
 
 
-@compiled(Number, Row, Row, Row, Number, Number, OutRow, counted=False)
-def least_along(
-    field: FloatArray, start: FloatArray, way: FloatArray, low: float, high: float, at: FloatArray
-) -> float:
+@compiled(counted=False)
+def least_along(field: Row, start: Row, way: Row, low: float, high: float, at: OutRow) -> float:
     """Return where the height of an edge over the field is least, as a share of its way.
 
     Args:
@@ -272,8 +242,8 @@ def least_along(
     return share
 
 
-@compiled(several(Number, Number), Row, Number, Number, Row, counted=False)
-def cell_ahead(field: FloatArray, x: float, y: float, way: FloatArray) -> tuple[float, float]:
+@compiled(counted=False)
+def cell_ahead(field: Row, x: float, y: float, way: Row) -> tuple[float, float]:
     """Return the largest curvature in the cell of a place, and the share of a way that is in it."""
     a, b, share = int(field[1]), int(field[2]), np.inf
     i, j = cell_of(field, 3, a, x), cell_of(field, 3 + a, b, y)
@@ -286,7 +256,7 @@ def cell_ahead(field: FloatArray, x: float, y: float, way: FloatArray) -> tuple[
     return bend, share
 
 
-@compiled(Number, Number, Number, Number, counted=False)
+@compiled(counted=False)
 def steady_share(slope: float, beyond: float, turns: float) -> float:
     """Return the share of a way on which a height has no least place within reach.
 
@@ -301,8 +271,8 @@ def steady_share(slope: float, beyond: float, turns: float) -> float:
     return steep / turns if turns > 0.0 else 1.0
 
 
-@compiled(Flag, Row, Row, Row, counted=False)
-def bounds_underside(edge: FloatArray, pose: FloatArray, way: FloatArray) -> bool:
+@compiled(counted=False)
+def bounds_underside(edge: Row, pose: Row, way: Row) -> bool:
     """Return whether a face beside an edge (12,), see `Hull`, faces down.
 
     Args:
@@ -323,9 +293,9 @@ def bounds_underside(edge: FloatArray, pose: FloatArray, way: FloatArray) -> boo
     return down
 
 
-@compiled(Nothing, OPENED, Count, Row, Row, Count, OutDense, counted=False)
+@compiled(counted=False)
 def meet_edges(
-    plant: Opened, which: int, field: FloatArray, pose: FloatArray, known: int, touch: FloatArray
+    plant: Opened, which: int, field: Row, pose: Row, known: int, touch: OutDense
 ) -> None:
     """Write the touches along the edges of a hull, in a pose (12,); the rest as of `meet_round`.
 
@@ -373,8 +343,8 @@ def meet_edges(
             came, before, share = share, slope, min(share + max(step, part), 1.0)
 
 
-@compiled(Count, Dense, Number, Number, counted=False)
-def underneath(under: FloatArray, x: float, y: float) -> int:
+@compiled(counted=False)
+def underneath(under: Dense, x: float, y: float) -> int:
     """Return the highest of planes z = p + q x + r y at a place: the face under a hull there."""
     best, highest = -1, -np.inf
     for f in range(len(under)):
@@ -384,10 +354,8 @@ def underneath(under: FloatArray, x: float, y: float) -> int:
     return best
 
 
-@compiled(Flag, Dense, Row, Number, OutRow, OutRow, counted=False)
-def go_under(
-    under: FloatArray, field: FloatArray, width: float, place: FloatArray, at: FloatArray
-) -> bool:
+@compiled(counted=False)
+def go_under(under: Dense, field: Row, width: float, place: OutRow, at: OutRow) -> bool:
     """Move a place (2,) to where a hull's height over a field is least, among those about it.
 
     Args:
@@ -418,10 +386,8 @@ def go_under(
     return False
 
 
-@compiled(Nothing, OPENED, Count, Row, Row, OutDense)
-def meet_faces(
-    plant: Opened, which: int, field: FloatArray, pose: FloatArray, touch: FloatArray
-) -> None:
+@compiled
+def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense) -> None:
     """Write the touches in the faces of a hull, in a pose (12,); the rest as of `meet_round`."""
     bodies, points, hull = plant.bodies, plant.obstacles.points, plant.bodies.hulls[which]
     faces, down, up = hull[5], 0, hull[5]
@@ -464,8 +430,8 @@ def meet_faces(
             offer(field, touch, 0, gap, normal, place)
 
 
-@compiled(Nothing, OPENED, Count, Flags, counted=False)
-def meet_fields(plant: Opened, first: int, closed: BoolArray) -> None:
+@compiled(counted=False)
+def meet_fields(plant: Opened, first: int, closed: Flags) -> None:
     """Write the touches of pairs with fields, as `meet_all` does those of all other pairs."""
     bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)
     for pair in range(len(bodies.pairs)):

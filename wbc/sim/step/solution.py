@@ -19,18 +19,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutRow,
-    Row,
-    compiled,
-    several,
-)
+from wbc.compiled import OutDense, OutRow, Row, compiled
 from wbc.mechanics.linear import halfway, rest_of_way
 from wbc.mechanics.newton import (
     PASSIVE,
@@ -40,11 +29,11 @@ from wbc.mechanics.newton import (
     speeds_at,
     velocity_after,
 )
-from wbc.mechanics.rows import SYSTEM, RowSystem
+from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.flanks import solve_gripped
 from wbc.sim.step.gears import rotor_brings
-from wbc.sim.step.part_rows import ROWS, SOLVED, PartRows, Solved
-from wbc.sim.step.tables import ACCURACY, DISSIPATION, HERTZ, INERTIA, OPENED, Opened
+from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.tables import ACCURACY, DISSIPATION, HERTZ, INERTIA, Opened
 
 UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
 """Self-locking gears may have several solutions; H_l is not positive definite."""
@@ -58,13 +47,13 @@ NEVER = -1e9
 _NEAR = 1e-5  # share of a depth below which a difference quotient is the slope in the middle
 
 
-@compiled(Number, Number, Number, counted=False)
+@compiled(counted=False)
 def stored_at(stiffness: float, depth: float) -> float:
     """Return what a contact stores at a depth [m]: U, none outside."""
     return 0.4 * stiffness * depth * depth * sqrt(depth) if depth > 0.0 else 0.0
 
 
-@compiled(several(Number, Number), OPENED, Number, Number, Number, counted=False)
+@compiled(counted=False)
 def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple[float, float]:
     """Return the mean force [N] between two depths [m], and its derivative by the second."""
     stiffness, way = plant.bounds[HERTZ], after - before
@@ -81,12 +70,12 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
     return share * force, share * slope + rate * force
 
 
-@compiled(several(Count, Count, Number), OPENED, ROWS, SYSTEM, Row, Number, Number, SOLVED)
+@compiled
 def solve_compliant(
     plant: Opened,
     rows: PartRows,
     system: RowSystem,
-    start: FloatArray,
+    start: Row,
     step: float,
     tolerance: float,
     solved: Solved,
@@ -137,8 +126,8 @@ def solve_compliant(
     return work, UNSOLVED, 0.0
 
 
-@compiled(Flag, OPENED, OutDense, counted=False)
-def undecided(plant: Opened, laws: FloatArray) -> bool:
+@compiled(counted=False)
+def undecided(plant: Opened, laws: OutDense) -> bool:
     """Return whether a rigid self-locking gear turns against its rotor's momentum."""
     found = False
     for i in range(len(plant.gears.rows)):
@@ -148,17 +137,17 @@ def undecided(plant: Opened, laws: FloatArray) -> bool:
     return found and not plant.gears.loose and len(plant.gears.coupling) == 0
 
 
-@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Row, Number, OutDense, OutRow, counted=False)
+@compiled(counted=False)
 def lag_coupling(
     plant: Opened,
     rows: PartRows,
     system: RowSystem,
-    speed: FloatArray,
-    last: FloatArray,
-    free: FloatArray,
+    speed: Row,
+    last: Row,
+    free: Row,
     step: float,
-    laws: FloatArray,
-    shifted: FloatArray,
+    laws: OutDense,
+    shifted: OutRow,
 ) -> None:
     """Put the inertial coupling of rotors and housings at a last iterate into the rows.
 
@@ -203,14 +192,9 @@ def lag_coupling(
             system.free[i] += rows.matrix[i, c] * shifted[c]
 
 
-@compiled(Nothing, OPENED, ROWS, SYSTEM, Row, Row, Number)
+@compiled
 def couple(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    speed: FloatArray,
-    after: FloatArray,
-    step: float,
+    plant: Opened, rows: PartRows, system: RowSystem, speed: Row, after: Row, step: float
 ) -> None:
     """Put the inertial coupling of a solution that ends at `after` v (nv,) into the rows."""
     if len(plant.gears.coupling):
@@ -218,7 +202,7 @@ def couple(
         lag_coupling(plant, rows, system, speed, after, free, step, laws, rows.free)
 
 
-@compiled(Number, OPENED, SYSTEM, counted=False)
+@compiled(counted=False)
 def accuracy_of(plant: Opened, system: RowSystem) -> float:
     """Return the largest accepted distance of a row from its law, see `TOLERANCE`."""
     fastest = 0.0
@@ -230,8 +214,8 @@ def accuracy_of(plant: Opened, system: RowSystem) -> float:
     return accuracy
 
 
-@compiled(Number, Row, OutRow, counted=False)
-def settles(after: FloatArray, last: FloatArray) -> float:
+@compiled(counted=False)
+def settles(after: Row, last: OutRow) -> float:
     """Return by how much a round has changed v (nv,), zero where it is rounding."""
     moved, largest = 0.0, 0.0
     for c in range(len(after)):
@@ -240,16 +224,16 @@ def settles(after: FloatArray, last: FloatArray) -> float:
     return 0.0 if moved <= _COUPLING_TOLERANCE * (1.0 + largest) else moved
 
 
-@compiled(SOLVED, OPENED, ROWS, SYSTEM, Row, Row, Number, Number, Row)
+@compiled
 def solve_part(
     plant: Opened,
     rows: PartRows,
     system: RowSystem,
-    speed: FloatArray,
-    start: FloatArray,
+    speed: Row,
+    start: Row,
     step: float,
     work: float,
-    given: FloatArray,
+    given: Row,
 ) -> Solved:
     """Return how the rows of a part end, with every row, flank and coupling on its law.
 

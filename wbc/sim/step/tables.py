@@ -6,23 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    OutDense,
-    OutFlags,
-    OutRow,
-    OutTable,
-    Table,
-    compiled,
-)
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Dense, OutDense, OutFlags, OutRow, OutTable, Table, compiled
 from wbc.effects.tables import EffectTable
 from wbc.mechanics.tree import Tree
-from wbc.structures import Structure
+from wbc.structures import stored, structured
 
 
+@structured
 class Obstacles(NamedTuple):
     """Joint limits, contact points, and the solids that these may meet.
 
@@ -44,15 +35,15 @@ class Obstacles(NamedTuple):
         asked: address of a function of Python that fills `touch` and `ground`, see `Ground`.
     """
 
-    limit_at: IntArray
-    limit_range: FloatArray
-    contact_at: IntArray
-    contacts: FloatArray
-    solids: FloatArray
-    points: FloatArray
-    stands: FloatArray
-    touch: FloatArray
-    ground: FloatArray
+    limit_at: OutTable
+    limit_range: OutDense
+    contact_at: OutTable
+    contacts: OutDense
+    solids: OutDense
+    points: OutDense
+    stands: OutRow
+    touch: OutDense
+    ground: OutDense
     tangents: int
     moving: bool
     fields: bool
@@ -65,6 +56,7 @@ DEFLECTION, SPEED = range(2)
 """Columns of the motion of motor outputs: ahead of the joint [rad], and their own [rad/s]."""
 
 
+@structured
 class Gears(NamedTuple):
     """The gears.
 
@@ -80,16 +72,17 @@ class Gears(NamedTuple):
         loose: whether any motor output may leave its joint.
     """
 
-    numbers: FloatArray
-    rows: FloatArray
-    at: IntArray
-    motion: FloatArray
-    coupling: FloatArray
-    gyration: FloatArray
+    numbers: OutDense
+    rows: OutDense
+    at: OutTable
+    motion: OutDense
+    coupling: OutDense
+    gyration: OutDense
     direct: bool
     loose: bool
 
 
+@structured
 class Bodies(NamedTuple):
     """Convex hulls that meet edges of the ground, and each other, see `Hull` and `pairs`.
 
@@ -110,17 +103,18 @@ class Bodies(NamedTuple):
         slots: (s, 1) pair of each barrier.
     """
 
-    hulls: IntArray
-    shapes: FloatArray
-    corners: FloatArray
-    planes: FloatArray
-    edges: FloatArray
-    ends: IntArray
-    pairs: IntArray
-    frictions: FloatArray
-    slots: IntArray
+    hulls: OutTable
+    shapes: OutDense
+    corners: OutDense
+    planes: OutDense
+    edges: OutDense
+    ends: OutTable
+    pairs: OutTable
+    frictions: OutDense
+    slots: OutTable
 
 
+@structured
 class PlacedTree(NamedTuple):
     """Memory for a tree in one configuration.
 
@@ -132,13 +126,14 @@ class PlacedTree(NamedTuple):
         inertia: H_l (nv, nv).
     """
 
-    poses: FloatArray
-    columns: FloatArray
-    bodies: FloatArray
-    composite: FloatArray
-    inertia: FloatArray
+    poses: OutDense
+    columns: OutDense
+    bodies: OutDense
+    composite: OutDense
+    inertia: OutDense
 
 
+@structured
 class Flight(NamedTuple):
     """The free bases.
 
@@ -149,11 +144,12 @@ class Flight(NamedTuple):
             from its origin to the centre of mass.
     """
 
-    bases: IntArray
-    carried: FloatArray
-    frames: FloatArray
+    bases: OutTable
+    carried: OutDense
+    frames: OutDense
 
 
+@structured
 class Forces(NamedTuple):
     """What acts over a part beside gravity and the gears' losses.
 
@@ -165,13 +161,14 @@ class Forces(NamedTuple):
         friction: (nv,) memory: level of dry friction.
     """
 
-    joints: IntArray
-    numbers: FloatArray
-    torque: FloatArray
-    outer: FloatArray
-    friction: FloatArray
+    joints: Table
+    numbers: Dense
+    torque: OutRow
+    outer: OutRow
+    friction: OutRow
 
 
+@structured
 class Ending(NamedTuple):
     """Memory for the middle of a part and its end.
 
@@ -196,27 +193,28 @@ class Ending(NamedTuple):
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
     """
 
-    position: FloatArray
-    velocity: FloatArray
-    motor_speed: FloatArray
-    impulse: FloatArray
-    gap: FloatArray
-    after: FloatArray
-    mesh_impulse: FloatArray
-    depth: FloatArray
-    pushes: FloatArray
-    deflection: FloatArray
-    books: FloatArray
-    work: FloatArray
-    middle: FloatArray
-    speed: FloatArray
-    rate: FloatArray
-    force: FloatArray
-    moved: FloatArray
-    start: FloatArray
-    closed: BoolArray
+    position: OutRow
+    velocity: OutRow
+    motor_speed: OutRow
+    impulse: OutRow
+    gap: OutRow
+    after: OutRow
+    mesh_impulse: OutRow
+    depth: OutRow
+    pushes: OutRow
+    deflection: OutRow
+    books: OutRow
+    work: OutRow
+    middle: OutRow
+    speed: OutRow
+    rate: OutRow
+    force: OutRow
+    moved: OutRow
+    start: OutRow
+    closed: OutFlags
 
 
+@structured
 class Hit(NamedTuple):
     """Memory for an impact.
 
@@ -230,15 +228,16 @@ class Hit(NamedTuple):
         closed: (2 j + c,) barriers that take part; afterwards those that are closed.
     """
 
-    after: FloatArray
-    pushes: FloatArray
-    impulse: FloatArray
-    aims: FloatArray
-    found: FloatArray
-    fresh: BoolArray
-    closed: BoolArray
+    after: OutRow
+    pushes: OutRow
+    impulse: OutRow
+    aims: OutRow
+    found: OutRow
+    fresh: OutFlags
+    closed: OutFlags
 
 
+@structured
 class Opened(NamedTuple):
     """All of a plant.
 
@@ -259,72 +258,8 @@ class Opened(NamedTuple):
     forces: Forces
     end: Ending
     hit: Hit
-    bounds: FloatArray
+    bounds: OutRow
 
-
-_TREE = Structure("Tree", joints=OutTable, shapes=OutDense, rows=OutTable, gravity=OutRow)
-_OBSTACLES = Structure(
-    "Obstacles",
-    limit_at=OutTable,
-    limit_range=OutDense,
-    contact_at=OutTable,
-    contacts=OutDense,
-    solids=OutDense,
-    points=OutDense,
-    stands=OutRow,
-    touch=OutDense,
-    ground=OutDense,
-    tangents=Count,
-    moving=Flag,
-    fields=Flag,
-    asked=Count,
-)
-_GEARS = Structure(
-    "Gears",
-    numbers=OutDense,
-    rows=OutDense,
-    at=OutTable,
-    motion=OutDense,
-    coupling=OutDense,
-    gyration=OutDense,
-    direct=Flag,
-    loose=Flag,
-)
-_PLACED = Structure("PlacedTree", **dict.fromkeys(PlacedTree._fields, OutDense))
-_FLIGHT = Structure("Flight", bases=OutTable, carried=OutDense, frames=OutDense)
-_BODIES = Structure(
-    "Bodies",
-    hulls=OutTable,
-    shapes=OutDense,
-    corners=OutDense,
-    planes=OutDense,
-    edges=OutDense,
-    ends=OutTable,
-    pairs=OutTable,
-    frictions=OutDense,
-    slots=OutTable,
-)
-_FORCES = Structure(
-    "Forces", joints=Table, numbers=Dense, torque=OutRow, outer=OutRow, friction=OutRow
-)
-_ENDING = Structure("Ending", **dict.fromkeys(Ending._fields[:-1], OutRow), closed=OutFlags)
-_HIT = Structure("Hit", **dict.fromkeys(Hit._fields[:5], OutRow), fresh=OutFlags, closed=OutFlags)
-TREE, OBSTACLES, GEARS = _TREE.kind, _OBSTACLES.kind, _GEARS.kind
-PLACED, FLIGHT, BODIES = _PLACED.kind, _FLIGHT.kind, _BODIES.kind
-_OPENED = Structure(
-    "Opened",
-    tree=TREE,
-    flight=FLIGHT,
-    obstacles=OBSTACLES,
-    gears=GEARS,
-    placed=PLACED,
-    bodies=BODIES,
-    forces=_FORCES.kind,
-    end=_ENDING.kind,
-    hit=_HIT.kind,
-    bounds=OutRow,
-)
-OPENED = _OPENED.kind
 
 JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
@@ -349,28 +284,27 @@ def opened(
     """
     n, nv, b, m = len(tree.joints), len(tree.rows), len(bases), len(gears.numbers)
     shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
-    forces = {"torque": np.zeros(m), "outer": np.zeros(nv), "friction": np.zeros(nv)}
     joints, numbers = np.zeros((0, 3), np.int64), np.zeros((0, 3))
     if laws is not None:
         joints, numbers = laws.joints, laws.numbers
-    placed = dict(zip(PlacedTree._fields, map(np.zeros, shapes), strict=True))
-    found: Opened = _OPENED.of(
-        tree=_TREE.of(**tree._asdict()),
-        flight=_FLIGHT.of(bases=bases, carried=np.zeros((b, 10)), frames=np.zeros((b, 12))),
-        obstacles=_OBSTACLES.of(**obstacles._asdict()),
-        gears=_GEARS.of(**gears._asdict()),
-        placed=_PLACED.of(**placed),
-        bodies=_BODIES.of(**bodies._asdict()),
-        forces=_FORCES.of(joints=joints, numbers=numbers, **forces),
-        end=_ENDING.of(**ending),
-        hit=_HIT.of(**hit),
-        bounds=np.array(bounds),
+    return stored(
+        Opened(
+            stored(tree),
+            stored(Flight(bases, np.zeros((b, 10)), np.zeros((b, 12)))),
+            stored(obstacles),
+            stored(gears),
+            stored(PlacedTree(*map(np.zeros, shapes))),
+            stored(bodies),
+            stored(Forces(joints, numbers, np.zeros(m), np.zeros(nv), np.zeros(nv))),
+            stored(Ending(**ending)),
+            stored(Hit(**hit)),
+            np.array(bounds),
+        )
     )
-    return found
 
 
-@compiled(OutRow, Table, OutDense)
-def point_of_reference(bases: IntArray, poses: FloatArray) -> FloatArray:
+@compiled
+def point_of_reference(bases: Table, poses: OutDense) -> OutRow:
     """Return the point (3,) of all spatial vectors: the first free base, or the first joint."""
     joint = bases[0, FRAME] if len(bases) else 0
     found: FloatArray = poses[joint, 9:]
