@@ -209,6 +209,14 @@ def test_a_drive_that_depends_on_more_than_its_torque_has_no_gain(effect: Effect
     assert set(exported.unsaid) - set(plain.unsaid) == {effect.said()}
 
 
+def test_a_late_drive_has_no_wrong_torque_constant() -> None:
+    """A delay alone was listed as a motor that gives 1 times what it is asked for."""
+    leg = load_robot("planar_leg_fixed").lossless()
+    exported = export_robot(leg.with_effects(ActuationDelay("knee", 0.005)), "urdf")
+    assert exported.unsaid == export_robot(leg, "urdf").unsaid
+    assert "delay of knee: 0.005 s" in exported.notes[0]
+
+
 def test_isaac_parameters_are_plain_python() -> None:
     leg = told(load_robot("planar_leg_fixed")).with_effects(ActuationDelay("hip", 0.004))
     exported = export_robot(leg, "isaac")

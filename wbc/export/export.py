@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from wbc.errors import RobotError, unknown_name
 from wbc.export.isaac import isaac
-from wbc.export.joint_numbers import JointNumbers, joint_numbers
+from wbc.export.joint_numbers import joint_numbers
 from wbc.export.loss_numbers import TOLD, loss_module
 from wbc.export.mjcf import mjcf
 from wbc.export.urdf import urdf
@@ -67,28 +67,26 @@ def export_robot(robot: Robot, to: str) -> Exported:
         raise RobotError(unknown_name("format", to, FORMATS))
     losses = loss_module(robot) if to == "mujoco" else None
     found = joint_numbers(robot, () if losses is None else TOLD)
-    content: ET.Element | str
+    content: str | ET.Element
     if to == "isaac":
         content, more = isaac(robot, found)
     else:
         content, more = (urdf if to == "urdf" else mjcf)(robot, found)
     unsaid = tuple(dict.fromkeys([*found.unsaid, *more]))
-    notes = tuple(_delays(robot, found))
+    notes = tuple(
+        f"actuator delay of {joint}: {delay:.6g} s; give it to your simulator's actuator model"
+        for joint, delay in zip(robot.transmission.joints, found.delay, strict=True)
+        if delay
+    )
     comment = _comment(robot, unsaid, notes, losses is not None)
     if isinstance(content, str):
         text = content.replace("{comment}", comment.replace("\\", "/").replace('"', "'"))
     else:
-        text = _xml(content, comment)
+        ET.indent(content)
+        # Two hyphens end a comment in XML.
+        safe = comment.replace("--", "- -")
+        text = f"<!--\n{safe}\n-->\n{ET.tostring(content, encoding='unicode')}\n"
     return Exported(text, unsaid, notes, losses)
-
-
-def _delays(robot: Robot, found: JointNumbers) -> list[str]:
-    names = robot.transmission.joints
-    return [
-        f"actuator delay of {joint}: {delay:.6g} s; give it to your simulator's actuator model"
-        for joint, delay in zip(names, found.delay, strict=True)
-        if delay
-    ]
 
 
 def _comment(
@@ -103,10 +101,3 @@ def _comment(
         for text in texts:
             lines += wrap(text, 96, initial_indent="  - ", subsequent_indent="    ")
     return "\n".join(lines)
-
-
-def _xml(root: ET.Element, comment: str) -> str:
-    ET.indent(root)
-    # Two hyphens end a comment in XML.
-    safe = comment.replace("--", "- -")
-    return f"<!--\n{safe}\n-->\n{ET.tostring(root, encoding='unicode')}\n"

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.parts import Lumped, links
+from wbc.export.parts import links, lumped, not_lumped
 from wbc.robot import Robot
 
 _HEAD = '''\
@@ -31,31 +30,30 @@ and inertia about it [m, kg m^2] in the link's frame; `wbc export --to urdf` wri
 
 def isaac(robot: Robot, found: JointNumbers) -> tuple[str, list[str]]:
     """Return a Python file of literals (`{comment}` left open), and what it cannot say."""
-    at_joints = Lumped.of(robot, found)
-    rows = dict(zip(robot.transmission.joints, robot.actuated, strict=True))
-
-    def per_driven(values: FloatArray) -> dict[str, float]:
-        given = {re.escape(joint): float(values[row]) for joint, row in rows.items()}
-        return {joint: value for joint, value in given.items() if np.isfinite(value)}
-
-    unsaid = list(at_joints.unsaid)
+    driven, unsaid = robot.transmission.joints, list(not_lumped(robot, found))
+    at_joints = lumped(robot, found)
     for joint in robot.single_joints:
-        row = robot.velocity_index(joint)
-        if joint not in rows and (at_joints.damping[row] or at_joints.friction[row]):
+        _, viscous, dry = at_joints[:, robot.velocity_index(joint)]
+        if joint not in driven and (viscous or dry):
             unsaid.append(
-                f"friction of the undriven joint {joint} (dry {at_joints.friction[row]:.6g} N m, "
-                f"viscous {at_joints.damping[row]:.6g} N m s/rad)"
+                f"friction of the undriven joint {joint} (dry {dry:.6g} N m, viscous "
+                f"{viscous:.6g} N m s/rad)"
             )
-    actuators = {
-        "joint_names_expr": [re.escape(joint) for joint in rows],
-        "effort_limit_sim": per_driven(at_joints.limit),
-        "velocity_limit_sim": per_driven(at_joints.speed),
-        "armature": per_driven(at_joints.armature),
-        "friction": per_driven(at_joints.friction),
-        "dynamic_friction": per_driven(at_joints.friction),
-        "viscous_friction": per_driven(at_joints.damping),
+    armature, damping, friction = at_joints[:, robot.actuated]
+    rows = {
+        "effort_limit_sim": found.motor_limit,
+        "velocity_limit_sim": found.motor_speed,
+        "armature": armature,
+        "friction": friction,
+        "dynamic_friction": friction,
+        "viscous_friction": damping,
     }
-    delays = dict(zip(rows, map(float, found.delay), strict=True))
+    names = [re.escape(joint) for joint in driven]
+    actuators: dict[str, object] = {"joint_names_expr": names}
+    for name, row in rows.items():
+        given = {n: x for n, x in zip(names, row.tolist(), strict=True) if np.isfinite(x)}
+        actuators |= {name: given} if given else {}
+    delays = dict(zip(driven, found.delay.tolist(), strict=True))
     inertias = {
         link.name: {
             "mass": float(link.inertia.mass),
@@ -64,9 +62,8 @@ def isaac(robot: Robot, found: JointNumbers) -> tuple[str, list[str]]:
         }
         for link in links(robot)
     }
-    kept = {name: value for name, value in actuators.items() if value}
     parts = [_HEAD.replace("{name}", robot.name).replace("{{", "{").replace("}}", "}")]
-    parts += [_literal("ACTUATORS", kept), _literal("DELAY", delays)]
+    parts += [_literal("ACTUATORS", actuators), _literal("DELAY", delays)]
     return "\n".join([*parts, _literal("INERTIAS", inertias)]), unsaid
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.export.probing import constant, drive_laws, joint_law, probe_motion
+from wbc.export.probing import constant, drive_law, joint_law, probe_motion
 from wbc.robot import Effect, Motion, Robot
 
 
@@ -55,13 +55,13 @@ def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
         told: names of effects that are told elsewhere, `transmission_efficiency` for what the
             gears lose under load.
     """
-    gears, count = robot.transmission, robot.model.nv
-    ratio = np.abs(gears.gear_ratio)
+    gears, ratio = robot.transmission, np.abs(robot.transmission.gear_ratio)
+    damping, friction, stiffness, constants = np.zeros((4, robot.model.nv))
     found = JointNumbers(
-        damping=np.zeros(count),
-        friction=np.zeros(count),
-        stiffness=np.zeros(count),
-        constant=np.zeros(count),
+        damping,
+        friction,
+        stiffness,
+        constants,
         motor_armature=gears.reflected_inertia,
         motor_damping=ratio**2 * gears.rotor_viscous_friction,
         motor_friction=ratio * gears.rotor_coulomb_friction,
@@ -101,23 +101,21 @@ def _of_gears(robot: Robot, losses_told: bool) -> Iterator[str]:
 
 def _add(robot: Robot, effect: Effect, motion: Motion, found: JointNumbers) -> Iterator[str]:
     """Add what an effect does to the numbers found; yield what they cannot hold."""
-    laws, drives = joint_law(robot, effect, motion), drive_laws(robot, effect, motion)
+    law, drives = joint_law(robot, effect, motion), drive_law(robot, effect, motion)
     levels = constant(effect.joint_friction(robot, motion), robot.model.nv)
     offsets = constant(effect.rotor_torque(robot, motion), robot.transmission.size)
-    for joint, (push, stiffness, damping) in (laws or {}).items():
-        row = robot.velocity_index(joint)
-        found.constant[row] += push
-        found.stiffness[row] += stiffness
-        found.damping[row] += damping
-    for joint, (gain, delay) in (drives or {}).items():
-        k = robot.transmission.index(joint)
-        found.gain[k] *= gain
-        found.delay[k] += delay
+    if law is not None:
+        found.constant[:] += law[0]
+        found.stiffness[:] += law[1]
+        found.damping[:] += law[2]
+    if drives is not None:
+        found.gain[:] *= drives[0]
+        found.delay[:] += drives[1]
     if levels is not None:
         found.friction[:] += levels
     if offsets is not None:
         found.offset[:] += offsets * robot.transmission.gear_ratio
-    if laws is None or levels is None or offsets is None or drives is None:
+    if law is None or levels is None or offsets is None or drives is None:
         yield effect.said()
     if "gear_efficiencies" in effect.acts_by:
         yield f"{effect.said()}: the exported gear loses nothing that grows with the load"

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from pprint import pformat
 from typing import Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction
 from wbc.errors import RobotError
 from wbc.export.joint_numbers import joint_numbers
-from wbc.robot import Effect, Robot
+from wbc.robot import Robot
 
 _KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
 TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
@@ -46,9 +44,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         elif isinstance(effect, LoadStribeckFriction):
             k = gears.index(effect.where)
             coefficient[k], speed[k] = effect.coefficient, effect.speed
-    bristles = [e for e in robot.effects if isinstance(e, Presliding)]
-    slow = [e for e in robot.effects if isinstance(e, StribeckFriction)]
-    return {
+    numbers = {
         "motors": list(gears.joints),
         "joints": list(gears.joints),
         "motor_from_joint": gears.motor_from_joint,
@@ -66,13 +62,15 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         "rotor_friction": found.motor_friction,
         "joint_damping": found.damping[robot.actuated],
         "joint_friction": found.friction[robot.actuated],
-        "bristle_place": _places(robot, bristles),
-        "bristle_level": np.array([effect.level for effect in bristles]),
-        "bristle_length": np.array([effect.length for effect in bristles]),
-        "stribeck_place": _places(robot, slow),
-        "stribeck_level": np.array([effect.level for effect in slow]),
-        "stribeck_speed": np.array([effect.speed for effect in slow]),
     }
+    beside = (("bristle", Presliding, "length"), ("stribeck", StribeckFriction, "speed"))
+    for name, kind, shape in beside:
+        effects = [effect for effect in robot.effects if isinstance(effect, kind)]
+        rows = [np.eye(size)[gears.index(effect.where)] for effect in effects]
+        numbers[f"{name}_place"] = np.reshape(rows, (len(effects), size))
+        for value in ("level", shape):
+            numbers[f"{name}_{value}"] = np.array([effect.values[value] for effect in effects])
+    return numbers
 
 
 def loss_module(robot: Robot) -> str:
@@ -94,11 +92,3 @@ def loss_module(robot: Robot) -> str:
     )
     named = "NUMBERS: Numbers = " + table + f'\n"""Losses of {robot.name}."""'
     return "\n\n".join((code, named + "\n", function))
-
-
-def _places(robot: Robot, effects: Sequence[Effect]) -> FloatArray:
-    """Return (b, m) with a one where an effect sits."""
-    gears = robot.transmission
-    places = np.zeros((len(effects), gears.size))
-    places[np.arange(len(effects)), [gears.index(effect.where) for effect in effects]] = 1.0
-    return places

@@ -122,6 +122,9 @@ class Losses:
     Joints and motors are found by their names. The motors must be plain torques at the gears'
     outputs, as `wbc export` writes them. Rotor inertia, damping and dry friction of the driven
     joints are set, whatever the model held. Use one object per model and data.
+
+    Attributes:
+        bent: z of the gears' and then of the joints' bristles (m + b,); set zeros to start anew.
     """
 
     def __init__(self, model: Any, numbers: Numbers) -> None:
@@ -151,22 +154,11 @@ class Losses:
         model.tendon_damping[self._tendons] = damping[self._coupled]
         stiff = [2.0 * model.opt.timestep, 1.0]  # stops within the step, no more
         model.dof_solref[self._dofs], model.dof_solimp[self._dofs] = stiff, _STIFF
-        model.tendon_solref_fri[self._tendons], model.tendon_solimp_fri[self._tendons] = (
-            stiff,
-            _STIFF,
-        )
+        model.tendon_solref_fri[self._tendons] = stiff
+        model.tendon_solimp_fri[self._tendons] = _STIFF
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._numbers["inverse_inertia"] = model.dof_invweight0[self._dofs]
-        self._bent = np.zeros(n["motors"].size + n["bristle_level"].size)
-
-    @property
-    def bent(self) -> Array:
-        """Z of the gears' and then of the joints' bristles (m + b,); set zeros to start anew."""
-        return self._bent
-
-    @bent.setter
-    def bent(self, value: Array) -> None:
-        self._bent = np.array(value, dtype=np.float64)
+        self.bent = np.zeros(n["motors"].size + n["bristle_level"].size)
 
     def apply(self, data: Any) -> None:
         """Set the losses of the next step, from this state and its controls."""
@@ -177,8 +169,8 @@ class Losses:
         asked = np.where(bound, np.clip(asked, low, high), asked)
         torque = np.asarray(n["gain"]) * asked + np.asarray(n["offset"])
         velocity, acceleration = data.qvel[self._dofs], data.qacc[self._dofs]
-        added, level, joints, self._bent = next_losses(
-            n, self._bent, torque, velocity, acceleration, model.opt.timestep
+        added, level, joints, self.bent = next_losses(
+            n, self.bent, torque, velocity, acceleration, model.opt.timestep
         )
         offset = np.asarray(n["share"]) * np.asarray(n["offset"])
         model.actuator_biasprm[self._motors, 0] = offset + added

@@ -17,10 +17,6 @@ _EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear l
 _TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
 
 
-Numbers = tuple[float, ...]
-"""Of a law: of a joint the constant, the stiffness and the damping; of a drive gain and delay."""
-
-
 def probe_motion(robot: Robot) -> Motion:
     """Return a random motion (64, ...) with everything that a hook may look at."""
     random = np.random.default_rng(0)
@@ -38,30 +34,22 @@ def probe_motion(robot: Robot) -> Motion:
     )
 
 
-def joint_law(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Numbers] | None:
-    """Return the law of every joint that an effect pushes smoothly, None if it has another law.
+def joint_law(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
+    """Return the smooth law (3, nv) of an effect at the joints, None if it has another one.
 
     The torque [N m] is constant - stiffness q - damping v.
     """
-    torque = effect.joint_torque(robot, motion)
+    torque, law = effect.joint_torque(robot, motion), np.zeros((3, robot.model.nv))
     if torque is None:
-        return {}
-    laws = {}
-    for number, joint in enumerate(robot.joints, 1):
-        row = robot.velocity_index(joint)
-        if not np.any(torque[:, row : row + robot.model.joints[number].nv]):
-            continue
-        if joint not in robot.single_joints:
-            return None
-        place = motion.position[:, robot.position_index(joint)]
-        speed = motion.velocity[:, row]
-        columns = np.stack([np.ones_like(place), -place, -speed], axis=1)
-        found = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
-        if not _equal(columns @ found, torque[:, row]):
-            return None
-        small = _EXACT * np.abs(torque[:, row]).max()
-        laws[joint] = tuple(float(x) if abs(x) > small else 0.0 for x in found)
-    return laws
+        return law
+    said = np.zeros_like(torque)
+    for joint in robot.single_joints:
+        row, place = robot.velocity_index(joint), motion.position[:, robot.position_index(joint)]
+        columns = np.stack([np.ones_like(place), -place, -motion.velocity[:, row]], axis=1)
+        law[:, row] = np.linalg.lstsq(columns, torque[:, row], rcond=None)[0]
+        said[:, row] = columns @ law[:, row]
+    law[np.abs(law) <= _EXACT * np.abs(torque).max(axis=0)] = 0.0
+    return law if _equal(said, torque) else None
 
 
 def constant(values: FloatArray | None, size: int) -> FloatArray | None:
@@ -71,44 +59,30 @@ def constant(values: FloatArray | None, size: int) -> FloatArray | None:
     return values[0] if _equal(values, np.broadcast_to(values[0], values.shape)) else None
 
 
-def drive_laws(robot: Robot, effect: Effect, motion: Motion) -> dict[str, Numbers] | None:
-    """Return gain and delay of every drive that an effect changes, None if it does other things.
+def drive_law(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | None:
+    """Return gain and delay (2, m) of the drives with an effect, None if it does other things.
 
     A torque that grows evenly from far below any limit to far above it is delivered late by a
     shift and weakened by a slope; whatever else happens to it shows as a bend. What depends on
     the speed, the temperature or the supply differs from one held sample of `motion` to the next.
     """
+    size, time, laws = robot.transmission.size, np.linspace(0.0, 10.0, 2001), []
     if "drive" not in effect.acts_by:
-        return {}
-    first, *others = (_drive_laws_at(robot, effect, motion, row) for row in range(_HELD))
-    return first if all(other == first for other in others) else None
-
-
-def _drive_laws_at(
-    robot: Robot, effect: Effect, motion: Motion, row: int
-) -> dict[str, Numbers] | None:
-    """Return the laws of the drives while one sample of a motion is held."""
-    gears = robot.transmission
-    time = np.linspace(0.0, 10.0, 2001)
-
-    given = {name: getattr(motion, name) for name in _HELD_FIELDS}
-    still = {name: np.tile(x[row], (time.size, 1)) for name, x in given.items() if x is not None}
-    sample = motion.replace(time=time, **still)
-    torque = np.outer((time - 5.0) / 5.0, _TORQUE / np.abs(gears.gear_ratio))
-    delivered = effect.drive(robot, sample, torque)
+        return np.array([np.ones(size), np.zeros(size)])
     inner = slice(200, -200)  # a delay has nothing to show before the first sample
-    laws: dict[str, Numbers] = {}
-    for k, joint in enumerate(gears.joints):
-        if np.array_equal(delivered[:, k], torque[:, k]):
-            continue
-        slope, shift = np.polyfit(time[inner], delivered[inner, k], 1)
-        if not _equal(slope * time[inner] + shift, delivered[inner, k]):
+    ramp, unit = (time - 5.0) / 5.0, _TORQUE / np.abs(robot.transmission.gear_ratio)
+    given = {name: getattr(motion, name) for name in _HELD_FIELDS}
+    for row in range(_HELD):
+        held = {n: np.tile(x[row], (time.size, 1)) for n, x in given.items() if x is not None}
+        sample = motion.replace(time=time, **held)
+        delivered = effect.drive(robot, sample, np.outer(ramp, unit))[inner] / unit
+        gain, shift = np.polyfit(ramp[inner], delivered, 1)
+        if not _equal(np.outer(ramp[inner], gain) + shift, delivered):
             return None
-        rate = float(torque[-1, k] - torque[0, k]) / 10.0
-        gain = float(slope) / rate
-        delay = 0.0 if gain == 0.0 else -5.0 - float(shift) / float(slope)
-        laws[joint] = (gain, delay if abs(delay) > 1e-9 else 0.0)
-    return laws
+        gain[np.abs(gain - 1.0) < _EXACT] = 1.0
+        delay = np.divide(-5.0 * shift, gain, out=np.zeros(size), where=gain != 0.0)
+        laws.append(np.array([gain, np.where(np.abs(delay) < _EXACT, 0.0, delay)]))
+    return laws[0] if all(np.array_equal(law, laws[0]) for law in laws) else None
 
 
 def _equal(one: FloatArray, other: FloatArray) -> bool:

@@ -7,8 +7,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 
+from wbc.arrays import FloatArray
 from wbc.export.joint_numbers import JointNumbers
-from wbc.export.parts import LinkEntry, Lumped, links, number, numbers, points
+from wbc.export.parts import LinkEntry, element, links, lumped, not_lumped, points
 from wbc.robot import Robot
 
 _WORLD = "world"
@@ -18,59 +19,60 @@ _UNLIMITED = 1e9  # URDF wants a number where there is no limit
 def urdf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
     """Return the model, and what URDF cannot say beside what is already unsaid."""
     root = ET.Element("robot", name=robot.name)
-    at_joints = Lumped.of(robot, found)
-    unsaid = list(at_joints.unsaid)
+    at_joints, unsaid = lumped(robot, found), list(not_lumped(robot, found))
     for moved in robot.single_joints:
-        armature = at_joints.armature[robot.velocity_index(moved)]
-        if armature:
+        if armature := at_joints[0, robot.velocity_index(moved)]:
             text = f"armature of {moved}: {armature:.6g} kg m^2; set it in the simulator"
             unsaid.append(f"{text} after loading")
-    entries = links(robot)
-    floats = bool(entries) and entries[0].kind == "free"
-    if not floats:
-        ET.SubElement(root, "link", name=_WORLD)
+    pairs = zip(found.motor_limit, found.motor_speed, strict=True)
+    limits = dict(zip(robot.transmission.joints, pairs, strict=True))
+    entries = list(links(robot))
+    if not (entries and entries[0].kind == "free"):
+        element(root, "link", name=_WORLD)
     for link in entries:
         _link(root, link.name, link.inertia)
         if link.kind != "free":
-            _joint(root, link, at_joints)
+            _joint(root, link, at_joints[1:, link.row], limits.get(link.joint, (np.inf, np.inf)))
     taken = {link.name for link in entries}
     for contact, carrier, place in points(robot):
         name = contact.name if contact.name not in taken else f"{contact.name}_contact"
-        ET.SubElement(root, "link", name=name)
-        joint = ET.SubElement(root, "joint", name=f"{name}_fixed", type="fixed")
-        ET.SubElement(joint, "parent", link=carrier or _WORLD)
-        ET.SubElement(joint, "child", link=name)
-        ET.SubElement(joint, "origin", xyz=numbers(place), rpy="0 0 0")
+        element(root, "link", name=name)
+        joint = element(root, "joint", name=f"{name}_fixed", type="fixed")
+        _between(joint, carrier, name)
+        element(joint, "origin", xyz=place, rpy="0 0 0")
     return root, unsaid
 
 
+def _between(joint: ET.Element, parent: str, child: str) -> None:
+    element(joint, "parent", link=parent or _WORLD)
+    element(joint, "child", link=child)
+
+
 def _link(root: ET.Element, name: str, inertia: pin.Inertia) -> None:
-    link = ET.SubElement(root, "link", name=name)
-    if inertia.mass <= 0.0:
-        return
-    entry = ET.SubElement(link, "inertial")
-    ET.SubElement(entry, "origin", xyz=numbers(inertia.lever), rpy="0 0 0")
-    ET.SubElement(entry, "mass", value=number(inertia.mass))
-    matrix, axes = inertia.inertia, "xyz"
-    entries = {f"i{axes[i]}{axes[j]}": number(matrix[i, j]) for i in range(3) for j in range(i, 3)}
-    ET.SubElement(entry, "inertia", entries)
+    link = element(root, "link", name=name)
+    if inertia.mass > 0.0:
+        entry = element(link, "inertial")
+        element(entry, "origin", xyz=inertia.lever, rpy="0 0 0")
+        element(entry, "mass", value=inertia.mass)
+        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+        upper = {f"i{'xyz'[i]}{'xyz'[j]}": inertia.inertia[i, j] for i, j in pairs}
+        element(entry, "inertia", **upper)
 
 
-def _joint(root: ET.Element, link: LinkEntry, at_joints: Lumped) -> None:
-    low, high = link.limits
-    bounded = bool(np.isfinite(low) and np.isfinite(high) and high - low < _UNLIMITED)
+def _joint(
+    root: ET.Element, link: LinkEntry, resistance: FloatArray, limits: tuple[float, float]
+) -> None:
+    """Add a joint with its damping and dry friction (2,), and its motor's torque and speed."""
+    low, high = np.clip(link.limits, -_UNLIMITED, _UNLIMITED)
+    bounded = bool(np.isfinite(link.limits).all() and high - low < _UNLIMITED)
     kind = "prismatic" if link.kind == "slide" else "revolute" if bounded else "continuous"
-    joint = ET.SubElement(root, "joint", name=link.joint, type=kind)
-    ET.SubElement(joint, "parent", link=link.parent or _WORLD)
-    ET.SubElement(joint, "child", link=link.name)
+    joint = element(root, "joint", name=link.joint, type=kind)
+    _between(joint, link.parent, link.name)
     turn = pin.rpy.matrixToRpy(link.placement.rotation)
-    ET.SubElement(joint, "origin", xyz=numbers(link.placement.translation), rpy=numbers(turn))
-    ET.SubElement(joint, "axis", xyz=numbers(link.axis))
-    effort, speed = at_joints.limit[link.row], at_joints.speed[link.row]
-    limit = {"effort": min(effort, _UNLIMITED), "velocity": min(speed, _UNLIMITED)}
-    if kind != "continuous":
-        limit["lower"], limit["upper"] = np.clip([low, high], -_UNLIMITED, _UNLIMITED)
-    ET.SubElement(joint, "limit", {name: number(value) for name, value in limit.items()})
-    damping, friction = at_joints.damping[link.row], at_joints.friction[link.row]
-    if damping or friction:
-        ET.SubElement(joint, "dynamics", damping=number(damping), friction=number(friction))
+    element(joint, "origin", xyz=link.placement.translation, rpy=turn)
+    element(joint, "axis", xyz=link.axis)
+    ends = {} if kind == "continuous" else {"lower": low, "upper": high}
+    effort, velocity = np.minimum(limits, _UNLIMITED)
+    element(joint, "limit", effort=effort, velocity=velocity, **ends)
+    if resistance.any():
+        element(joint, "dynamics", damping=resistance[0], friction=resistance[1])
