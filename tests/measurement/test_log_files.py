@@ -336,3 +336,14 @@ def test_torques_of_another_topic_are_those_of_the_joint_that_is_named(tmp_path:
     assert guess.table["columns"]["hip.motor_torque"] == {"from": "/torques/hip/effort"}
     assert guess.driven == ("hip",)
     assert "knee: no torque or current" in guess.reasons[-1]
+
+
+def test_joints_of_a_bag_are_the_same_for_motion_and_effort(tmp_path: Path) -> None:
+    """Where the joints of the robot have other names, the efforts were not found."""
+    path = tmp_path / "run.csv"
+    names = [f"fer_joint{k}.{q}" for k in (1, 2) for q in ("position", "velocity", "effort")]
+    path.write_text(",".join(["time", *names]) + "\n0,1,2,3,4,5,6\n0.1,1,2,3,4,5,6\n")
+    joints = ("arm_joint1", "arm_joint2", "arm_finger_joint1", "arm_finger_joint2")
+    guess = guess_names(path, joints)
+    assert guess.table["columns"]["arm_joint2.motor_torque"] == {"from": "fer_joint2.effort"}
+    assert guess.driven == ("arm_joint1", "arm_joint2")

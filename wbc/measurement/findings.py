@@ -263,7 +263,7 @@ class LogFinding:
         mend: what a column map says so that the log is right; empty where no map can.
         probability: that it is so.
         guess: what a map would say of the likeliest of several causes that the logs cannot tell
-            apart. `wbc init` writes it, marked as a guess; nothing else applies it.
+            apart. Nothing writes it: people choose.
         alone: whether only some of the logs that were given together have it.
     """
 

@@ -18,7 +18,15 @@ from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.filters import turns_ratio
 from wbc.measurement.findings import Mend, merged
 from wbc.measurement.formats import open_table
-from wbc.measurement.names import MOTION, NameGuess, asked, channels, guess_name, joints_of
+from wbc.measurement.names import (
+    MOTION,
+    NameGuess,
+    asked,
+    channels,
+    guess_name,
+    guess_names_of,
+    joints_of,
+)
 from wbc.measurement.read import clock_of, split_path
 from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, REPORTED, TIME
 from wbc.measurement.tables import Table
@@ -83,7 +91,7 @@ def guess_names(
     given = dict(start or {})
     table = _table(path, given)
     # What the motor does comes last: where the joint's own motion is there, too, it counts.
-    guesses = sorted(map(guess_name, table.names), key=lambda g: g.rotor and g.quantity in MOTION)
+    guesses = sorted(guess_names_of(table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
     place = next((q for q in MOTION if any(g.quantity == q for g in guesses)), "")
     said = {g.quantity for g in guesses} - {TIME, ""} if not place else {place}
@@ -153,7 +161,7 @@ def guess_ratios(
         start: a column map that the user gives.
     """
     table = _table(path, start or {})
-    guesses = [g for g in map(guess_name, table.names) if g.quantity in MOTION]
+    guesses = [g for g in guess_names_of(table.names) if g.quantity in MOTION]
     own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
     named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
     found: dict[str, RatioGuess] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, TIME, named_unit, split_column
@@ -93,6 +93,18 @@ def guess_name(name: str) -> NameGuess:
         quantity = f"target_{quantity}" if quantity in ("position", "velocity") else ""
     owner = _owner(rest)
     return NameGuess(name, quantity, unit, owner, bool({"motor", "rotor"} & set(rest)))
+
+
+def guess_names_of(names: Sequence[str]) -> list[NameGuess]:
+    """Return what names suggest, each of the file; `j1.position` and `j_1.effort` are of one owner.
+
+    A name of the schema keeps its joint as it stands, any other loses words like `joint`.
+    """
+    first: dict[str, str] = {}
+    return [
+        replace(guess, owner=first.setdefault(_owner(_words(guess.owner)), guess.owner))
+        for guess in map(guess_name, names)
+    ]
 
 
 def joints_of(owners: Sequence[str], joints: Sequence[str]) -> dict[str, tuple[str, str]]:

@@ -252,6 +252,37 @@ def test_a_torque_of_another_scale_is_asked_about_and_not_mended(
     assert not finding.likeliest
 
 
+@pytest.mark.parametrize("size", [200.0, 1000.0])
+def test_friction_far_above_the_need_of_a_flange_is_no_other_unit(
+    size: float, tmp_path: Path
+) -> None:
+    """Of a recorded UR10 one wrist alone was said to report N mm, and `wbc init` wrote it."""
+    flange = "fullinertia='2e-4 2e-4 2e-4 0 0 0'"
+    (tmp_path / "arm.xml").write_text(
+        "<mujoco><worldbody><body name='arm'><joint name='shoulder' axis='0 1 0'/>"
+        "<inertial pos='0 0 -.2' mass='2' diaginertia='.03 .03 .01'/>"
+        "<body name='flange' pos='0 0 -.4'><joint name='wrist' axis='0 1 0'/>"
+        f"<inertial pos='0 0 0' mass='.3' {flange}/></body></body></worldbody></mujoco>"
+    )
+    gear = 'gear_ratio = { value = 1.0, unit = "1", source = "given" }\n'
+    gear += 'rotor_inertia = { value = 0.0, unit = "kg m^2", source = "given" }\n'
+    gears = "".join(f"[gears.{joint}]\n{gear}" for joint in ("shoulder", "wrist"))
+    (tmp_path / "robot.toml").write_text(
+        f'name = "arm"\nmodel = "arm.xml"\nbase = "fixed"\n{gears}'
+    )
+    robot, time = load_robot(tmp_path / "robot.toml"), np.arange(0.0, 20.0, 0.01)
+    position = np.sin(np.outer(time, [1.1, 1.7])) + 0.4 * np.sin(np.outer(time, [2.3, 3.1]))
+    velocity, change = (np.diff(position, n, axis=0)[: time.size - 2] / 0.01**n for n in (1, 2))
+    need = link_torque(robot, Motion(position[:-2], velocity, change))
+    torque = need + [1.0, size * np.std(need[:, 1])] * (np.tanh(velocity / 0.02) + velocity)
+    columns = {
+        f"{joint}.{quantity}": values[: time.size - 2, k]
+        for k, joint in enumerate(("shoulder", "wrist"))
+        for quantity, values in (("position", position), ("motor_torque", torque))
+    }
+    assert find_suspicions([Log(time[:-2], columns)], robot) == [[]]
+
+
 @pytest.mark.parametrize("constant", [0.02, 0.05])
 def test_a_torque_that_is_late_in_one_joint_alone_is_measured(
     constant: float, arm: tuple[Robot, tuple[Log, ...]]

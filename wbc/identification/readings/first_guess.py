@@ -58,7 +58,7 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
             finding
             for own in [*find_suspicions(logs, robot), *(check_robot(log, robot) for log in logs)]
             for finding in own
-            if finding.likeliest
+            if finding.mend
             and not finding.alone
             and finding.kind not in _LACKS
             and finding.probability >= LIKELY
@@ -68,9 +68,9 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         inner = [f for f in doubts if f.kind in _OF_MOTION]
         if not doubts:
             break
-        said = {repr(f.likeliest): f for f in reversed(inner or doubts)}
+        said = {repr(f.mend): f for f in reversed(inner or doubts)}
         for finding in reversed(said.values()):
-            table = merged(table, finding.likeliest)
+            table = merged(table, finding.mend)
             reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
     told = told_by_rows(robot, _read(paths, table, robot))
     return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)), told=told)
@@ -94,9 +94,7 @@ def not_found(
 
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
     """Whether the names say what a finding doubts: angles in rad."""
-    entries = [
-        table.get("columns", {}).get(name, {}) for name in finding.likeliest.get("columns", {})
-    ]
+    entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
     return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
 
 

@@ -87,18 +87,17 @@ def _signs(rows: LogRows, log: Log) -> Iterator[Reading]:
 def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
     """Yield torques and angles in other units."""
     names, driven = rows.torques, rows.robot.transmission.joints
-    sliding = {name for name, joint in zip(names, driven, strict=True) if slides(rows.robot, joint)}
-    for chosen in _all_or_one(names):
-        kinds = {
-            "mA" if name.endswith(".current") else "mN" if name in sliding else ""
-            for name in chosen
-        }
-        prior = EVERYWHERE if chosen == names else _RARE
-        # A torque, a force and a current have no unit in common.
-        units = ("N mm", "N cm") if kinds == {""} else tuple(kinds)
-        for unit in units if len(kinds) == 1 else ():
+    # A torque, a force and a current have no unit in common. Those of one kind have one: drivers
+    # give the same unit to all joints.
+    kinds: dict[str, list[str]] = {}
+    for name, joint in zip(names, driven, strict=True):
+        sliding = slides(rows.robot, joint)
+        kind = "mA" if name.endswith(".current") else "mN" if sliding else "N mm"
+        kinds.setdefault(kind, []).append(name)
+    for kind, chosen in kinds.items():
+        for unit in ("N mm", "N cm") if kind == "N mm" else (kind,):
             columns = {name: {"unit": unit} for name in chosen}
-            yield _mended("torque_unit", f"{_holds(chosen)} {unit}", prior, columns)
+            yield _mended("torque_unit", f"{_holds(chosen)} {unit}", EVERYWHERE, columns)
     if counted := whole_counts(log):
         for turn, worth in COUNTS_OF_A_TURN.items():
             text = f"{_holds(counted)} counts of an encoder of {turn} a turn"
