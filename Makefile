@@ -2,8 +2,10 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-READY := $(VENV)/.ready
+BARE := $(VENV)/.bare
+COMPILED := $(VENV)/.compiled
 DEMO_READY := $(VENV)/.demo_ready
+READY := $(VENV)/.ready
 # Python translates each file when it is first imported; translating all of plotly takes longer.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
@@ -17,10 +19,13 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test versions lint docs pictures clean
 
-demo: $(DEMO_READY)
+# What is compiled needs little of what is installed: one goes on beside the other.
+demo:
+	$(MAKE) --jobs=2 $(COMPILED) $(DEMO_READY)
 	$(BIN)/python -m sims.demo
 
-test: $(READY) lint
+test:
+	$(MAKE) --jobs=2 $(COMPILED) lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The tests on other versions of Python, each in an environment of its own; before a release.
@@ -38,16 +43,23 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-$(DEMO_READY): pyproject.toml constraints.txt
+$(BARE): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable .
-	@echo "Compiling controller and simulator beside the rest of the installation, once: about a minute."
-	$(BIN)/python -m wbc.compile_all & $(INSTALL) --editable ".[all]" && wait $$!
 	touch $@
 
-$(READY): $(DEMO_READY)
-	$(INSTALL) --editable ".[dev]"
+$(COMPILED): $(BARE)
+	@echo "Compiling controller and simulator beside the rest of the installation, once: about a minute."
+	$(BIN)/python -m wbc.compile_all
 	touch $@
+
+$(DEMO_READY): $(BARE)
+	$(INSTALL) --editable ".[all]"
+	touch $@
+
+$(READY): $(BARE)
+	$(INSTALL) --editable ".[dev]"
+	touch $(DEMO_READY) $@
 
 docs: $(READY)
 	$(INSTALL) --editable ".[docs]"
@@ -55,7 +67,7 @@ docs: $(READY)
 	@echo "docs/_build/html/index.html"
 
 # The pictures of the pages, from the studies and commands that they show, and what notebooks show; needs Chromium.
-pictures: $(READY)
+pictures: $(READY) $(COMPILED)
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/notebooks.py
 
