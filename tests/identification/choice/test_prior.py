@@ -12,11 +12,14 @@ from wbc.effects import (
     LinkInertias,
     ThermalDrift,
     TorqueConstant,
+    TorqueRipple,
     load_robot,
 )
 from wbc.effects.link_inertias import lower
 from wbc.effects.links import add_point_mass
 from wbc.identification import diagnose
+from wbc.identification.choice.prior import implausible
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
@@ -71,3 +74,12 @@ def test_a_point_mass_that_grew_reaches_as_far_as_its_point() -> None:
         robot = given.with_inertias({1: heavier})
         with np.errstate(invalid="raise"):
             assert shift.search.implausibility(shift, robot, ()) == pytest.approx(asked)
+
+
+@pytest.mark.parametrize(("order", "believed"), [(1.5, False), (9.0, True)])
+def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: bool) -> None:
+    ripple = TorqueRipple("hip", 0.5, order, 0.3)
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [ripple], duration=3.0))
+    fit = problem.fit([ripple])
+    assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
+    assert (sum(implausible(problem, fit)) < 1.0) is believed

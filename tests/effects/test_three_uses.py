@@ -1,0 +1,146 @@
+"""One robot, three uses: its logs, its plant and its controller need the same torque.
+
+Logs ask the hooks of effects, in NumPy; plant and controller have the laws of most effects compiled
+into their loops. Whether a law is the right one is asked of logs by the plants of other tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from tests.control.scenes import CERTAIN
+from wbc import load_robot
+from wbc.arrays import FloatArray
+from wbc.control import Controller, ControllerSettings, PostureTask, Reference
+from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import CurrentLimit, CustomTorque, JointEffect, effect_class
+from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.sim import Plane, Plant
+
+FAR = Plane(height=-50.0)
+SHORT = 1e-6  # [s], over which a step of the plant is an acceleration
+
+
+@final
+@dataclass(frozen=True)
+class CubicDrag(JointEffect):
+    """An effect as a user writes it: -coefficient v^3, and a dry level that falls with position."""
+
+    coefficient: float
+    level: float
+
+    name: ClassVar[str] = "cubic_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "N m s^3/rad^3", 0.0, 0.0, 10.0, 0.1),
+        Parameter("level", "N m", 0.0, 0.0, 10.0, 0.1),
+    )
+    explanation: ClassVar[str] = "A drag."
+    experiment: ClassVar[str] = "Move fast."
+
+    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
+        speed = self.joint_velocity(robot, motion)
+        return self.on_joint(robot, motion, -self.coefficient * speed**3)
+
+    def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
+        place = self.joint_position(robot, motion)
+        return self.on_joint(robot, motion, self.level / (1.0 + place**2))
+
+
+COMPILED: dict[str, tuple[float, ...]] = {
+    "viscous_friction": (0.04,),
+    "directional_viscous_friction": (0.05, 0.02),
+    "coulomb_friction": (0.08,),
+    "stribeck_friction": (0.06, 0.2),
+    "quadratic_drag": (0.01,),
+    "joint_spring": (0.5, 0.2),
+    "torque_ripple": (0.05, 7.0, 0.3),
+    "torque_constant": (1.07,),
+    "torque_offset": (-0.03,),
+    "load_stribeck_friction": (0.1, 0.3),
+}
+# Drives whose torque depends on more take those above out of the compiled loops, too.
+BY_HOOKS: dict[str, tuple[float, ...]] = {
+    "thermal_viscous_friction": (0.03, 0.02),
+    "voltage_scaling": (0.5, 20.0),
+    "supply_sag": (0.001,),
+    "load_friction": (0.1,),
+}
+MIXES = {"compiled": COMPILED, "by hooks": {**COMPILED, **BY_HOOKS}}
+
+
+def lossy(name: str, mix: str) -> Robot:
+    """Return a robot with each effect at most of its joints, in numbers that differ by place."""
+    robot = load_robot(name)
+    gears = robot.transmission.replace(supply_voltage=np.full(robot.transmission.size, 17.0))
+    added: list[Effect] = []
+    for k, (kind, numbers) in enumerate(MIXES[mix].items()):
+        cls = effect_class(kind)
+        names = [parameter.name for parameter in cls.parameters]
+        places = gears.joints if cls.places(robot) != ("robot",) else ("robot",)
+        for i, where in enumerate(places):
+            if (i + k) % 4 != 3:
+                values = ((1.0 + 0.05 * i) * numbers[0], *numbers[1:])
+                added.append(cls.at(where, dict(zip(names, values, strict=True))))
+    if mix == "by hooks":
+        added += [CubicDrag(where, 0.01, 0.02 * (i + 1)) for i, where in enumerate(gears.joints)]
+        formula = "sin(q_{0}) * |v_{0}|", "|q_{0}| * sign(v_{0})"
+        added += [
+            CustomTorque.at(j, dict.fromkeys((t.format(j) for t in formula), -0.05))
+            for j in gears.joints
+        ]
+    return robot.with_transmission(gears).with_effects(*added)
+
+
+def states(robot: Robot) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return some (q, v, a)."""
+    random = np.random.default_rng(1)
+    drawn = random.normal(size=(10, 3, robot.model.nv))
+    start = robot.neutral()
+    return [(pin.integrate(robot.model, start, 0.3 * moved), v, a) for moved, v, a in drawn]
+
+
+def needed(robot: Robot, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Return what a log of this motion needs, at rotors and at joints without one."""
+    motion = Motion(q[None], v[None], a[None])
+    torque, rest = rotor_torque(robot, motion, link_torque(robot, motion))
+    return np.concatenate([torque[0], rest[0]])
+
+
+@pytest.mark.parametrize("mix", MIXES)
+@pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg", "solo12"])
+def test_the_plant_moves_as_a_log_needs_the_torque_that_it_was_given(name: str, mix: str) -> None:
+    robot = lossy(name, mix)
+    plant, gears = Plant(robot, FAR), robot.transmission
+    for q, v, drawn in states(robot):
+        torque = 0.05 * np.tanh(drawn[robot.actuated])
+        after = plant.step(plant.state(q, v), torque, SHORT).state.velocity
+        found = needed(robot, q, v, (after - v) / SHORT)
+        np.testing.assert_allclose(found[: gears.size], torque, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(found[gears.size :], 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("mix", MIXES)
+@pytest.mark.parametrize("name", ["planar_leg_fixed", "staubli_tx40"])
+def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: str) -> None:
+    robot = lossy(name, mix)
+    task = PostureTask.of(robot)
+    controller = Controller(robot, [task], settings=ControllerSettings(speed_blend=CERTAIN))
+    for q, v, a in states(robot):
+        command = controller.step(Motion(q, v), {task.name: Reference(q, v, a)})
+        np.testing.assert_allclose(command.acceleration, a, atol=1e-5)
+        found = needed(robot, q, v, command.acceleration)
+        np.testing.assert_allclose(found, command.rotor_torque, rtol=1e-12, atol=1e-12)
+
+
+def test_a_drive_gives_no_more_than_its_limit(leg: Robot) -> None:
+    plant = Plant(leg.with_effect(CurrentLimit("hip", 1.0)), FAR)
+    limit = 1.0 / leg.transmission.gear_ratio[0]
+    more, most = (
+        plant.step(plant.state(np.zeros(2)), np.array([f * limit, 0.1]), 1e-3) for f in (3.0, 1.0)
+    )
+    np.testing.assert_array_equal(more.state.velocity, most.state.velocity)
