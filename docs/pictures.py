@@ -31,7 +31,6 @@ from sims import (
     parallelogram,
     standing,
     stepping,
-    tilting_table,
     trot,
     wedge,
     wedge_forces,
@@ -144,11 +143,6 @@ def designs() -> None:
         keep(OUT / theme / "staubli_tx40_design_map.png", "design_arm" + ending)
         wbc([*SOLO_DESIGN, "--figures", str(OUT / theme), "--theme", theme])
         keep(OUT / theme / "solo12_design_map.png", "design_solo12" + ending)
-    slid = tilting_table.main()
-    plots(
-        lambda theme: {"tilting_table": tilting_table.figure(slid, theme)},
-        tilting_table="tilting_table",
-    )
     lying = bodies.main()
     plots(lambda theme: {"bodies": bodies.figure(lying, theme)}, bodies="bodies")
     plots(case_study.draw, case_foot="case_foot", case_efficiency="case_efficiency")

@@ -152,19 +152,18 @@ def _local(context: Any, size: Any) -> Any:
 local: Any = intrinsic(prefer_literal=True)(_local)
 
 
-def _ask(context: Any, address: Any, what: Any, time: Any, later: Any) -> Any:
-    """Call a function of Python, `ctypes.CFUNCTYPE(None, c_int64, c_double, c_double)`, by address.
+def _ask(context: Any, address: Any) -> Any:
+    """Call a function of Python, `ctypes.CFUNCTYPE(None)`, by address.
 
     It answers in arrays that both sides know. It must not raise: what it has to say goes there too.
     """
 
     def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        whole, number = ir.IntType(64), ir.DoubleType()
-        kind = ir.FunctionType(ir.VoidType(), [whole, number, number])
-        builder.call(builder.inttoptr(given[0], kind.as_pointer()), given[1:])
+        kind = ir.FunctionType(ir.VoidType(), [])
+        builder.call(builder.inttoptr(given[0], kind.as_pointer()), [])
         return target.get_dummy_value()
 
-    return Nothing(Count, Count, Number, Number), build
+    return Nothing(Count), build
 
 
 ask: Any = intrinsic(_ask)

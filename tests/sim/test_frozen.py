@@ -18,7 +18,7 @@ from tests.sim.random_robots import random_robot, softened
 from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, ViscousFriction
 from wbc.robot import Robot
-from wbc.sim import Box, HeightField, Moving, Plane, Plant, SimState, Sphere, Stairs, Together
+from wbc.sim import Box, HeightField, Plane, Plant, SimState, Sphere, Stairs, Together
 
 DATA = Path(__file__).with_name("frozen.json")
 MARKS = (20, 200)
@@ -74,10 +74,6 @@ def _field() -> HeightField:
     return HeightField(axis, axis, 0.05 * rng.normal(size=(25, 25)))
 
 
-def _belt() -> Moving:
-    return Moving(Plane(), lambda t: pin.SE3(np.eye(3), np.array([0.2 * t, 0.0, 0.01 * t])))
-
-
 SCENES: dict[str, Scene] = {
     "leg": _leg,
     "leg lands": lambda: _leg(0.05),
@@ -101,7 +97,6 @@ SCENES: dict[str, Scene] = {
         lift=0.03,
     ),
     "field": lambda: _standing(_solo(), _field()),
-    "belt": lambda: _standing(_solo(), _belt()),
     "bounces": lambda: _random(3, back=0.6),
     "planar, soft": lambda: _random(4, soft=True),
     "free, soft": lambda: _random(7, soft=True),

@@ -12,7 +12,6 @@ from sims import backdrive, demo, holding, hopping, impact, log_to_mujoco, paral
 from sims.hopper import Hopper
 from sims.leg import balanced_pose
 from sims.pushes import hanging_leg
-from sims.tilting_table import FRICTION, HALF, RATE, TILT, figure, main
 from wbc.cli.options import build_parser
 from wbc.sim import Plant, simulate
 
@@ -160,28 +159,3 @@ def test_mujoco_needs_the_torque_of_the_machine(
     assert found["errors"]["MuJoCo with losses"].max() < 0.01
     assert found["errors"]["MuJoCo without"].min() > 0.1
     assert [path.name for path in log_to_mujoco.report(found)] == ["log_to_mujoco.png"]
-
-
-def _slid(seconds: float, step: float = 1e-4) -> float:
-    """Return how far [m] a point at the brick's height slides, in the frame of the table."""
-    s, speed, high = 0.0, 0.0, HALF[2]
-    for k in range(round(seconds / step)):
-        time = k * step
-        tilt = 0.5 * TILT * (1.0 - np.cos(RATE * time))
-        rate = 0.5 * TILT * RATE * np.sin(RATE * time)
-        turn = 0.5 * TILT * RATE**2 * np.cos(RATE * time)
-        normal = 9.81 * np.cos(tilt) - 2.0 * speed * rate - s * turn - high * rate**2
-        drive = 9.81 * np.sin(tilt) + s * rate**2 - high * turn
-        most = FRICTION * normal
-        free = speed + step * drive
-        speed = free - np.clip(free, -step * most, step * most)
-        s += step * speed
-    return float(s)
-
-
-def test_the_brick_slides_as_far_as_a_point_mass() -> None:
-    rows = main()
-    assert rows[-1, 2] > 0.3
-    np.testing.assert_allclose(rows[-1, 2], _slid(rows[-1, 0]), rtol=0.01)
-    assert np.abs(rows[:, 3] - HALF[2]).max() < 1e-5
-    assert len(figure(rows).axes) == 2

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from wbc.sim.energy import EnergyAudit, EnergyFlow
     from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.height_field import HeightField
-    from wbc.sim.moving_ground import Moving
     from wbc.sim.plant import HuntCrossley, Plant
     from wbc.sim.recorder import Recorder
     from wbc.sim.result import StepEvent, StepResult
@@ -28,30 +27,20 @@ if TYPE_CHECKING:
     from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.state import SimState
     from wbc.sim.step.course import Impact
-    from wbc.sim.step.program import (
-        Elements,
-        Residuals,
-        StepProgram,
-        StepSolution,
-        Unilateral,
-        solve_program,
-    )
+    from wbc.sim.step.program import StepProgram, StepSolution, solve_program
 
 __all__ = [
     "Box",
     "ClosedLoop",
-    "Elements",
     "EnergyAudit",
     "EnergyFlow",
     "HeightField",
     "HuntCrossley",
     "Impact",
     "LoopTick",
-    "Moving",
     "Plane",
     "Plant",
     "Recorder",
-    "Residuals",
     "Sensor",
     "SensorModel",
     "SensorNoise",
@@ -66,7 +55,6 @@ __all__ = [
     "Terrain",
     "Together",
     "TorqueLag",
-    "Unilateral",
     "simulate",
     "solve_program",
     "with_wrong_efficiencies",
@@ -84,16 +72,8 @@ _HOMES = {
     "energy": ("EnergyAudit", "EnergyFlow"),
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),
-    "moving_ground": ("Moving",),
     "plant": ("HuntCrossley", "Plant"),
-    "step.program": (
-        "Elements",
-        "Residuals",
-        "StepProgram",
-        "StepSolution",
-        "Unilateral",
-        "solve_program",
-    ),
+    "step.program": ("StepProgram", "StepSolution", "solve_program"),
     "recorder": ("Recorder",),
     "result": ("StepEvent", "StepResult"),
     "sensors": ("Sensor", "SensorModel"),

@@ -29,7 +29,6 @@ class Barriers:
         bodies: the pairs as arrays.
         size: 2 j + c.
         planar: whether no contact point can leave its x-z plane.
-        moving: whether any ground moves.
         asked: whether only Python knows how far some of the ground is.
         names: of the barriers (2 j + c).
     """
@@ -57,9 +56,6 @@ class Barriers:
         ]
         self._space, self._solids = space, terrain.solids
         self.asked = any(solid.numbers() is None for solid in terrain.solids)
-        self.moving = any(
-            solid.velocity(np.zeros((1, 3)), 0.0, 0.0) is not None for solid in terrain.solids
-        )
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
         self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
@@ -89,9 +85,9 @@ class Barriers:
         contact_at = np.array(at, dtype=np.int64).reshape(-1, 2)
         return self._at, self._range, contact_at, np.reshape(own, (-1, 5))
 
-    def gaps_of(self, points: FloatArray, time: float) -> FloatArray:
-        """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground at a time."""
-        gaps = [solid.at(time).gap(points)[0] for solid in self._solids]
+    def gaps_of(self, points: FloatArray) -> FloatArray:
+        """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground."""
+        gaps = [solid.gap(points)[0] for solid in self._solids]
         return gaps[0] if len(gaps) == 1 else np.asarray(np.min(gaps, axis=0))
 
     def within_limits(self, position: FloatArray) -> FloatArray:

@@ -24,7 +24,6 @@ class EnergyFlow:
         motor: work of the rotor torques.
         external: work of external forces given to the step.
         effects: work of the robot's effects that are no friction (springs, drag, ripple).
-        ground: work of ground that moves, impacts included.
         reloaded: what bent bristles gained because the load on them changed.
         bent: change of what bristles hold (presliding).
         mesh: lost in the meshes.
@@ -40,7 +39,6 @@ class EnergyFlow:
     motor: float = 0.0
     external: float = 0.0
     effects: float = 0.0
-    ground: float = 0.0
     reloaded: float = 0.0
     bent: float = 0.0
     mesh: float = 0.0
@@ -59,7 +57,7 @@ class EnergyFlow:
     @property
     def work(self) -> float:
         """All work done on the robot, and on what is bent in it."""
-        return self.motor + self.external + self.effects + self.ground + self.reloaded
+        return self.motor + self.external + self.effects + self.reloaded
 
     @property
     def losses(self) -> dict[str, float]:
@@ -108,7 +106,6 @@ class EnergyAudit:
             ("motor work", self.flow.motor),
             ("external work", self.flow.external),
             ("work of effects", self.flow.effects),
-            *([("work of the ground", self.flow.ground)] if self.flow.ground else []),
             ("stored", self.stored),
             *_bristles(self.flow),
             *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),
@@ -131,5 +128,5 @@ def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
     setup.tell_coupling(state.position, state.velocity)
     setup.core.tell_motion(state)
     q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    found: tuple[float, float, int] = survey(setup.core.plant, q, v, state.time)
+    found: tuple[float, float, int] = survey(setup.core.plant, q, v)
     return found

@@ -46,22 +46,6 @@ class Terrain(ABC):
         """
         return None
 
-    def at(self, time: float) -> Terrain:
-        """Return the ground as it lies at a time [s]; itself unless it moves."""
-        return self
-
-    def velocity(self, points: FloatArray, time: float, later: float) -> FloatArray | None:
-        """Return how fast ground moves that lies at points (k, 3) at a time: (k, 3) [m/s], world.
-
-        None for ground that never moves.
-
-        Args:
-            points: (k, 3) [m], world.
-            time: [s] at which the ground lies there.
-            later: [s] of the velocity.
-        """
-        return None
-
 
 class Solid(Terrain):
     """A ground that compiled loops know by its numbers."""

@@ -239,11 +239,11 @@ class Plant:
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
         barriers, core = self._setup.barriers, self._setup.core
-        core.gaps(state.position, state.time)  # which places the points, too
+        core.gaps(state.position)  # which places the points, too
         points = core.plant.obstacles
         if not len(points.points):
             return np.zeros(0)
-        return barriers.gaps_of(points.points, state.time) - points.contacts[:, 3]
+        return barriers.gaps_of(points.points) - points.contacts[:, 3]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
@@ -257,14 +257,14 @@ class Plant:
         and edge of two solids that are apart may be nearer.
         """
         barriers = self._setup.barriers
-        gap = self._setup.core.gaps(state.position, state.time)
+        gap = self._setup.core.gaps(state.position)
         gap = np.where(gap < FAR, gap, np.inf)[barriers.size - len(barriers.bodies.slots) :]
         found = np.full(len(self.pairs), np.inf)
         np.minimum.at(found, barriers.bodies.slots[:, 0], gap)
         return found
 
     def _lifted(self, position: FloatArray) -> FloatArray:
-        """Return q (nq,) moved out of the ground (as it lies at time zero) and to joint limits.
+        """Return q (nq,) moved out of the ground and to joint limits.
 
         Driven joints keep their angles where a free base can do it.
 

@@ -115,8 +115,7 @@ class StepResult:
         for part in self.parts[1:]:
             total = total + part.energy
         for impact in self.impacts:
-            lost = {"impact_mesh": impact.mesh_loss, "impact": impact.contact_loss}
-            total = total + EnergyFlow(ground=impact.ground_work, **lost)
+            total = total + EnergyFlow(impact_mesh=impact.mesh_loss, impact=impact.contact_loss)
         return total
 
     @cached_property
@@ -235,7 +234,7 @@ def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEve
         poses = np.empty((len(tree.joints), 12))
         place(tree.joints, tree.shapes, state.position, poses)
         links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
-        gaps = setup.barriers.gaps_of(poses[links, 9:], state.time)
+        gaps = setup.barriers.gaps_of(poses[links, 9:])
         gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
     # Contacts may be as deep as a step leaves them.
     if gap < -TOUCH and gap < -float(np.max(last.overlap, initial=0.0)):

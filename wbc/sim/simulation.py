@@ -18,7 +18,6 @@ from wbc.sim.recorder import Recorder
 from wbc.sim.result import StepEvent
 from wbc.sim.state import SimState
 from wbc.sim.step.course import Impact
-from wbc.sim.step.program import Residuals, worst
 
 Controller = Callable[[SimState], FloatArray]
 """Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""
@@ -34,7 +33,6 @@ class Simulation:
         impacts: all that happened.
         events: what steps had to say: energy made, overlaps left (`StepEvent`).
         audit: where the energy went.
-        residuals: the worst of every step.
         unsettled: how many parts of steps and impacts ended passively, see `StepResult.unsettled`.
     """
 
@@ -42,7 +40,6 @@ class Simulation:
     state: SimState
     impacts: tuple[Impact, ...]
     audit: EnergyAudit
-    residuals: Residuals
     unsettled: int
     events: tuple[StepEvent, ...]
 
@@ -95,7 +92,7 @@ def simulate(
             "ticks and one substep are needed."
         )
     recorder = Recorder(plant.robot, plant.temperature)
-    flow, residuals, unsettled, heat = EnergyFlow(), Residuals(), 0, 0.0
+    flow, unsettled, heat = EnergyFlow(), 0, 0.0
     copper = plant.robot.transmission.copper_loss
     impacts: list[Impact] = []
     events: list[StepEvent] = []
@@ -111,11 +108,8 @@ def simulate(
             heat += dt * float(copper @ np.square(result.command))
             impacts.extend(result.impacts)
             events.extend(result.events)
-            residuals = worst(residuals, *(s.residuals for s in result.solutions))
             unsettled += result.unsettled
             if watch and tick % 100 == 99:
                 watch(tick + 1, ticks)
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before, heat)
-    return Simulation(
-        recorder.log(), state, tuple(impacts), audit, residuals, unsettled, tuple(events)
-    )
+    return Simulation(recorder.log(), state, tuple(impacts), audit, unsettled, tuple(events))

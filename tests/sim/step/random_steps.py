@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.sim.step.brute_force import Case
-from wbc.sim import Elements, StepProgram, Unilateral
+from wbc.sim import StepProgram
 
 
 def random_step(
@@ -37,26 +37,13 @@ def random_step(
         eta_b = np.where(fall, -0.5 * margin * reflected * rng.random(gears), eta_b)
         eta_b = np.maximum(eta_b, -3.0)
     mu = rng.uniform(0.0, 1.2, contacts)
-    zero = np.zeros(gears)
-    elements = Elements(
-        rows[:gears],
-        brought - coulomb,
-        brought + coulomb,
-        reflected,
-        eta_f,
-        eta_b,
-        zero,
-        zero,
-        np.full(gears, np.inf),
-        zero,
-    )
-    unilateral = Unilateral(
-        np.zeros((0, n)),
-        rows[gears : gears + contacts],
-        rows[gears + contacts :],
-        mu,
-        np.zeros(contacts),
-    )
-    program = StepProgram(inertia, free_velocity, elements, unilateral)
-    free = rows @ free_velocity
-    return program, Case(Lambda, free, brought, coulomb, reflected, eta_f, eta_b, mu)
+    case = Case(Lambda, rows @ free_velocity, brought, coulomb, reflected, eta_f, eta_b, mu)
+    targets = np.zeros(contacts)
+    return StepProgram(inertia, free_velocity, rows, laws_of(case), targets, mu, 1), case
+
+
+def laws_of(case: Case) -> np.ndarray:
+    """Return the laws (m, 9) of the gears of a case, see `wbc.mechanics.rows.RowSystem`."""
+    zero, brought, dry = np.zeros(len(case.brought)), case.brought, case.coulomb
+    laws = brought - dry, brought + dry, case.inertia, 1.0 / case.eta_f, case.eta_b
+    return np.column_stack((*laws, zero, zero, zero + np.inf, zero))

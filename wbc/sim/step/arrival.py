@@ -148,9 +148,7 @@ def rigid_ones(plant: Opened) -> int:
 
 
 @compiled
-def take_back(
-    plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest: float, time: float
-) -> None:
+def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
     Args:
@@ -160,7 +158,6 @@ def take_back(
         pressed: (b,) whether they carry an impulse.
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
-        time: [s].
     """
     joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
     q, gap, closed, moved = plant.end.position, plant.end.gap, plant.end.closed, plant.end.moved
@@ -179,7 +176,7 @@ def take_back(
         last[:], gap_last[:] = q, gap
         moved_along(joints, last, shift, 1.0, q)
         place(joints, shapes, q, poses)
-        gaps_at(plant, q, time, closed[:0], gap)
+        gaps_at(plant, q, closed[:0], gap)
         before, off, row = off, 0.0, 0
         for i in range(len(closed)):
             if closed[i]:
@@ -241,12 +238,12 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
         pushes: (l + k,) their impulses.
     """
     joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
-    half, time = 0.5 * acting.step, acting.time + acting.step
+    half = 0.5 * acting.step
     carry(plant.flight, plant.placed, end.after)
     moved_along(joints, end.middle, end.after, half, end.position)
     place(joints, shapes, end.position, poses)
     advance(plant.tree, plant.flight, half, end.position, poses)
-    gaps_at(plant, end.position, time, end.closed[:0], end.gap)
+    gaps_at(plant, end.position, end.closed[:0], end.gap)
     pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
     off, deepest = drifts(plant, pushes, acting.step, pressed, drift)
     end.moved[:], end.depth[:] = 0.0, 0.0
@@ -256,7 +253,7 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
         for i in range(rigid_ones(plant) if left else 0):
             if end.closed[i]:
                 end.depth[i] = max(-end.gap[i] - furthest, 0.0)
-        take_back(plant, matrix, pressed, drift, furthest, time)
+        take_back(plant, matrix, pressed, drift, furthest)
     end.velocity[:] = end.after
     if len(plant.flight.bases):
         look(plant.tree, plant.flight, base_rows(plant.flight.bases), plant.placed)
@@ -266,7 +263,7 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
 
 @compiled
 def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
-    """Move q (nq,) out of the ground (as it lies at time zero); False where no motion does it.
+    """Move q (nq,) out of the ground; False where no motion does it.
 
     Args:
         plant: what is moved.
@@ -281,7 +278,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
     plant.bounds[REACH] = AHEAD
     for turn in range(_TRIES):
         place(joints, shapes, q, placed.poses)
-        gaps_at(plant, q, 0.0, near[:0], here)
+        gaps_at(plant, q, near[:0], here)
         deepest, count, touching = 0.0, 0, 0
         for i in range(size):
             deepest = min(deepest, here[i])

@@ -22,8 +22,8 @@ from wbc.sim.step.tables import (
     Opened,
 )
 
-MOTOR, GROUND, MESH, ROTOR, GEAR, FRICTION = range(6)
-CONTACT, NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 12)
+MOTOR, MESH, ROTOR, GEAR, FRICTION, CONTACT = range(6)
+NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 11)
 """Work and losses of a part [J]: see `EnergyFlow`; what one contact or stop made; bounds of what
 moved; the speed by which a passive end misses the laws; and what was taken from speeds that the
 velocity terms had made, see `passive`."""
@@ -114,14 +114,12 @@ def soft_loss(plant: Opened, acting: Acting, rows: PartRows, solved: Solved, con
 
 @compiled(counted=False)
 def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
-    """Write the ground's work, what contacts and stops lose, and what one of them made at most."""
+    """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
     elements, both = len(rows.laws), len(rows.targets)
     contacts = elements + both - len(rows.frictions)
     for i in range(elements, len(solved.impulse)):
         push, made = solved.impulse[i], solved.impulse[i] * solved.speed[i]
-        ground = rows.pushed[i - contacts] if i >= contacts else 0.0
-        books[GROUND] += push * ground
         if i >= elements + both:
             books[CONTACT] -= made
             continue
@@ -133,7 +131,7 @@ def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved)
             along = elements + both + contact * d + a
             made += solved.impulse[along] * solved.speed[along]
         books[NORMAL] = max(books[NORMAL], made)
-        mean = -ground
+        mean = 0.0
         for c in range(len(speed)):
             mean += 0.5 * rows.matrix[i, c] * (speed[c] + solved.after[c])
         books[CONTACT] += max(-push * mean, 0.0)

@@ -35,9 +35,6 @@ _JUMPED = 0.1
 """Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
 press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m."""
 
-GAPS, SPEEDS = range(2)
-"""What Python is asked for."""
-
 
 @compiled(counted=False)
 def box_gap(box: Row, point: Row, normal: OutRow) -> float:
@@ -103,8 +100,8 @@ def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> No
 
 
 @compiled(counted=False)
-def touch_ground(plant: Opened, time: float, closed: Flags) -> None:
-    """Write gap, normal and place of contact barriers, for the poses in memory and a time.
+def touch_ground(plant: Opened, closed: Flags) -> None:
+    """Write gap, normal and place of contact barriers, for the poses in memory.
 
     Of those whose flag (2 j + c,) is set, or, without flags, of all.
     """
@@ -119,7 +116,7 @@ def touch_ground(plant: Opened, time: float, closed: Flags) -> None:
                 points[i, k] = pose[9 + k] + pose[3 * k] * own[0]
                 points[i, k] += pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
     if obstacles.asked != 0:
-        ask(obstacles.asked, GAPS, time, time)
+        ask(obstacles.asked)
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
     limits, some = 2 * len(obstacles.limit_at), len(closed) > 0
     for b in range(ground):
@@ -142,13 +139,12 @@ def touch_ground(plant: Opened, time: float, closed: Flags) -> None:
 
 
 @compiled(counted=False)
-def gaps_at(plant: Opened, q: Row, time: float, closed: Flags, gap: OutRow) -> None:
+def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
     """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid, pairs.
 
     Args:
         plant: whose poses stand at q.
         q: (nq,).
-        time: [s] for ground that moves.
         closed: (2 j + c,) barriers whose gaps are enough, empty for all.
         gap: to write.
     """
@@ -157,11 +153,10 @@ def gaps_at(plant: Opened, q: Row, time: float, closed: Flags, gap: OutRow) -> N
     for i in range(j):
         gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
         gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
-    touch_ground(plant, time, closed)
-    for i in range(len(q)):
-        plant.obstacles.stands[i] = q[i]
+    touch_ground(plant, closed)
     known = len(closed) == 0 and plant.obstacles.asked == 0
-    plant.obstacles.stands[len(q)] = time if known else np.nan
+    for i in range(len(q)):
+        plant.obstacles.stands[i] = q[i] if known else np.nan
     for b in range(len(plant.obstacles.touch)):
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 
@@ -300,32 +295,6 @@ def barrier_rows(
                         + r * column[5]
                     )
                     i = rows[i, 1]
-
-
-@compiled(counted=False)
-def ground_speeds(
-    plant: Opened, time: float, later: float, axes: Dense, which: Places, speed: OutRow
-) -> None:
-    """Write how fast the ground moves along the rows of closed contacts (k + k d,).
-
-    Args:
-        plant: whose touches stand at `time`.
-        time: [s].
-        later: [s] of the speed of what is touched then.
-        axes: (k (1 + d), 3).
-        which: (k,) numbers of the closed contact barriers.
-        speed: to write.
-    """
-    speed[:] = 0.0
-    if not plant.obstacles.moving:
-        return
-    ask(plant.obstacles.asked, SPEEDS, time, later)
-    ground, count, d = plant.obstacles.ground, len(which), plant.obstacles.tangents
-    for c in range(count):
-        for a in range(1 + d):
-            at = c if a == 0 else count + c * d + a - 1
-            for x in range(3):
-                speed[at] += axes[c * (1 + d) + a, x] * ground[which[c], x]
 
 
 @compiled(counted=False)

@@ -19,7 +19,7 @@ from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
-from wbc.sim.step.contacts import FIELD, GAPS
+from wbc.sim.step.contacts import FIELD
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.flanks import grip_laws
 from wbc.sim.step.forces import EffectForces
@@ -41,10 +41,8 @@ from wbc.sim.step.part import LANDED, part_in_rows, part_of_step, second_half
 from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.program import (
     TOLERANCE,
-    Elements,
     StepProgram,
     StepSolution,
-    Unilateral,
     blown_up,
     solve_rows,
     tolerance_of,
@@ -58,7 +56,7 @@ _ROUNDING = 1e-9
 _TRIES = 5
 """Shares of the restitution tried between none and all; the loss is quadratic in the share while
 rows keep to their pieces, so that false position meets it soon."""
-_Answer = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_double, ctypes.c_double)
+_Answer = ctypes.CFUNCTYPE(None)
 
 
 def _cut(place: int) -> FloatArray:
@@ -157,17 +155,15 @@ class Core:
             *barriers.tables(tree),
             _padded(known),
             np.zeros((points, 3)),
-            np.full(nq + 1, np.nan),
+            np.full(nq, np.nan),
             np.zeros((barriers.contacts, 7)),
-            np.zeros((barriers.contacts, 3)),
             tangents,
-            barriers.moving,
             any(numbers[0] == FIELD for numbers in known) and asked == 0,
             asked,
         )
         stored = m + nv + size + tangents * barriers.contacts
         pushes = 3 * (points + len(barriers.pairs))
-        sizes = nq, nv, m, stored, size, nv, m, size, pushes, m, 12, 2, nq, nv, size, nv, nv, nq
+        sizes = nq, nv, m, stored, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, nq
         ends = np.cumsum(sizes).tolist()
         self._cuts = tuple(map(slice, [0, *ends], ends))
         self._out, self._size = np.zeros(ends[-1]), size
@@ -179,7 +175,7 @@ class Core:
             "pushes": np.zeros(pushes),
             "impulse": np.zeros(m + size * (1 + tangents)),
             "aims": np.zeros(size),
-            "found": np.zeros(9),
+            "found": np.zeros(8),
             "fresh": np.zeros(size, dtype=np.bool_),
             "closed": np.zeros(size, dtype=np.bool_),
         }
@@ -191,19 +187,14 @@ class Core:
         )
         self._loose, self._drive, self._pushed = drive.any_loose, drive, False
 
-    def _ask_ground(self, what: int, time: float, later: float) -> None:
-        """Fill gaps and normals, or speeds, of ground that only Python knows."""
+    def _ask_ground(self) -> None:
+        """Fill gaps and normals of ground that only Python knows."""
         told = self.plant.obstacles
         count = len(told.points)
         try:
             for number, solid in enumerate(self._terrain.solids):
                 own = slice(number * count, (number + 1) * count)
-                if what == GAPS:
-                    gap, normal = solid.at(time).gap(told.points)
-                    told.touch[own, 0], told.touch[own, 1:4] = gap, normal
-                else:
-                    speed = solid.velocity(told.touch[own, 4:], time, later)
-                    told.ground[own] = 0.0 if speed is None else speed
+                told.touch[own, 0], told.touch[own, 1:4] = solid.gap(told.points)
         except BaseException as error:
             self._error, told.touch[:] = error, np.nan
 
@@ -225,7 +216,7 @@ class Core:
         The memory then stands there.
         """
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        to_middle(self.plant, q, v, state.time, half, state.closed)
+        to_middle(self.plant, q, v, half, state.closed)
         return self.plant.end.middle.copy(), self.plant.end.speed.copy()
 
     def part(
@@ -255,14 +246,14 @@ class Core:
         before, v = (state.closed, kept, state.impulse), np.ascontiguousarray(state.velocity)
         given = _NOTHING
         if begun:
-            result = second_half(self.plant, *before, given, v, state.time, step)
+            result = second_half(self.plant, *before, given, v, step)
         else:
             q = np.ascontiguousarray(state.position)
-            result = part_of_step(self.plant, *before, q, v, state.time, step)
+            result = part_of_step(self.plant, *before, q, v, step)
         if result == 10 + UNDECIDED:
             _, system, start, _ = self._in_rows(state, kept, step)
             given, _, _ = solve_rows(system, start, self._names)
-            result = second_half(self.plant, *before, given, v, state.time, step)
+            result = second_half(self.plant, *before, given, v, step)
         if self._error is not None:
             self._heard()
         ended = Ended(self._out.copy(), self._cuts, self.plant.end.closed.copy(), result)
@@ -286,7 +277,7 @@ class Core:
         """Return what `part_in_rows` does; the loops have been told motion and forces."""
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         before = state.closed, kept, state.impulse
-        return part_in_rows(self.plant, *before, q, v, state.time, step)
+        return part_in_rows(self.plant, *before, q, v, step)
 
     def _failure(
         self, way: int, state: SimState, kept: BoolArray, step: float, ended: Ended
@@ -322,12 +313,17 @@ class Core:
             normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
             speed = system.free[normal] + system.delassus[normal] @ impulse
             rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
-        return _solution(rows, system, inertia, impulse, ended.after, used, method)
+        program = self._program(rows, system, inertia)
+        return StepSolution(program, system, ended.after, impulse, used, method)
 
-    def gaps(self, position: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return all gaps (2 j + c,) at q (nq,) and a time [s]."""
+    def _program(self, rows: PartRows, system: RowSystem, inertia: FloatArray) -> StepProgram:
+        given = rows.matrix, system.laws, rows.targets, rows.frictions
+        return StepProgram(inertia, rows.free, *given, self.plant.obstacles.tangents)
+
+    def gaps(self, position: FloatArray) -> FloatArray:
+        """Return all gaps (2 j + c,) at q (nq,)."""
         gap = np.empty(self._size)
-        gaps_of(self.plant, np.ascontiguousarray(position), time, gap)
+        gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self._heard()
         return gap
 
@@ -359,7 +355,7 @@ class Core:
 
         def strike(share: float, given: FloatArray = _NOTHING) -> int:
             own = share * back
-            kind: int = impact_at(self.plant, closed, kept, own, q, v, state.time, left, given)
+            kind: int = impact_at(self.plant, closed, kept, own, q, v, left, given)
             found[SHARE] *= share
             return kind
 
@@ -403,14 +399,15 @@ class Core:
     ) -> Any:
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
         aims = np.ascontiguousarray(aims[: int(together.sum())])
-        return impact_in_rows(self.plant, together, q, v, state.time, aims, after)
+        return impact_in_rows(self.plant, together, q, v, aims, after)
 
     def impact_solution(self, state: SimState, together: BoolArray, struck: Struck) -> StepSolution:
         """Return the program of an impact of barriers (2 j + c,) and its solution."""
         self.tell_motion(state)
         rows, system, inertia = self._impact_in_rows(state, together, struck.aims, struck.after)
         used, way, impulse = int(struck.found[USED]), int(struck.found[WAY]), struck.impulse
-        return _solution(rows, system, inertia, impulse, struck.after, used, WAYS[way])
+        program = self._program(rows, system, inertia)
+        return StepSolution(program, system, struck.after, impulse, used, WAYS[way])
 
 
 def _give_less_back(strike: Callable[[float], int], found: FloatArray) -> None:
@@ -444,25 +441,3 @@ def _give_less_back(strike: Callable[[float], int], found: FloatArray) -> None:
             high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
     strike(low)
     found[USED] += used
-
-
-def _solution(
-    rows: PartRows,
-    system: RowSystem,
-    inertia: FloatArray,
-    impulse: FloatArray,
-    after: FloatArray,
-    used: int,
-    method: str,
-) -> StepSolution:
-    """Return a solution as public arrays."""
-    m, touching = len(rows.laws), len(rows.frictions)
-    normal = m + len(rows.targets) - touching
-    ground = rows.carried[normal:] if rows.carried.any() else None
-    matrix, last = rows.matrix, normal + touching
-    unilateral = Unilateral(
-        matrix[m:normal], matrix[normal:last], matrix[last:], rows.frictions, rows.targets, ground
-    )
-    program = StepProgram(inertia, rows.free, Elements.of(matrix[:m], system.laws), unilateral)
-    speed = system.free + system.delassus @ impulse
-    return StepSolution(after, impulse, speed, used, method, program, system)

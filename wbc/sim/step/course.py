@@ -16,7 +16,7 @@ from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.core import Struck
 from wbc.sim.step.flow import Flow, PartInput, flow
-from wbc.sim.step.impact import APART, CONTACT, ENERGY, LEFT, MESH, RESTING, SHARE, WORK
+from wbc.sim.step.impact import APART, CONTACT, ENERGY, LEFT, MESH, RESTING, SHARE
 from wbc.sim.step.program import StepSolution
 
 _TRIES = 40
@@ -36,7 +36,6 @@ class Impact:
         restitution: normal speed after over before; the plant's, or as much less as friction
             would otherwise have made energy.
         details: returns the solution of the impact's program; called when asked for.
-        ground_work: energy that a moving ground gave [J].
         kinetic: energy before [J], of rotors included.
         missed: speed [m/s, rad/s] by which a passive end misses the laws, else zero.
     """
@@ -49,7 +48,6 @@ class Impact:
     contact_loss: float
     restitution: float
     details: Callable[[], StepSolution]
-    ground_work: float = 0.0
     kinetic: float = 0.0
     missed: float = 0.0
 
@@ -116,7 +114,7 @@ class Course:
         while part.landed:
             landing, start = (
                 np.empty_like(self.kept),
-                self._setup.core.gaps(self.state.position, self.state.time),
+                self._setup.core.gaps(self.state.position),
             )
             if self._lands_slowly(part, start, landing):
                 self.slow = self.slow | landing
@@ -243,7 +241,7 @@ def settle(
     """
     closed, ahead = state.closed, setup.none if kept is None else kept
     if len(closed) != setup.barriers.size:
-        gap = setup.core.gaps(state.position, state.time)
+        gap = setup.core.gaps(state.position)
         check_outside(setup, np.where(setup.yielding, np.inf, gap))
         closed = setup.none
     back = np.full(len(closed), setup.restitution)
@@ -265,7 +263,6 @@ def settle(
         float(found[CONTACT]),
         float(found[SHARE]) * setup.restitution,
         lambda: _impact_solution(setup, state, together, struck),
-        float(found[WORK]),
         float(found[ENERGY]),
         float(found[LEFT]),
     )

@@ -13,7 +13,7 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.books import CONTACT, FRICTION, GEAR, GROUND, MESH, MISSED, MOTOR, ROTOR
+from wbc.sim.step.books import CONTACT, FRICTION, GEAR, MESH, MISSED, MOTOR, ROTOR
 from wbc.sim.step.core import Ended
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.program import StepSolution
@@ -138,7 +138,6 @@ class Flow:
             motor=motor,
             external=outer,
             effects=work,
-            ground=books[GROUND],
             reloaded=stores.reloaded,
             bent=stores.bent,
             mesh=books[MESH],

@@ -14,7 +14,7 @@ from wbc.mechanics.kinematics import place
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.contacts import gaps_at, ground_speeds, world_pushes
+from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.motion import look
@@ -24,10 +24,10 @@ from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, REACH, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
-MESH, CONTACT, USED, ROWS_OF, SHARE, WORK, ENERGY, WAY, LEFT = range(9)
+MESH, CONTACT, USED, ROWS_OF, SHARE, ENERGY, WAY, LEFT = range(8)
 """Numbers of an impact: losses of gears and contacts [J], linear systems solved, rows, share of the
-restitution, what a moving ground gave, the kinetic energy before [J], what `Solved.way` says, and
-the speed by which a passive end misses the laws."""
+restitution, the kinetic energy before [J], what `Solved.way` says, and the speed by which a passive
+end misses the laws."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _SHARE_OF_WORK = 0.1
@@ -110,34 +110,32 @@ def mesh_loss(plant: Opened, v: Row, after: Row, motor: Row, following: Row, mes
 
 
 @compiled(counted=False)
-def gaps_of(plant: Opened, q: Row, time: float, gap: OutRow) -> None:
-    """Write all gaps (2 j + c,) at q (nq,) and a time."""
+def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
+    """Write all gaps (2 j + c,) at q (nq,)."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
     plant.bounds[REACH] = AHEAD
-    gaps_at(plant, q, time, plant.hit.closed[:0], gap)
+    gaps_at(plant, q, plant.hit.closed[:0], gap)
 
 
 @compiled
-def impact_rows(plant: Opened, together: Flags, v: Row, time: float) -> PartRows:
+def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
     Their targets are still to be written.
     """
     rows = rows_where(plant, together, v, 0)
-    contacts = len(rows.laws) + len(rows.targets) - len(rows.which)
-    ground_speeds(plant, time, time, rows.axes, rows.which, rows.carried[contacts:])
     impact_laws(plant, rows.motor, rows.laws)
     return rows
 
 
 @compiled(counted=False)
-def reaches(plant: Opened, before: Flags, kept: Flags, q: Row, time: float) -> bool:
+def reaches(plant: Opened, before: Flags, kept: Flags, q: Row) -> bool:
     """Write the barriers that are reached, and those that take part; return whether there are any.
 
     Arguments as of `impact_at`. The poses and touches then stand at q.
     """
     hit, gap, found = plant.hit, plant.end.gap, False
-    gaps_of(plant, q, time, gap)
+    gaps_of(plant, q, gap)
     for i in range(len(before)):
         hit.fresh[i] = not before[i] and gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
         hit.closed[i] = before[i] or hit.fresh[i] or kept[i]
@@ -157,7 +155,7 @@ def impact_targets(
     for i in range(len(before)):
         if not hit.closed[i]:
             continue
-        approach = -rows.carried[len(rows.laws) + row]
+        approach = 0.0
         for c in range(len(v)):
             approach += rows.matrix[len(rows.laws) + row, c] * v[c]
         ahead = not before[i] and not hit.fresh[i]
@@ -173,10 +171,8 @@ def impact_targets(
 
 @compiled
 def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
-    """Write losses of an impact from v (nv,), and the work of moving ground."""
-    found, following, m, work = plant.hit.found, rows.motor.copy(), len(rows.motor), 0.0
-    for i in range(len(solved.impulse)):
-        work += solved.impulse[i] * rows.carried[i]
+    """Write losses of an impact from v (nv,)."""
+    found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)
     for i in range(m):
         if plant.gears.at[i, 1] == 0:
             following[i] = 0.0
@@ -185,8 +181,7 @@ def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     mesh = solved.impulse[:m]
     found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
     kept = kinetic_of(plant, solved.after, following)
-    found[CONTACT] = found[ENERGY] - kept + work - found[MESH]
-    found[WORK] = work
+    found[CONTACT] = found[ENERGY] - kept - found[MESH]
 
 
 @compiled
@@ -197,7 +192,6 @@ def impact_at(
     back: Row,
     q: Row,
     v: Row,
-    time: float,
     left: float,
     given: Row,
 ) -> int:
@@ -209,7 +203,6 @@ def impact_at(
         kept: (2 j + c,) barriers that are rows of what is left of the step.
         back: (2 j + c,) restitution of the barriers.
         q, v: (nq,), (nv,).
-        time: [s].
         left: of the step [s].
         given: (r,) impulses where they are known already, else empty.
 
@@ -220,10 +213,10 @@ def impact_at(
     hit, gravity = plant.hit, plant.tree.gravity
     found = hit.found
     found[:] = 0.0
-    if not reaches(plant, before, kept, q, time):
+    if not reaches(plant, before, kept, q):
         return APART
     look(plant.tree, plant.flight, len(v), plant.placed)
-    rows = impact_rows(plant, hit.closed, v, time)
+    rows = impact_rows(plant, hit.closed, v)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
         return HIT
@@ -232,7 +225,7 @@ def impact_at(
             hit.closed[i] = before[i] or hit.fresh[i]
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
-    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.carried))
+    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.places))
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
     solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
     found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
@@ -259,7 +252,7 @@ def impact_at(
 
 @compiled
 def impact_in_rows(
-    plant: Opened, together: Flags, q: Row, v: Row, time: float, targets: Row, after: Row
+    plant: Opened, together: Flags, q: Row, v: Row, targets: Row, after: Row
 ) -> tuple[PartRows, RowSystem, OutDense]:
     """Return the rows of an impact at known targets (l + k,), their system, and H_l.
 
@@ -267,13 +260,12 @@ def impact_in_rows(
         plant: what moves.
         together: (2 j + c,) barriers that take part.
         q, v: (nq,), (nv,).
-        time: [s].
         targets: speeds at which they part.
         after: v (nv,) after it where that is known, else empty.
     """
-    gaps_of(plant, q, time, np.empty(len(together)))
+    gaps_of(plant, q, np.empty(len(together)))
     look(plant.tree, plant.flight, len(v), plant.placed)
-    rows = impact_rows(plant, together, v, time)
+    rows = impact_rows(plant, together, v)
     rows.targets[:] = targets
     system = part_system(rows, plant.obstacles.tangents)
     if len(after):

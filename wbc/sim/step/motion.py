@@ -198,21 +198,21 @@ def look_ahead(plant: Opened, v: Row, step: float) -> None:
 
 
 @compiled(counted=False)
-def stands_at(plant: Opened, q: Row, time: float) -> bool:
-    """Return whether the touches are those at q (nq,) and a time."""
-    same: bool = plant.obstacles.stands[len(q)] == time
+def stands_at(plant: Opened, q: Row) -> bool:
+    """Return whether the touches are those at q (nq,)."""
+    same = True
     for i in range(len(q)):
         same = same and plant.obstacles.stands[i] == q[i]
     return same
 
 
 @compiled(counted=False)
-def to_middle(plant: Opened, q: Row, v: Row, time: float, half: float, closed: Flags) -> None:
+def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
     The attitude goes by the velocity of the middle (one correction), which makes free rotation of
     second order. The memory then stands at the middle, with all of H_l. How fast the closed
-    contacts open at the start (`time`) is written beside it, see `rates_at`.
+    contacts open at the start is written beside it, see `rates_at`.
     """
     tree, flight, placed = plant.tree, plant.flight, plant.placed
     joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
@@ -229,8 +229,8 @@ def to_middle(plant: Opened, q: Row, v: Row, time: float, half: float, closed: F
     if plant.obstacles.fields:
         look_ahead(plant, v, 2.0 * half)
     if touching:
-        if not stands_at(plant, q, time):
-            touch_ground(plant, time, closed)
+        if not stands_at(plant, q):
+            touch_ground(plant, closed)
             plant.obstacles.stands[:] = np.nan
         rates_at(plant, closed, v, rate)
     for i in range(len(v)):

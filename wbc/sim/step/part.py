@@ -39,7 +39,7 @@ def close(plant: Opened, before: Flags, acting: Acting) -> None:
     for i in range(len(before)):
         end.closed[i] = before[i] or acting.kept[i]
     if plant.bounds[HERTZ] > 0.0:
-        gaps_at(plant, end.middle, acting.time + half, before[:0], end.gap)
+        gaps_at(plant, end.middle, before[:0], end.gap)
         for i in range(2 * len(plant.obstacles.limit_at), len(before)):
             end.closed[i] = end.gap[i] < half * _FASTEST
 
@@ -111,7 +111,6 @@ def second_half(
     stored: Row,
     given: Row,
     v: Row,
-    time: float,
     step: float,
 ) -> int:
     """Do the second half of a part, whose memory stands in the middle.
@@ -123,14 +122,13 @@ def second_half(
         stored: row impulses of the last step in the plant's layout; empty for none.
         given: (r,) row impulses where they are known already, else empty.
         v: (nv,) at the start.
-        time: [s] at the start.
         step: h [s].
 
     Returns:
         SMOOTH or LANDED, minus that where some overlap is left; ten and more where it failed, ten
         beyond what `Solved.way` says.
     """
-    acting, end = Acting(kept, v, time, step), plant.end
+    acting, end = Acting(kept, v, step), plant.end
     rows, system, start = begin(plant, before, acting, stored)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
@@ -159,21 +157,21 @@ def second_half(
 
 @compiled
 def part_of_step(
-    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, time: float, step: float
+    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
 ) -> int:
     """Do both halves of a part from q (nq,), like `second_half` after `to_middle`."""
-    to_middle(plant, q, v, time, 0.5 * step, before)
-    return second_half(plant, before, kept, stored, np.empty(0), v, time, step)
+    to_middle(plant, q, v, 0.5 * step, before)
+    return second_half(plant, before, kept, stored, np.empty(0), v, step)
 
 
 @compiled
 def part_in_rows(
-    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, time: float, step: float
+    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
 ) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
     """Return the rows of a part, their system, the start of the rows, and H_l.
 
     Laws and free speeds are those without coupling and flanks, see `couple` and `grip_laws`.
     """
-    to_middle(plant, q, v, time, 0.5 * step, before)
-    rows, system, start = begin(plant, before, Acting(kept, v, time, step), stored)
+    to_middle(plant, q, v, 0.5 * step, before)
+    rows, system, start = begin(plant, before, Acting(kept, v, step), stored)
     return rows, system, start, plant.placed.inertia.copy()

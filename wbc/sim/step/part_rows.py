@@ -21,7 +21,7 @@ from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
-from wbc.sim.step.contacts import barrier_rows, friction_of, gaps_at, ground_speeds, lowest_speeds
+from wbc.sim.step.contacts import barrier_rows, friction_of, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
 from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, PLANAR, Flight, Opened, PlacedTree
 
@@ -32,13 +32,11 @@ class Acting(NamedTuple):
     Attributes:
         kept: (2 j + c,) barriers that may close within the part.
         v: (nv,) at the start.
-        time: [s] at the start.
         step: h [s].
     """
 
     kept: Flags
     v: Row
-    time: float
     step: float
 
 
@@ -52,8 +50,6 @@ class PartRows(NamedTuple):
         targets: (l + k,) lowest speeds.
         frictions: (k,).
         free: v (nv,) without the rows.
-        carried: (r,) speeds of the ground along the rows.
-        pushed: (k + k d,) the same in the middle, for its work.
         axes: (k (1 + d), 3) of the closed contacts.
         which: (k,) their numbers.
         places: (r,) of the rows among the impulses that a state keeps.
@@ -68,8 +64,6 @@ class PartRows(NamedTuple):
     targets: OutRow
     frictions: OutRow
     free: OutRow
-    carried: OutRow
-    pushed: OutRow
     axes: OutDense
     which: OutPlaces
     places: OutPlaces
@@ -174,7 +168,7 @@ def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
     soft = touching if plant.bounds[HERTZ] > 0.0 else 0
     rows = PartRows(
         np.empty((total, n)), np.empty((n, n)), np.zeros((elements, 9)), np.zeros(both),
-        np.empty(touching), v.copy(), np.zeros(total), np.zeros(touching * (1 + d)),
+        np.empty(touching), v.copy(),
         np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64),
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
     )  # fmt: skip
@@ -210,18 +204,12 @@ def rub(plant: Opened, step: float, rows: PartRows) -> None:
 
 @compiled(counted=False)
 def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
-    """Write lowest speeds of the closed barriers, how the ground moves, depths of soft contacts.
-
-    Speeds count from the ground's at the end, so that what holds on to it ends at its speed.
-    """
+    """Write lowest speeds of the closed barriers, and depths of soft contacts."""
     elements, step, touching = len(rows.laws), acting.step, len(rows.which)
     contacts = elements + len(rows.targets) - touching
-    now, later = acting.time + 0.5 * step, acting.time + step
     lowest_speeds(plant, acting.kept, step, rows.matrix[elements:], rows.targets)
-    ground_speeds(plant, now, now, rows.axes, rows.which, rows.pushed)
-    ground_speeds(plant, now, later, rows.axes, rows.which, rows.carried[contacts:])
     for c in range(len(rows.depths)):
-        opens = -rows.pushed[c]
+        opens = 0.0
         for i in range(rows.matrix.shape[1]):
             opens += rows.matrix[contacts + c, i] * plant.end.speed[i]
         gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
@@ -256,7 +244,7 @@ def rows_of(plant: Opened, acting: Acting) -> PartRows:
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
-        gaps_at(plant, end.middle, acting.time + 0.5 * acting.step, end.closed, end.gap)
+        gaps_at(plant, end.middle, end.closed, end.gap)
     rows = rows_where(plant, end.closed, acting.v, rubbing)
     free_velocity(plant, acting.step, rows)
     gear_laws(plant, rows.motor, acting.step, rows.laws)
@@ -269,9 +257,6 @@ def rows_of(plant: Opened, acting: Acting) -> PartRows:
 @compiled
 def part_system(rows: PartRows, tangents: int) -> RowSystem:
     """Return what a part is to its rows."""
-    system = system_of(
+    return system_of(
         rows.matrix, rows.lower, rows.free, rows.laws, rows.targets, rows.frictions, tangents
     )
-    for i in range(len(rows.carried)):
-        system.free[i] -= rows.carried[i]
-    return system

@@ -16,7 +16,7 @@ import numpy as np
 from wbc.compiled import OutRow, Row, compiled
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
-from wbc.sim.step.books import GROUND, KINETIC, MOTOR, TAKEN, spring_energy
+from wbc.sim.step.books import KINETIC, MOTOR, TAKEN, spring_energy
 from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds
@@ -43,8 +43,8 @@ TURN = 0.03
 
 
 @compiled
-def survey(plant: Opened, q: Row, v: Row, time: float) -> tuple[float, float, int]:
-    """Return what a plant stores at q (nq,), v (nv,), time [J]; the deepest body, and its gap.
+def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
+    """Return what a plant stores at q (nq,), v (nv,) [J]; the deepest body, and its gap.
 
     Stored are the kinetic energy of links and rotors, gravity's, and that of springs in gears and
     compliant contacts. The gap is
@@ -85,7 +85,7 @@ def survey(plant: Opened, q: Row, v: Row, time: float) -> tuple[float, float, in
                 energy += motor[g] * gears.coupling[g, c] * v[c]
     if plant.bounds[HERTZ] > 0.0:
         plant.bounds[REACH] = AHEAD
-        touch_ground(plant, time, np.zeros(0, dtype=np.bool_))
+        touch_ground(plant, np.zeros(0, dtype=np.bool_))
         plant.obstacles.stands[:] = np.nan
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
@@ -110,12 +110,12 @@ def fastest_turn(plant: Opened, v: Row) -> float:
 
 
 @compiled
-def slowed(plant: Opened, fast: Row, share: float, time: float, v: OutRow) -> float:
+def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
     for i in range(len(v)):
         v[i] = share * fast[i]
     set_momentum(plant.flight, plant.placed, v)
-    energy, _, _ = survey(plant, plant.end.position, v, time)
+    energy, _, _ = survey(plant, plant.end.position, v)
     return energy
 
 
@@ -128,28 +128,28 @@ def keep_passive(plant: Opened, acting: Acting) -> None:
         acting: what the part starts from.
     """
     end, motion, books, fast = plant.end, plant.gears.motion, plant.end.books, plant.end.velocity
-    time, work = acting.time + acting.step, books[MOTOR] + books[GROUND]
+    work = books[MOTOR]
     for i in range(len(fast)):
         work += 0.5 * acting.step * end.force[i] * (end.speed[i] + end.after[i])
-    had, _, _ = survey(plant, end.start, acting.v, acting.time)
+    had, _, _ = survey(plant, end.start, acting.v)
     for i in range(len(motion)):
         motion[i, DEFLECTION], motion[i, SPEED] = end.deflection[i], end.motor_speed[i]
-    has, _, _ = survey(plant, end.position, fast, time)
+    has, _, _ = survey(plant, end.position, fast)
     most = had + work + MADE * (books[KINETIC] + abs(work))
     if has <= most:
         return
     given, v = fast.copy(), end.velocity
-    none, half = slowed(plant, given, 0.0, time, v), slowed(plant, given, 0.5, time, v)
+    none, half = slowed(plant, given, 0.0, v), slowed(plant, given, 0.5, v)
     # Stored energy is quadratic in the share: none + along share + square share^2.
     square, along = 2.0 * (has + none - 2.0 * half), 4.0 * half - has - 3.0 * none
     if none < most:
         root = along + sqrt(max(along * along + 4.0 * square * (most - none), 0.0))
         share = 2.0 * (most - none) / root if root > 0.0 else 1.0
-        books[TAKEN] = has - slowed(plant, given, min(share, 1.0), time, v)
+        books[TAKEN] = has - slowed(plant, given, min(share, 1.0), v)
         return
-    slowed(plant, given, 0.0, time, v)
+    slowed(plant, given, 0.0, v)
     given[:] = 0.0
-    rest, _, _ = survey(plant, end.position, given, time)
+    rest, _, _ = survey(plant, end.position, given)
     share = sqrt((most - rest) / (none - rest)) if rest < most else 0.0
     for i in range(len(v)):
         v[i] *= share

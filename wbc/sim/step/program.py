@@ -21,7 +21,7 @@ flank that is only just reached) is as regular as a stiff one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -47,106 +47,31 @@ NOT_POSITIVE = (
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Elements:
-    """Rows of a step with a dissipative law; every array has one entry per row.
-
-    Attributes:
-        rows: W (m, n); w = W v where there is no spring.
-        up: impulse the rotor brings along when it ends up turning forward [N m s].
-        down: the same when it ends up turning backward; up <= down in a step with time.
-        inertia: M >= 0 [kg m^2].
-        forward: eta_f.
-        backward: eta_b; zero or less is self-locking.
-        friction: f >= 0, dry friction impulse at the output [N m s].
-        damping: B >= 0, viscous impulse per speed at the output [kg m^2].
-        stiffness: s >= 0, impulse per speed of a spring in series [kg m^2]; infinite for none.
-        preload: p, what that spring passes without relative speed [N m s].
-    """
-
-    rows: FloatArray
-    up: FloatArray
-    down: FloatArray
-    inertia: FloatArray
-    forward: FloatArray
-    backward: FloatArray
-    friction: FloatArray
-    damping: FloatArray
-    stiffness: FloatArray
-    preload: FloatArray
-
-    @classmethod
-    def of(cls, rows: FloatArray, laws: FloatArray) -> Elements:
-        """Return the elements with `RowSystem.laws` (m, 9)."""
-        columns = list(laws.T)
-        columns[3] = 1.0 / columns[3]
-        return cls(rows, *columns)
-
-    @property
-    def size(self) -> int:
-        """m, the number of rows."""
-        return len(self.up)
-
-    @property
-    def laws(self) -> FloatArray:
-        """(m, 9), see `RowSystem.laws`."""
-        columns = [getattr(self, field.name) for field in fields(self)][1:]
-        columns[3] = 1.0 / columns[3]
-        return np.column_stack(columns)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Unilateral:
-    """Rows that push but never pull: joint limits, then contact points with friction.
-
-    A limit or contact normal obeys 0 <= p_n, u_n >= target, p_n (u_n - target) = 0. A contact's
-    tangential impulse obeys Coulomb's law exactly: |p_t| <= mu p_n, and where the point slides,
-    p_t = -mu p_n u_t / |u_t|.
-
-    Attributes:
-        limits: rows of joint limits (l, n).
-        normals: rows of contact normals (k, n).
-        tangents: rows of contact tangents (k d, n), d per contact (0, 1 planar, or 2).
-        friction: mu (k,).
-        target: lowest normal speeds (l + k,) [rad/s, m/s], limits first.
-        ground: speed (k + k d,) [m/s] of the ground along normals and tangents, from which u_n and
-            u_t are counted; None where no ground moves.
-    """
-
-    limits: FloatArray
-    normals: FloatArray
-    tangents: FloatArray
-    friction: FloatArray
-    target: FloatArray
-    ground: FloatArray | None = None
-
-    @property
-    def tangent_size(self) -> int:
-        """d, tangential directions per contact."""
-        return len(self.tangents) // len(self.normals) if len(self.normals) else 0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class StepProgram:
-    """Find v with H (v - v_free) = G' impulse, every row on its law.
+    """Find v with H (v - v_free) = G' impulse, every row of G on its law.
 
-    G stacks the rows in the order elements, limits, normals, tangents.
+    The rows are elements with a dissipative law, joint limits, contact normals and contact
+    tangents. Limits and normals push but never pull: 0 <= p_n, u_n >= target,
+    p_n (u_n - target) = 0. A contact's tangential impulse obeys Coulomb's law exactly:
+    |p_t| <= mu p_n, and where the point slides, p_t = -mu p_n u_t / |u_t|.
 
     Attributes:
         inertia: H_l (n, n), symmetric positive definite, without reflected rotor inertia.
         free_velocity: v_free (n,), where the links would go without the rows.
-        elements: the dissipative rows.
-        unilateral: limits and contacts.
+        rows: G (r, n).
+        laws: (m, 9) of the elements, see `RowSystem`.
+        targets: lowest speeds (l + k,) [rad/s, m/s] of limits and normals.
+        frictions: mu (k,).
+        tangents: d, tangential directions per contact (0, 1 planar, or 2).
     """
 
     inertia: FloatArray
     free_velocity: FloatArray
-    elements: Elements
-    unilateral: Unilateral
-
-    def rows(self) -> FloatArray:
-        """Return G (r, n)."""
-        u = self.unilateral
-        return np.concatenate((self.elements.rows, u.limits, u.normals, u.tangents))
+    rows: FloatArray
+    laws: FloatArray
+    targets: FloatArray
+    frictions: FloatArray
+    tangents: int
 
     def system(self) -> tuple[RowSystem, FloatArray]:
         """Return what the step is to its rows, and L (n, n) with L' L = H_l.
@@ -154,49 +79,16 @@ class StepProgram:
         Raises:
             SimulationError: the link inertia is not positive definite, or has no numbers.
         """
-        lower, u = np.empty(self.inertia.shape), self.unilateral
+        lower = np.empty(self.inertia.shape)
         if not factor_inertia(np.ascontiguousarray(self.inertia), lower):
             if not np.isfinite(self.inertia).all():
                 raise blown_up(self.inertia, self.free_velocity)
             raise SimulationError(NOT_POSITIVE)
-        free, laws, target, friction = (
-            np.ascontiguousarray(array)
-            for array in (self.free_velocity, self.elements.laws, u.target, u.friction)
+        rows, free, laws, targets, frictions = map(
+            np.ascontiguousarray,
+            (self.rows, self.free_velocity, self.laws, self.targets, self.frictions),
         )
-        rows = np.ascontiguousarray(self.rows())
-        system = system_of(rows, lower, free, laws, target, friction, u.tangent_size)
-        if u.ground is not None:
-            system.free[self.elements.size + len(u.limits) :] -= u.ground
-        return system, lower
-
-
-@dataclass(frozen=True, slots=True)
-class Residuals:
-    """How far a solution is from satisfying the step program, each at its worst row.
-
-    Attributes:
-        dynamics: |H (v - v_free) - G' impulse| [N m s].
-        law: distance of (w, T) of an element from its law, as a speed [rad/s].
-        complementarity: of limits and contact normals, as a speed [m/s].
-        cone: |p_t| - mu p_n where positive [N s].
-        friction: distance from Coulomb's law of a closed contact, as a speed [m/s].
-    """
-
-    dynamics: float = 0.0
-    law: float = 0.0
-    complementarity: float = 0.0
-    cone: float = 0.0
-    friction: float = 0.0
-
-    @property
-    def worst_speed(self) -> float:
-        """Largest of the residuals that are speeds."""
-        return max(self.law, self.complementarity, self.friction)
-
-
-def worst(*several: Residuals) -> Residuals:
-    """Return the largest of each residual."""
-    return Residuals(*(max(getattr(r, f.name) for r in several) for f in fields(Residuals)))
+        return system_of(rows, lower, free, laws, targets, frictions, self.tangents), lower
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,64 +96,34 @@ class StepSolution:
     """Velocity and impulses at the end of a step.
 
     Attributes:
+        program: that it solves.
+        system: the same as the rows see it.
         velocity: v (n,).
-        impulse: (r,) of every row, in the order of `StepProgram.rows`.
-        speed: (r,) of every row, G v, counted from the ground's.
+        impulse: (r,) of every row.
         iterations: linear systems solved.
         method: "newton", "convex" or "proximal", whichever found it, "passive" where friction gave
             way; "ranges" where self-locking gears were held to a range of their laws.
-        program: that it solves.
-        system: the same as the rows see it.
     """
 
-    velocity: FloatArray
-    impulse: FloatArray
-    speed: FloatArray
-    iterations: int
-    method: str
     program: StepProgram
     system: RowSystem
+    velocity: FloatArray
+    impulse: FloatArray
+    iterations: int
+    method: str
 
     @property
-    def normal_rows(self) -> slice:
-        """Limits and contact normals."""
-        first = self.program.elements.size
-        return slice(first, first + len(self.program.unilateral.target))
-
-    @property
-    def element_impulse(self) -> FloatArray:
-        """T (m,) [N m s] of the dissipative rows."""
-        return self.impulse[: self.normal_rows.start]
-
-    @property
-    def normal_impulse(self) -> FloatArray:
-        """p_n (l + k,) of limits and contacts."""
-        return self.impulse[self.normal_rows]
-
-    @property
-    def tangent_impulse(self) -> FloatArray:
-        """p_t (k, d) of the contacts [N s]."""
-        contacts, d = len(self.program.unilateral.normals), self.system.tangents
-        return self.impulse[self.normal_rows.stop :].reshape(contacts, d)
+    def speed(self) -> FloatArray:
+        """(r,) of every row, G v."""
+        return np.asarray(self.system.free + self.system.delassus @ self.impulse)
 
     @cached_property
-    def residuals(self) -> Residuals:
-        """How exact this solution is, computed from the program anew."""
-        program, system = self.program, self.system
-        dynamics = program.inertia @ (self.velocity - program.free_velocity)
-        dynamics -= program.rows().T @ self.impulse
-        pieces, sliding = np.empty((len(self.impulse), 4)), np.empty((len(system.frictions), 3))
-        look_at(system, self.impulse, np.empty(len(self.impulse)), pieces, sliding)
-        rows, normal = np.abs(pieces[:, 3]), self.normal_rows
-        pushed = self.normal_impulse[len(program.unilateral.limits) :] * system.frictions
-        outside = np.linalg.norm(self.tangent_impulse, axis=1) - pushed
-        return Residuals(
-            dynamics=float(np.abs(dynamics).max(initial=0.0)),
-            law=float(rows[: normal.start].max(initial=0.0)),
-            complementarity=float(rows[normal].max(initial=0.0)),
-            cone=float(outside.max(initial=0.0)) if system.tangents else 0.0,
-            friction=float(rows[normal.stop :].max(initial=0.0)),
-        )
+    def residuals(self) -> FloatArray:
+        """How far (r,) each row is from its law, as a speed."""
+        size = len(self.impulse)
+        pieces, sliding = np.empty((size, 4)), np.empty((len(self.system.frictions), 3))
+        look_at(self.system, self.impulse, np.empty(size), pieces, sliding)
+        return np.abs(pieces[:, 3])
 
 
 def solve_program(
@@ -284,8 +146,7 @@ def solve_program(
     velocity = np.empty(len(program.free_velocity))
     free = np.ascontiguousarray(program.free_velocity)
     velocity_after(system, lower, free, impulse, velocity)
-    speed = system.free + system.delassus @ impulse
-    return StepSolution(velocity, impulse, speed, used, method, program, system)
+    return StepSolution(program, system, velocity, impulse, used, method)
 
 
 def tolerance_of(system: RowSystem) -> float:

@@ -187,7 +187,7 @@ def lag_coupling(
     for c in range(n):
         shifted[c] += free[c]
     for i in range(len(system.free)):
-        system.free[i] = -rows.carried[i]
+        system.free[i] = 0.0
         for c in range(n):
             system.free[i] += rows.matrix[i, c] * shifted[c]
 

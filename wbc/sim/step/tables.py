@@ -26,13 +26,11 @@ class Obstacles(NamedTuple):
         contacts: (k, 5) place on the joint (3), radius, friction.
         solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
-        stands: (nq + 1,) memory: q and time [s] of `touch`.
+        stands: (nq,) memory: q of `touch`.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
-        ground: (c, 3) memory: speed of the ground where they touch, world.
         tangents: d per contact, one where contact points move in x-z only, else two.
-        moving: whether any ground moves.
         fields: whether any of it is a height field.
-        asked: address of a function of Python that fills `touch` and `ground`, see `Ground`.
+        asked: address of a function of Python that fills `touch`, else zero.
     """
 
     limit_at: OutTable
@@ -43,9 +41,7 @@ class Obstacles(NamedTuple):
     points: OutDense
     stands: OutRow
     touch: OutDense
-    ground: OutDense
     tangents: int
-    moving: bool
     fields: bool
     asked: int
 
@@ -183,7 +179,7 @@ class Ending(NamedTuple):
         pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
             world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
-        books: (12,) work and losses [J], MOTOR to TAKEN of `books`.
+        books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
         work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
         middle, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
@@ -223,7 +219,7 @@ class Hit(NamedTuple):
         pushes: as of `Ending`.
         impulse: of the rows, one after the other; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order.
-        found: (9,) numbers MESH to LEFT of `impact`.
+        found: (8,) numbers MESH to LEFT of `impact`.
         fresh: (2 j + c,) barriers that are reached.
         closed: (2 j + c,) barriers that take part; afterwards those that are closed.
     """
