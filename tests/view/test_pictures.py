@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +40,12 @@ def test_a_picture_shows_force_and_direction_of_power(page: Path, tmp_path: Path
 
 @pytest.mark.usefixtures("chromium")
 def test_an_animation_moves_and_the_player_obeys(page: Path, tmp_path: Path) -> None:
-    path = write_animation(
-        tmp_path / "squat.gif", page, (0.3, 0.7), frame_rate=10.0, size=(320, 240)
-    )
+    told: list[str] = []
+    span, small = (0.3, 0.7), {"frame_rate": 10.0, "size": (320, 240)}
+    path = write_animation(tmp_path / "squat.gif", page, span, **small, progress=told.append)
     film = Image.open(path)
     assert film.n_frames == 4
+    assert told[-1] == "4 of 4"
     first = np.asarray(film.convert("RGB")).astype(int)
     film.seek(3)
     assert np.abs(np.asarray(film.convert("RGB")).astype(int) - first).max() > 60
@@ -61,38 +59,6 @@ def test_without_a_browser_the_package_is_named(
         write_picture(tmp_path / "no.png", page, 0.0)
 
 
-@pytest.mark.usefixtures("chromium")
-def test_an_mp4_has_the_frames_and_the_size_asked_for(page: Path, tmp_path: Path) -> None:
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg is None:
-        pytest.skip("no ffmpeg on the PATH (Debian: apt-get install ffmpeg)")
-    told: list[str] = []
-    path = write_animation(
-        tmp_path / "squat.mp4",
-        page,
-        (0.3, 0.7),
-        frame_rate=10.0,
-        size=(321, 240),
-        progress=told.append,
-    )
-    raw = [ffmpeg, "-v", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
-    film = np.frombuffer(subprocess.run(raw, capture_output=True, check=True).stdout, np.uint8)
-    frames = film.reshape(-1, 240, 322, 3).astype(int)
-    assert len(frames) == 4
-    assert told[-1] == "4 of 4"
-    assert np.abs(frames[3] - frames[0]).max() > 60
-
-
-def test_without_ffmpeg_the_packages_are_named_before_any_picture_is_taken(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(ViewError, match=r"apt-get install ffmpeg.*imageio-ffmpeg"):
-        write_animation(tmp_path / "film.mp4", page)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_unknown_ending_is_refused(page: Path, tmp_path: Path) -> None:
-    with pytest.raises(ViewError, match=r"\.gif or \.mp4"):
+    with pytest.raises(ViewError, match=r"ends in \.gif"):
         write_animation(tmp_path / "film.avi", page)

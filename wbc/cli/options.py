@@ -93,11 +93,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--html/look": _option("FILE", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
-    "--ground": _option("X,Z ...", "slopes and steps: their profile [m], x rising"),
     "--html": _option("FILE", "write the page"),
     "--png": _option("FILE", "write a picture"),
     "--at": _option("T", "time [s] of the picture, where the page waits", type=float),
-    "--gif": _option("FILE", "write an animation (.gif or .mp4)"),
+    "--gif": _option("FILE", "write an animation"),
     "--from": _option("T", "start of the animation [s]", dest="start", type=float),
     "--to": _option("T", "end of the animation [s]", dest="stop", type=float),
     "--speed/shown": _option("X", "0.1 shows it ten times slower", type=float, default=1.0),
@@ -178,13 +177,7 @@ COMMANDS: dict[str, Subcommand] = {
   wbc init my_robot.urdf --base free_flyer
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
-as a guess, with the reason: joints by name, motion and torque, units by
-derivative, sides by ratio, signs by gravity, gear ratios where the log holds the
-motion of a joint and of its motor. What the logs lack is named, with the way to add
-it. Correct the guesses, then run wbc check.
-
-Without logs robot.toml has one table for all gears, [gears."*"], and a controller
-or simulator can load it.""",
+as a guess, with the reason: correct it, then run wbc check.""",
         "prepare.run_init",
     ),
     "look": Subcommand(
@@ -221,9 +214,7 @@ or simulator can load it.""",
         """example:
   wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
 
-One linear least squares for base parameters of the links, rotor inertia, viscous and
-Coulomb friction and offset of every joint. It says how large each number is, not
-which of them are needed: `wbc diagnose` does that.""",
+It says how large each number is, not which are needed: `wbc diagnose` does that.""",
         "models.run_identify",
     ),
     "rollout": Subcommand(
@@ -232,10 +223,8 @@ which of them are needed: `wbc diagnose` does that.""",
         """example:
   wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml --save fitted.toml
 
-For a position servo whose torque nobody recorded. The whole servo is simulated from its
-first position under the recorded targets: controller, winding, gear and load. Each log may
-have its own robot file (LOG@ROBOT) with another gain, supply voltage or load. What is
-printed as held out is the error on logs that the fit did not see.""",
+For a position servo whose torque nobody recorded. Each log may have its own robot file
+(LOG@ROBOT) with another gain, supply voltage or load.""",
         "models.run_rollout",
     ),
     "trend": Subcommand(
@@ -248,20 +237,19 @@ printed as held out is the error on logs that the fit did not see.""",
 
 The date stands in the file's name or a folder's (2026-03-01); the machine is the
 folder, or what stands before the date where all files lie in one folder. An
-index has the columns log, machine, date. The effects of the robot are fitted to
-every session anew; a session is all logs of one machine with one date.""",
+index has the columns log, machine, date.""",
         "trend.run_trend",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page, a picture, an animation",
-        "run_file --robot --columns --ghost --ground --html --png --at --gif --from --to"
-        " --speed/shown --theme",
+        "run_file --robot --columns --ghost --html --png --at --gif --from --to --speed/shown"
+        " --theme",
         """examples:
   wbc play out/landing.parquet --robot planar_leg_strong --html a.html
   wbc play run.csv --robot planar_leg --ghost fitted.toml --png a.png --at 0.3
-  wbc play run.csv --robot planar_leg --gif a.mp4 --from 0.3 --to 1 --speed 0.1
+  wbc play run.csv --robot planar_leg --gif a.gif --from 0.3 --to 1 --speed 0.1
 
-Pictures need Chromium and playwright (extra pictures), .mp4 needs ffmpeg.
+Pictures need Chromium and playwright (extra pictures).
 Without --html, --png, --gif the page opens in the browser.""",
         "show.run_play",
     ),
@@ -278,10 +266,7 @@ Without --html, --png, --gif the page opens in the browser.""",
         " --theme --json",
         """parameters: reduction, forward_efficiency, backward_efficiency, rotor_inertia,
 rotor_friction, torque_limit, length.LINK, mass.LINK, joint.JOINT;
-a gear parameter takes .JOINT for one gear alone. A swept forward_efficiency
-without a backward_efficiency brings the wedge's 2 - 1/eta_f. Where a gearbox of
-the catalogue has no number, the robot's own is used, and the wedge's
-backward efficiency.
+a gear parameter takes .JOINT for one gear alone.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out""",
@@ -295,11 +280,6 @@ example: wbc design planar_leg --sweep reduction=6:160:40:log
 names them, + joins several. found.json is what `wbc diagnose --json` wrote: the
 causes are what it found and what it could not tell from that. One cause alone:
 the motion that shrinks its intervals.
-
-The odds are those of the cause, if true, over the other one after its numbers
-are refitted: equal odds before, white noise of the torque, and nothing else
-wrong with the model. Of found.json, the values that its logs leave open are
-averaged over. A free base is held in a stand, the feet in the air.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",

@@ -23,7 +23,7 @@ _ENDINGS = {
     "html": (".html", ".htm"),
     "report": (".html", ".htm"),
     "png": (".png",),
-    "gif": (".gif", ".mp4"),
+    "gif": (".gif",),
     "save": (".toml",),
     "out": (),  # each command says which
     "file": (),  # each format has one

@@ -39,7 +39,6 @@ _LEGEND = (
     "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
     "the clock starts again. Red dots: jumps. To the right: range, step, and what is odd about it."
 )
-_GROUND_WIDTH = 2.0
 
 
 def run_look(options: argparse.Namespace, console: Console) -> Outcome:
@@ -189,9 +188,7 @@ def run_play(options: argparse.Namespace, console: Console) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         page = Path(options.html) if options.html else Path(folder) / "playback.html"
         with working(console, "drawing"):
-            view.write_playback(
-                page, robot, log, ghost=ghost, ground=_ground(options), at=options.at
-            )
+            view.write_playback(page, robot, log, ghost=ghost, at=options.at)
         absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
         if absent:
             more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
@@ -213,20 +210,6 @@ def _one_log(options: argparse.Namespace, robot: Robot) -> Log:
         names = ", ".join(log.source.part for log in logs)
         raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
     return logs[0]
-
-
-def _ground(options: argparse.Namespace) -> tuple[view.GroundSlab, ...] | None:
-    if options.ground is None:
-        return None
-    try:
-        pairs = [point.split(",") for point in options.ground.split()]
-        points = [(float(x), float(z)) for x, z in pairs]
-    except ValueError as cause:
-        raise ViewError(
-            f"--ground '{options.ground}' is not a profile X,Z X,Z ...; for a step of 10 cm: "
-            '--ground "-1,0 0,0 0,0.1 1,0.1".'
-        ) from cause
-    return view.profile_ground(points, _GROUND_WIDTH)
 
 
 def _pictures(

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 import shutil
-import subprocess
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from PIL import Image
 
-from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 from wbc.extras import needs
 from wbc.files import atomic_write
@@ -114,10 +110,10 @@ def write_animation(
     theme: str = "light",
     progress: Callable[[str], None] = lambda line: None,
 ) -> Path:
-    """Write a GIF or an MP4 of a playback page; the ending of `path` decides.
+    """Write a GIF of a playback page.
 
     Args:
-        path: ends in .gif, or in .mp4 (needs ffmpeg, or the extra `wbc[video]`).
+        path: ends in .gif.
         playback: HTML written by `write_playback`.
         span: from when to when [s] on the log's clock; None for an end of the log.
         speed: 0.5 shows it at half speed.
@@ -127,14 +123,12 @@ def write_animation(
         progress: called with a line of text as pictures are taken.
 
     Raises:
-        ViewError: no Chromium or ffmpeg (the message names the package), an unknown ending, or a
-            span of time that is empty.
+        ViewError: no Chromium (the message names the package), another ending, or a span of time
+            that is empty.
     """
     destination = Path(path)
-    if destination.suffix.lower() not in (".gif", ".mp4"):
-        raise ViewError(f"'{destination}': an animation ends in .gif or .mp4.")
-    # Asked for before any picture is taken.
-    encoder = find_ffmpeg() if destination.suffix.lower() == ".mp4" else None
+    if destination.suffix.lower() != ".gif":
+        raise ViewError(f"'{destination}': an animation ends in .gif.")
 
     def film() -> Path:
         with opened(Path(playback), size, "still&bare") as page:
@@ -147,10 +141,13 @@ def write_animation(
                 raise ViewError(
                     f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}."
                 )
-            pictures = _pictures(page, np.arange(begin, end, speed / frame_rate), progress)
-            if encoder is None:
-                return write_gif(destination, pictures, frame_rate)
-            return write_mp4(destination, pictures, frame_rate, encoder)
+            instants = np.arange(begin, end, speed / frame_rate)
+            pictures = []
+            for number, instant in enumerate(instants, 1):
+                taken = io.BytesIO(_shown(page, float(instant)))
+                pictures.append(Image.open(taken).convert("RGB"))
+                progress(f"{number} of {len(instants)}")
+            return write_gif(destination, pictures, frame_rate)
 
     return _in_thread(film)
 
@@ -171,21 +168,11 @@ def _shown(page: Page, at: float) -> bytes:
     return page.screenshot()
 
 
-def _pictures(
-    page: Page, instants: FloatArray, progress: Callable[[str], None]
-) -> Iterator[Image.Image]:
-    for number, instant in enumerate(instants, 1):
-        picture = _shown(page, float(instant))
-        progress(f"{number} of {len(instants)}")
-        yield Image.open(io.BytesIO(picture)).convert("RGB")
-
-
 _PALETTE_FRAMES = 8
 
 
-def write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) -> Path:
+def write_gif(path: Path, films: Sequence[Image.Image], frame_rate: float) -> Path:
     """Write pictures as a GIF that repeats for ever."""
-    films = list(pictures)
     # One palette for all frames: no flicker, and pixels that stay compress away. It is made from
     # frames all over the film, so that a colour that comes late is in it.
     sample = films[:: max(1, len(films) // _PALETTE_FRAMES)]
@@ -194,20 +181,10 @@ def write_gif(path: Path, pictures: Iterator[Image.Image], frame_rate: float) ->
     for i, picture in enumerate(sample):
         mosaic.paste(picture, (0, i * height))
     palette = _palette(mosaic)
-    frames = [film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films]
-
-    def write(file: BinaryIO) -> None:
-        frames[0].save(
-            file,
-            format="GIF",
-            save_all=True,
-            append_images=frames[1:],
-            duration=round(1000.0 / frame_rate),
-            loop=0,
-            optimize=False,
-        )
-
-    return atomic_write(path, write)
+    first, *others = (film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films)
+    more = {"save_all": True, "append_images": others, "loop": 0, "optimize": False}
+    duration = round(1000.0 / frame_rate)
+    return atomic_write(path, lambda file: first.save(file, "GIF", duration=duration, **more))
 
 
 def _palette(picture: Image.Image) -> Image.Image:
@@ -217,42 +194,3 @@ def _palette(picture: Image.Image) -> Image.Image:
     palette = Image.new("P", (1, 1))
     palette.putpalette(shades[:600] + marks[:168])
     return palette
-
-
-def find_ffmpeg() -> str:
-    """Return the path of an ffmpeg: the system's, or that of the package imageio-ffmpeg.
-
-    Raises:
-        ViewError: none is installed; the message names the packages.
-    """
-    found = shutil.which("ffmpeg")
-    if found is not None:
-        return found
-    try:
-        return str(importlib.import_module("imageio_ffmpeg").get_ffmpeg_exe())
-    except (ImportError, RuntimeError):
-        raise ViewError(
-            "an MP4 needs ffmpeg, and none is on the PATH. On Debian: apt-get install ffmpeg; "
-            "without root: pip install imageio-ffmpeg. A .gif needs nothing more."
-        ) from None
-
-
-def write_mp4(path: Path, pictures: Iterator[Image.Image], frame_rate: float, ffmpeg: str) -> Path:
-    """Write pictures as an MP4 (H.264) that browsers and presentations play.
-
-    Raises:
-        ViewError: ffmpeg fails; the message is its own.
-    """
-    with tempfile.TemporaryDirectory(prefix="wbc-view-") as folder:
-        for i, picture in enumerate(pictures):
-            picture.save(Path(folder) / f"{i:06d}.png")
-        film = Path(folder) / "film.mp4"
-        command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", f"{frame_rate:g}"]
-        command += ["-i", f"{folder}/%06d.png", "-pix_fmt", "yuv420p", "-crf", "20"]
-        # The colour format halves both sides; the index in front lets a browser start at once.
-        command += ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-movflags", "+faststart", str(film)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise ViewError(f"ffmpeg could not write '{path}': {done.stderr.strip()}")
-        content = film.read_bytes()
-    return atomic_write(path, lambda file: file.write(content))
