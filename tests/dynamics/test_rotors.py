@@ -60,6 +60,16 @@ def with_real_rotors(robot: Robot) -> tuple[pin.Model, list[int]]:
     return model, order
 
 
+def configuration(robot: Robot, real: pin.Model, q: FloatArray) -> FloatArray:
+    """Return q of the model with rotors for q of the links."""
+    full = pin.neutral(real)
+    for number in range(1, robot.model.njoints):
+        joint = robot.model.joints[number]
+        there = real.joints[real.getJointId(robot.model.names[number])]
+        full[there.idx_q : there.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
+    return full
+
+
 def carrying(robot: Robot) -> Robot:
     """Return the robot whose links hold their rotors at standstill, as the library asks."""
     loaded = replace(robot, rotors_turn_with_links=True)
@@ -82,12 +92,8 @@ def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(
     model = redundant_model(ours, evaluate(ours, q, v))
     s_dot = model.nullspace @ v
     data = real.createData()
-    full_q, full_v = pin.neutral(real), np.zeros(real.nv)
+    full_q, full_v = configuration(robot, real, q), np.zeros(real.nv)
     full_v[order] = s_dot
-    for number in range(1, robot.model.njoints):
-        joint = robot.model.joints[number]
-        there = real.joints[real.getJointId(robot.model.names[number])]
-        full_q[there.idx_q : there.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
     mass = pin.crba(real, data, full_q)
     mass = np.triu(mass) + np.triu(mass, 1).T
     np.testing.assert_allclose(model.inertia, mass[np.ix_(order, order)], atol=1e-9)
@@ -105,13 +111,10 @@ def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(
     q, v = random_state(ours, 3)
     a = np.random.default_rng(4).normal(size=robot.model.nv)
     nullspace = redundant_model(ours, evaluate(ours, q, v)).nullspace
-    full_q, full_v, full_a = pin.neutral(real), np.zeros(real.nv), np.zeros(real.nv)
+    full_v, full_a = np.zeros((2, real.nv))
     full_v[order], full_a[order] = nullspace @ v, nullspace @ a
-    for number in range(1, robot.model.njoints):
-        joint = robot.model.joints[number]
-        there = real.joints[real.getJointId(robot.model.names[number])]
-        full_q[there.idx_q : there.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
-    effort = pin.rnea(real, real.createData(), full_q, full_v, full_a)[order]
+    whole = configuration(robot, real, q), full_v, full_a
+    effort = pin.rnea(real, real.createData(), *whole)[order]
     # Perfect gears: the rotor torque does the work of everything that moves with the joint.
     nv, gears = robot.model.nv, robot.transmission
     needed = nullspace.T @ effort

@@ -1,8 +1,7 @@
-"""Balls and blocks as robots without joints, here and in MuJoCo."""
+"""Balls and blocks as robots without joints."""
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
@@ -48,22 +47,3 @@ def world_velocity(state):
     """Return linear (3,) and angular (3,) velocity in world axes of a free body's state."""
     turn = pin.Quaternion(np.array(state.position[3:7])).matrix()
     return turn @ state.velocity[:3], turn @ state.velocity[3:6]
-
-
-def mujoco_block_on_slope(angle, friction, step, time, half=(0.2, 0.2, 0.05), mass=10.0):
-    """Return how far [m] MuJoCo's block slides down a slope, tilted gravity on a level plane."""
-    gravity = 9.81 * np.array([-np.sin(angle), 0.0, -np.cos(angle)])
-    size = " ".join(map(str, half))
-    model = mujoco.MjModel.from_xml_string(f"""
-    <mujoco>
-      <option timestep="{step}" cone="elliptic" gravity="{gravity[0]} {gravity[1]} {gravity[2]}"/>
-      <worldbody>
-        <geom type="plane" size="9 9 1" friction="{friction} 0 0" condim="3"/>
-        <body pos="0 0 {half[2]}"><freejoint/>
-          <geom type="box" size="{size}" mass="{mass}" friction="{friction} 0 0" condim="3"/>
-        </body>
-      </worldbody>
-    </mujoco>""")
-    data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, round(time / step))
-    return -float(data.qpos[0])

@@ -1,7 +1,7 @@
 """The recorded data sets: what their robots, maps and published numbers say fits the logs.
 
 The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
-The comparisons are plain least squares on published equations, not the diagnosis.
+The comparisons are with published numbers, not with the diagnosis.
 """
 
 from dataclasses import replace
@@ -65,61 +65,6 @@ def test_double_pendulum_has_the_published_mass_matrix_and_gravity(name: str) ->
         np.testing.assert_allclose(motor(unit) - motor([0.0, 0.0]), column, rtol=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "part", "coulomb"),
-    [
-        ("double_pendulum", "A.0/trajectory*", (0.146, 0.123)),
-        ("double_pendulum_c1", "C.1/14*", (0.251, 0.188)),
-    ],
-)
-def test_double_pendulum_logs_hold_the_published_coulomb_friction(
-    name: str, part: str, coulomb: tuple[float, float]
-) -> None:
-    robot, rate, cutoff = load_robot(name), 500.0, 5.0
-    sides, targets = [], []
-    for log in logs_of(name, f"{PENDULUM}#{part}"):
-        time = np.arange(log.time[0], log.time[-1], 1.0 / rate)
-        position = low_pass(channels(log, robot, "position", time), rate, cutoff)
-        measured = channels(log, robot, "velocity", time)
-        velocity = low_pass(measured, rate, cutoff)
-        motion = Motion(position, velocity, np.gradient(velocity, 1.0 / rate, axis=0))
-        torque = low_pass(channels(log, robot, "motor_torque", time), rate, cutoff)
-        sign = low_pass(np.tanh(measured / 0.05), rate, cutoff)
-        thin = slice(100, -100, 25)
-        targets.append((torque - link_torque(robot, motion))[thin])
-        sides.append(np.stack([sign, motion.acceleration], axis=2)[thin])
-    target, side = np.concatenate(targets), np.concatenate(sides)
-    for joint in range(2):
-        found, *_ = np.linalg.lstsq(side[:, joint], target[:, joint], rcond=None)
-        left = target[:, joint] - side[:, joint] @ found
-        assert found[0] == pytest.approx(coulomb[joint], rel=0.35)
-        assert np.sqrt(np.mean(left**2)) < 0.85 * np.sqrt(np.mean(target[:, joint] ** 2))
-
-
-def test_emps_log_holds_the_published_identification() -> None:
-    (log,) = logs_of("emps", "emps/emps_estimation.parquet")
-    rate = 1000.0
-    position = low_pass(log.columns["slide.position"], rate, 40.0)
-    velocity = np.gradient(position, log.time)
-    acceleration = np.gradient(velocity, log.time)
-    one = np.ones_like(velocity)
-    side = np.stack([acceleration, velocity, np.sign(velocity), one], axis=1)
-    side = low_pass(side, rate, 10.0)[200:-200:20]
-    force = low_pass(log.columns["slide.motor_torque"], rate, 10.0)[200:-200:20]
-    found, *_ = np.linalg.lstsq(side, force, rcond=None)
-    assert found == pytest.approx([95.1089, 203.5034, 20.3935, -3.1648], rel=0.02)
-    # Load-dependent loss is not there: its coefficient is within one percent of nothing.
-    load = low_pass(95.1089 * np.abs(acceleration) * np.sign(velocity), rate, 10.0)[200:-200:20]
-    wider, *_ = np.linalg.lstsq(np.column_stack([side, load]), force, rcond=None)
-    assert abs(wider[-1]) < 0.015
-    # What is there beyond the four numbers: friction that differs by direction.
-    uneven = low_pass(np.abs(velocity), rate, 10.0)[200:-200:20]
-    sides = np.column_stack([side, uneven])
-    better, *_ = np.linalg.lstsq(sides, force, rcond=None)
-    assert better[-1] == pytest.approx(-36.6, rel=0.05)
-    assert np.std(force - sides @ better) < 0.65 * np.std(force - side @ found)
-
-
 def rms_of_published(name: str, path: str, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
     """Return rms torque errors per joint [N m] of a robot as given and as published."""
     (log,) = logs_of(name, path)
@@ -144,6 +89,7 @@ def rms_of_published(name: str, path: str, cutoff: float) -> tuple[np.ndarray, n
 @pytest.mark.parametrize(
     ("name", "path", "cutoff", "left"),
     [
+        ("double_pendulum", f"{PENDULUM}#A.0/trajectory_00", 5.0, 0.75),
         ("emps", "emps/emps_estimation.parquet", 20.0, 0.1),
         ("staubli_tx40", "staubli_tx40/tx40.parquet", 30.0, 0.2),
     ],
@@ -178,30 +124,3 @@ def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
     # Zero positions shift the motors by a constant only.
     model = position @ gears.motor_from_joint.T * gears.gear_ratio
     assert np.ptp(model - low_pass(rotors, rate, 50.0), axis=0).max() < 1e-3
-
-    thin = slice(250, -250, 50)
-    velocity = np.gradient(position, 1.0 / rate, axis=0)
-    acceleration = np.gradient(velocity, 1.0 / rate, axis=0)
-    motion = Motion(position[thin], velocity[thin], acceleration[thin])
-    needed, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    measured = low_pass(channels(log, robot, "rotor_torque", log.time), rate, 50.0)[thin]
-    residual = (measured - needed) * gears.gear_ratio
-    psi = motion.velocity @ gears.motor_from_joint.T
-    published = {0: (8.05, 7.14), 1: (5.53, 8.26), 2: (1.97, 6.34), 3: (1.11, 2.48)}
-    for joint, (viscous, coulomb) in published.items():
-        side = np.column_stack([psi[:, joint], np.tanh(psi[:, joint] / 0.02), np.ones(len(psi))])
-        found, *_ = np.linalg.lstsq(side, residual[:, joint], rcond=None)
-        assert found[0] == pytest.approx(viscous, rel=0.1)
-        assert found[1] == pytest.approx(coulomb, rel=0.15)
-    # Motor 6 rubs with its own speed q5' + q6', not with that of joint 6 (published 0.282 of 2.23).
-    side = np.column_stack(
-        [
-            psi[:, 5],
-            motion.velocity[:, 5],
-            np.tanh(psi[:, 5] / 0.02),
-            np.tanh(motion.velocity[:, 5] / 0.02),
-        ]
-    )
-    found, *_ = np.linalg.lstsq(side, residual[:, 5], rcond=None)
-    assert found[2] == pytest.approx(1.95, rel=0.2)
-    assert abs(found[3]) < 0.5

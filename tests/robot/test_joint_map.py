@@ -2,86 +2,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from wbc.effects import load_robot
 from wbc.errors import RobotError
-from wbc.robot import BaseState, JointMap
+from wbc.robot import BaseState, JointMap, Robot
+from wbc.transmission import Transmission
 
 SOLO = load_robot("solo12")
 
 
-@dataclass
-class JointState:
-    """The fields of `sensor_msgs/JointState` that are read."""
-
-    name: list = field(default_factory=list)
-    position: list = field(default_factory=list)
-    velocity: list = field(default_factory=list)
+NAMES = tuple(np.random.default_rng(0).permutation([*SOLO.transmission.joints, "gripper"]).tolist())
 
 
-def shuffled(seed=0, more=("gripper",)):
-    names = [*SOLO.transmission.joints, *more]
-    return tuple(np.random.default_rng(seed).permutation(names).tolist())
+def joint_state(names, position):
+    """Return the fields of `sensor_msgs/JointState` that are read."""
+    return SimpleNamespace(name=list(names), position=list(position), velocity=list(-position))
 
 
 def test_names_in_any_order_and_more_of_them():
-    names = shuffled()
-    position = np.arange(13.0) / 10.0
-    motion = JointMap.of(SOLO, names).motion(position, -position)
-    for name, value in zip(names, position, strict=True):
-        if name != "gripper":
-            assert motion.position[SOLO.position_index(name)] == value
-            assert motion.velocity[SOLO.velocity_index(name)] == -value
-    np.testing.assert_array_equal(motion.position[:7], [0, 0, 0, 0, 0, 0, 1])
-
-
-def test_a_joint_state_may_change_its_order():
-    joints = JointMap.of(SOLO, shuffled(0))
-    names = shuffled(1)
-    message = JointState(list(names), list(np.arange(13.0)), list(np.ones(13)))
-    motion = joints.motion_of_joint_state(message)
-    for name, value in zip(names, np.arange(13.0), strict=True):
-        if name != "gripper":
-            assert motion.position[SOLO.position_index(name)] == value
+    joints, position = JointMap.of(SOLO, NAMES), np.arange(13.0) / 10.0
+    turned = joint_state(NAMES[::-1], position[::-1])
+    for motion in (joints.motion(position, -position), joints.motion_of_joint_state(turned)):
+        for name, value in zip(NAMES, position, strict=True):
+            if name != "gripper":
+                assert motion.position[SOLO.position_index(name)] == value
+                assert motion.velocity[SOLO.velocity_index(name)] == -value
+        np.testing.assert_array_equal(motion.position[:7], [0, 0, 0, 0, 0, 0, 1])
     with pytest.raises(RobotError, match="2 positions"):
-        joints.motion_of_joint_state(JointState(["a"], [1.0, 2.0], [0.0]))
+        joints.motion_of_joint_state(joint_state(["a"], np.ones(2)))
 
 
-def test_torques_go_back_by_name():
-    names = shuffled()
-    gears = SOLO.transmission
-    rotor = np.arange(1.0, 13.0)
-    found = JointMap.of(SOLO, names).torques(rotor)
-    for name, torque in zip(names, found, strict=True):
-        if name == "gripper":
-            assert torque == 0.0
-        else:
-            i = gears.joints.index(name)
-            assert torque == pytest.approx(gears.gear_ratio[i] * rotor[i])
-
-
-def test_coupled_gears_give_joint_torques_by_duality():
+@pytest.mark.parametrize("name", ["solo12", "parallelogram_leg"])
+def test_torques_go_back_by_name_and_duality(name):
     """Power at the joints is power at the motors, whatever couples them."""
-    robot = load_robot("parallelogram_leg")
+    robot = load_robot(name)
     gears = robot.transmission
-    joints = JointMap.of(robot, robot.single_joints)
-    generator = np.random.default_rng(0)
-    rotor, speed = generator.normal(size=(2, gears.size))
-    torque = joints.torques(rotor)
-    rates = np.zeros(len(joints.names))
-    for i, joint in enumerate(gears.joints):
-        rates[joints.names.index(joint)] = speed[i]
-    motor = gears.gear_ratio * rotor @ (gears.motor_from_joint @ speed)
-    assert torque @ rates == pytest.approx(motor)
+    others = [joint for joint in robot.single_joints if joint not in gears.joints]
+    names = [*others, "gripper", *gears.joints[::-1]]
+    rotor = np.random.default_rng(0).normal(size=gears.size)
+    torque = JointMap.of(robot, names).torques(rotor)
+    np.testing.assert_array_equal(torque[: -gears.size], 0.0)
+    # A column each for one joint that turns at 1 rad/s.
+    motors = gears.gear_ratio * rotor @ gears.motor_from_joint
+    np.testing.assert_allclose(torque[: -gears.size - 1 : -1], motors)
 
 
 def test_mistakes_are_named():
-    with pytest.raises(RobotError, match="FL_HAA"):
+    # It is known to the robot: "unknown joint of solo12" would send the reader astray.
+    with pytest.raises(RobotError, match=r"'FL_HAA' .*missing among the names"):
         JointMap.of(SOLO, [n for n in SOLO.transmission.joints if n != "FL_HAA"])
     with pytest.raises(RobotError, match="2 times"):
         JointMap.of(SOLO, [*SOLO.transmission.joints, "FL_HAA"])
@@ -108,10 +82,6 @@ MJCF = """
 
 def test_mujoco_and_pinocchio_move_alike(tmp_path):
     """Place and velocity of the last body from the mapped state are MuJoCo's own."""
-    mujoco = pytest.importorskip("mujoco")
-    from wbc.robot import Robot
-    from wbc.transmission import Transmission
-
     path = tmp_path / "robot.xml"
     path.write_text(MJCF.format("hip", "knee"))
     theirs = mujoco.MjModel.from_xml_path(str(path))
@@ -143,10 +113,3 @@ def test_mujoco_and_pinocchio_move_alike(tmp_path):
     torque = joints.torques([1.0, 10.0], theirs.nv)
     assert torque[theirs.joint("knee").dofadr[0]] == pytest.approx(2.0)
     assert torque[theirs.joint("hip").dofadr[0]] == pytest.approx(30.0)
-
-
-def test_a_missing_joint_is_said_to_be_missing_in_the_names():
-    """It is known to the robot: "unknown joint of solo12" would send the reader astray."""
-    names = list(SOLO.single_joints)[1:]
-    with pytest.raises(RobotError, match="missing among the names"):
-        JointMap.of(SOLO, names)

@@ -1,0 +1,213 @@
+"""Energy of the plant: no step of a random robot makes any, and the books of runs close with h."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tests.sim.ground.random_grounds import GROUNDS, drawn_scene, made_by_rows, random_scene
+from tests.sim.random_robots import BASES, random_robot
+from wbc import Robot, load_robot
+from wbc.effects import CoulombFriction, StribeckFriction, ViscousFriction
+from wbc.errors import RobotError, SimulationError
+from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant, SimState
+from wbc.transmission import Transmission
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    base=st.sampled_from(BASES),
+    ground=st.sampled_from(GROUNDS),
+    restitution=st.sampled_from([0.0, 0.0, 0.5, 1.0]),
+    strength=st.sampled_from([0.0, 0.0, 10.0]),
+    decade=st.floats(-5.0, -1.5),
+    soft=st.booleans(),
+)
+def test_no_step_makes_energy_through_its_rows(
+    seed, base, ground, restitution, strength, decade, soft
+) -> None:
+    rng = np.random.default_rng(seed)
+    plant, state = random_scene(rng, base, ground, restitution, soft=soft)
+    m = plant.robot.transmission.size
+    torque = strength * rng.uniform(-1.0, 1.0, m) / np.abs(plant.robot.transmission.gear_ratio)
+    for _ in range(4):
+        try:
+            result = plant.step(state, torque, 10.0**decade)
+        except SimulationError as error:
+            if "self-locking gears 'j" not in str(error):  # several solutions: refused by name
+                raise
+            return
+        state = result.state
+        assert made_by_rows(result) < 1e-9
+        assert not [event for event in result.events if event.kind == "energy"]
+        assert plant.gaps(state).min() > -1e-3 - 10.0 * 10.0 ** (2 * decade)
+
+
+@pytest.mark.parametrize(
+    ("seed", "ground", "soft"),
+    [
+        (18, "plane", True),  # a damped flank let go of jumped: no end met its law
+        (28, "stairs", True),
+        (40, "boxes", True),
+        (7, "stairs", True),  # friction of a rotor that holds on to a rigid flank, counted twice
+        (7, "plane", True),
+        (118, "field", True),  # rounds on a flank went on with the slope of a place far off
+        # The row of a kept stop let it close with speed, and the next step passed it by 2 cm.
+        (307, "stairs", True),
+        (174, "balls", True),
+        (298, "balls", True),
+        # Gaps are not linear in the shift: one shift left 0.1 mm of what a coarse step overran, and
+        # a short part after it could not take that back at the plant's return speed.
+        (385, "boxes", False),
+        (346, "field", False),
+        (102, "plane", True),
+        # A kept row acts from the middle of a part on. An impact elsewhere drove the robot at its
+        # stops, or their gap jumped where a contact let go (266): they were passed by up to 9 mm.
+        (266, "plane", True),
+        (174, "plane", True),
+        (4, "balls", True),
+        (115, "balls", True),
+    ],
+)
+def test_steps_that_made_energy_or_passed_a_stop(seed: int, ground: str, soft: bool) -> None:
+    plant, state, torque, dt = drawn_scene(seed, ground, soft=soft)
+    for _ in range(5):
+        result = plant.step(state, torque, dt)
+        state = result.state
+        assert made_by_rows(result) < 1e-9
+        assert not [event for event in result.events if event.kind in ("energy", "overlap")]
+        for part in result.parts:
+            assert part.gap[part.state.closed].min(initial=0.0) > -2e-6
+
+
+def _drop(robot: Robot, base: str, restitution: float, rng: np.random.Generator):
+    """Return plant and state of a robot just above the ground, or on it."""
+    plant = Plant(robot, restitution=restitution)
+    q = pin.integrate(robot.model, robot.neutral(), rng.uniform(-1.0, 1.0, robot.model.nv))
+    above = rng.choice([0.0, rng.uniform(0.0, 0.03)])
+    lowest = plant.gaps(plant.state(q)).min()
+    if base == "fixed":
+        plant = Plant(robot, Plane(height=lowest - 10.0), restitution)
+    else:
+        q[1 if base == "planar" else 2] -= lowest - above
+    return plant, plant.state(q, rng.normal(size=robot.model.nv))
+
+
+Torque = Callable[[float], np.ndarray]
+
+
+def _audit(
+    plant: Plant, state: SimState, torque: Torque, dt: float, duration: float
+) -> tuple[EnergyAudit, float]:
+    """Return the books of a run, and the least of the losses of a step [J]."""
+    flow, least, start = EnergyFlow(), 0.0, plant.mechanical_energy(state)
+    for i in range(round(duration / dt)):
+        result = plant.step(state, torque((i + 0.5) * dt), dt)
+        state, flow = result.state, flow + result.energy
+        least = min(least, *result.energy.losses.values())
+        assert all(impact.restitution <= plant.restitution for impact in result.impacts)
+    return EnergyAudit(flow, plant.mechanical_energy(state) - start), least
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    base=st.sampled_from(BASES),
+    eta_f=st.floats(0.5, 1.0),
+    eta_b=st.floats(0.02, 1.0),
+    friction=st.floats(0.0, 1.5),
+    restitution=st.sampled_from([0.0, 0.0, 0.4, 0.9]),
+    coupled=st.booleans(),
+    strength=st.floats(0.0, 20.0),
+)
+@example(206, "planar", 1.0, 1.0, 0.0, 0.0, True, 0.0)  # coupled rotors in an impact
+def test_no_random_robot_makes_energy(
+    seed, base, eta_f, eta_b, friction, restitution, coupled, strength
+) -> None:
+    rng = np.random.default_rng(seed)
+    robot = random_robot(rng, base, eta_f, eta_b, friction, coupled)
+    plant, state = _drop(robot, base, restitution, rng)
+    push = strength * rng.uniform(-1.0, 1.0, robot.transmission.size)
+    push /= np.abs(robot.transmission.gear_ratio)
+    left = []
+    for dt in (1e-3, 2.5e-4):
+        audit, least = _audit(plant, state, lambda t: push * np.cos(30.0 * t), dt, 0.03)
+        traffic = audit.flow.lost + abs(audit.flow.work) + abs(audit.stored) + 1.0
+        assert least >= -1e-9 * traffic
+        left.append(abs(audit.residual) / traffic)
+    assert left[0] < 0.03
+    assert left[1] < 0.4 * left[0] + 2e-3
+
+
+def test_joints_out_of_depth_first_order_are_refused() -> None:
+    # pinocchio fills the inertia matrix subtree by subtree; it would be wrong without a word.
+    model, turning = pin.Model(), pin.JointModelRY()
+    place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3]))
+    left = model.addJoint(0, turning, place, "left")
+    model.addJoint(0, turning, place, "right")
+    model.addJoint(left, turning, place, "left_again")
+    gears = Transmission(("left",), np.array([10.0]), np.array([1e-5]))
+    with pytest.raises(RobotError, match="depth-first"):
+        Robot("mixed", model, gears)
+
+
+LEG = load_robot("planar_leg")
+
+
+VARIANTS = {
+    "gears": lambda robot: robot,
+    "coupled rotors": lambda robot: replace(robot, rotors_turn_with_links=True),
+    "compliant": lambda robot: robot.with_transmission(
+        robot.transmission.replace(stiffness=np.full(2, 150.0), damping=np.full(2, 0.3))
+    ),
+    "play": lambda robot: robot.with_transmission(
+        robot.transmission.replace(
+            stiffness=np.full(2, 2000.0), damping=np.full(2, 0.5), backlash=np.full(2, 0.02)
+        )
+    ),
+    "friction": lambda robot: robot.with_effects(
+        CoulombFriction("hip", 0.5),
+        ViscousFriction("knee", 0.2),
+        StribeckFriction("knee", 0.3, 0.1),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("height", [1.0, 0.02])
+def test_the_residual_shrinks_with_the_step(name: str, height: float) -> None:
+    robot = VARIANTS[name](LEG)
+    plant = Plant(robot)
+    q = robot.configuration(hip=0.5, knee=-1.0)
+    q[1] += height - plant.gaps(plant.state(q))[0]
+
+    def torque(time: float) -> np.ndarray:
+        return np.array([0.3 * np.sin(20.0 * time), -0.3 * np.cos(13.0 * time)])
+
+    coarse, _ = _audit(plant, plant.state(q), torque, 2e-3, 0.24)
+    fine, _ = _audit(plant, plant.state(q), torque, 5e-4, 0.24)
+    assert fine.flow.lost > 0.1
+    assert abs(fine.residual) < 0.35 * abs(coarse.residual) + 1e-5
+    assert abs(fine.residual) < 0.02 * fine.flow.lost
+
+
+def test_a_pinned_foot_does_no_work() -> None:
+    """A lossless push-off gained 0.24 % at 1 ms, a hop 3.8 %: the foot worked as its row turned."""
+    leg = LEG.lossless().with_transmission(
+        LEG.lossless().transmission.replace(torque_limit=np.full(2, 5.0))
+    )
+    plant, residuals = Plant(leg), []
+    q = leg.configuration(hip=-0.6, knee=1.2)
+    q[1] -= plant.gaps(plant.state(q))[0]
+    for dt in (1e-3, 5e-4):
+        audit, _ = _audit(plant, plant.state(q), lambda t: np.array([0.5, -5.0]), dt, 0.1)
+        residuals.append(abs(audit.residual) / abs(audit.flow.motor))
+    assert residuals[0] < 1e-3
+    assert residuals[1] < 0.6 * residuals[0]
