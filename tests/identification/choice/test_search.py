@@ -1,23 +1,34 @@
-"""The search: several causes give way to the one that they imitate, and two causes stay two."""
+"""The search: causes give way to the one that they imitate, and unlikely numbers cost."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from wbc.effects import (
     EFFECTS,
+    CenterOfMass,
     CoulombFriction,
     JointCompliance,
+    LinkInertia,
+    LinkInertias,
     LoadFriction,
     PayloadMass,
     SupplySag,
+    ThermalDrift,
     TorqueConstant,
+    TorqueRipple,
     TransmissionEfficiency,
     load_robot,
 )
+from wbc.effects.link_inertias import lower
+from wbc.effects.links import add_point_mass
+from wbc.identification import diagnose
+from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.choice.evidence import Hypothesis
+from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
@@ -41,11 +52,8 @@ def _climbed(hidden: Sequence[Effect], start: Sequence[Effect] = ()) -> tuple[Se
     return search, search.climb(begun)
 
 
-@pytest.mark.parametrize("beside", [[], [CoulombFriction("hip", 0.5)]], ids=["alone", "beside"])
-def test_a_lossy_gear_is_no_load_friction_with_a_wrong_torque_constant(
-    beside: list[Effect],
-) -> None:
-    hidden = [TransmissionEfficiency("knee", 0.8, 0.9), *beside]
+def test_a_lossy_gear_is_no_load_friction_with_a_wrong_torque_constant() -> None:
+    hidden = [TransmissionEfficiency("knee", 0.8, 0.9), CoulombFriction("hip", 0.5)]
     _, end = _climbed(hidden)
     assert set(end.keys) == {e.key for e in hidden}
 
@@ -84,3 +92,109 @@ def test_exchanges_beside_a_link_that_swings_are_screened_without_a_fit() -> Non
     known = len(trials.known)
     Proposer(trials, AT_ONCE).instead(h, hidden[1], 3)
     assert len(trials.known) == known
+
+
+LEG = load_robot("planar_leg_fixed").lossless()
+
+
+def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
+    """Six links as wrong as usual are no surprise; each on its own cost a quarter of a nat."""
+    own = {name: 0.5 * (-1) ** k for k, name in enumerate(LinkInertia.null_values(LEG, "shin"))}
+    one = LinkInertia.at("shin", own)
+    null = LinkInertias.null_values(LEG, "robot")
+    every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
+    assert every.search.implausibility(every, LEG, ()) == pytest.approx(
+        one.search.implausibility(one, LEG, ())
+    )
+    factor = lower(list(one.values.values()))
+    changed = factor @ factor.T
+    divergence = np.trace(changed) - np.linalg.slogdet(changed)[1] - 4.0
+    times = np.sqrt(divergence / 10.0) / 0.2
+    assert one.search.implausibility(one, LEG, ()) == pytest.approx(
+        0.5 * (np.log(times) / 0.5) ** 2
+    )
+    assert one.search.implausibility(one, LEG, ()) > 1.0
+
+
+def test_what_only_the_first_second_shows_is_no_drift_with_time() -> None:
+    """On a recorded arm friction that changed in the first second was called a warm motor."""
+    start = ThermalDrift("hip", rate=-0.3, time_constant=1.2)
+    logs = record_with(LEG, [CoulombFriction("hip", 0.5), start], duration=6.0)
+    diagnosis = diagnose(LEG, logs, [ThermalDrift, CoulombFriction])
+    assert "thermal_drift" not in [effect.name for effect in diagnosis.effects]
+
+
+def test_what_is_only_explained_by_impossible_numbers_is_not_named() -> None:
+    """A drive whose report is a seventh of the truth is beyond what a torque constant may be."""
+    logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
+    weak = [
+        log.with_columns({"hip.rotor_torque": log.column("hip.rotor_torque") / 7.0}) for log in logs
+    ]
+    diagnosis = diagnose(LEG, weak, [TorqueConstant, CoulombFriction])
+    assert diagnosis.verdict == "unknown"
+    believed = [f.effect.name for f in diagnosis.findings if f.probability >= 0.5]
+    assert "torque_constant" not in believed
+
+
+def test_a_point_mass_that_grew_reaches_as_far_as_its_point() -> None:
+    """Of a recorded servo's pendulum: its moments about the centre are zero, or -2e-18 kg m^2."""
+    given = load_robot("xl330_pendulum")
+    shift = CenterOfMass("arm", 0.0, 0.0, 0.01)
+    asked = shift.search.implausibility(shift, given, ())
+    for added in np.linspace(0.01, 0.3, 30):
+        heavier = add_point_mass(given.model.inertias[1], float(added), np.array([0.0, 0.0, -0.1]))
+        robot = given.with_inertias({1: heavier})
+        with np.errstate(invalid="raise"):
+            assert shift.search.implausibility(shift, robot, ()) == pytest.approx(asked)
+
+
+@pytest.mark.parametrize(("order", "believed"), [(1.5, False), (9.0, True)])
+def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: bool) -> None:
+    ripple = TorqueRipple("hip", 0.5, order, 0.3)
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [ripple], duration=3.0))
+    fit = problem.fit([ripple])
+    assert fit.effects[0].values["order"] == pytest.approx(order, rel=0.1)
+    assert (sum(implausible(problem, fit)) < 1.0) is believed
+
+
+def test_held_out_errors_equal_those_of_separate_fits() -> None:
+    random = np.random.default_rng(1)
+    columns = random.standard_normal((60, 2, 3))
+    residual = random.standard_normal((60, 2)) + columns[:, :, 0]
+    folds = np.repeat([0, 1, 2], 20)
+    matrix = DesignMatrix.from_rows(columns, residual, folds)
+    squares = 0.0
+    for fold in range(3):
+        train, test = folds != fold, folds == fold
+        a, b = columns[train].reshape(-1, 3), residual[train].ravel()
+        x = np.linalg.lstsq(a, b, rcond=None)[0]
+        squares += np.sum((residual[test].ravel() - columns[test].reshape(-1, 3) @ x) ** 2)
+    assert matrix.held_out([0, 1, 2]) == pytest.approx(squares / residual.size, rel=1e-3)
+
+
+def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:
+    random = np.random.default_rng(3)
+    folds = np.repeat([0, 1, 2], 20)
+    columns = np.zeros((60, 1, 1))
+    columns[50:55] = 5.0  # a limit that was reached once
+    residual = columns[..., 0] + 0.1 * random.standard_normal((60, 1))
+    without = DesignMatrix.from_rows(columns, residual, folds)
+    with_it = DesignMatrix.from_rows(columns, residual, folds, np.ones(1))
+    assert without.held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
+    assert with_it.held_out([0]) < 0.02
+
+
+def test_what_two_columns_explain_is_what_a_fit_of_both_does() -> None:
+    random = np.random.default_rng(2)
+    columns = random.standard_normal((60, 2, 5))
+    columns[..., 1] = columns[..., 0] + 1e-2 * columns[..., 1]  # of which the difference counts
+    residual = random.standard_normal((60, 2)) + 50.0 * (columns[..., 0] - columns[..., 1])
+    matrix = DesignMatrix.from_rows(columns, residual, np.repeat([0, 1, 2], 20))
+    gains, r = matrix.gains_of_two(3, [3, 4]), residual.ravel()
+
+    def left(chosen: list[int]) -> float:
+        a = columns[..., chosen].reshape(-1, len(chosen))
+        return float(np.sum((r - a @ np.linalg.lstsq(a, r, rcond=None)[0]) ** 2))
+
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        assert gains[one, other] == pytest.approx(left([3, 4]) - left([one, other, 3, 4]), rel=1e-6)

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.recover.plant import RATIO, REFLECTED, Flaws, Lane
 from wbc.measurement import Log
 
 Array = NDArray[np.float64]
-RATIO, REFLECTED, MASS, LENGTH, GRAVITY = 20.0, 0.02666666666666667, 2.0, 0.4, 9.81
-ROD = MASS * LENGTH**2 / 12.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def nothing(run: Moving) -> tuple[float, float]:
 def logs(
     torque: Torque,
     seeds: tuple[int, ...] = (1, 2),
-    duration: float = 8.0,
+    duration: float = 6.0,
     size: float = 1.0,
     noise: float = 1.0,
 ) -> list[Log]:
@@ -75,23 +74,8 @@ def _motion(seed: int, duration: float, size: float) -> Moving:
     q = (height * np.sin(angle)).sum(axis=1).T + np.array([0.3, -0.4])
     v = (height * frequency * np.cos(angle)).sum(axis=1).T
     a = -(height * frequency**2 * np.sin(angle)).sum(axis=1).T
-    return Moving(time, q, v, a, _links(q, v, a))
-
-
-def _links(q: Array, v: Array, a: Array) -> Array:
-    """Return the torque (N, 2) of two slender rods that hang down at zero."""
-    half = 0.5 * LENGTH
-    (v1, v2), (a1, a2) = v.T, a.T
-    shin = ROD + MASS * half**2
-    c = MASS * LENGTH * half * np.cos(q[:, 1])
-    s = MASS * LENGTH * half * np.sin(q[:, 1])
-    m22, m12 = shin, shin + c
-    m11 = 2.0 * shin + MASS * LENGTH**2 + 2.0 * c
-    weight = MASS * GRAVITY * half * np.sin(q.sum(axis=1))
-    thigh = MASS * GRAVITY * (half + LENGTH) * np.sin(q[:, 0])
-    hip = m11 * a1 + m12 * a2 - s * (2.0 * v1 * v2 + v2**2) + thigh + weight
-    knee = m12 * a1 + m22 * a2 + s * v1**2 + weight
-    return np.stack([hip, knee], axis=1)
+    mass, bias = Flaws([Lane()]).links(q, v)
+    return Moving(time, q, v, a, np.einsum("nij,nj->ni", mass, a) + bias)
 
 
 def bouc_wen(run: Moving, joint: int, level: float, rate: float) -> Array:

@@ -1,7 +1,8 @@
-"""Logs that say little, or that must not be believed."""
+"""Logs that say little, that move only some joints, or that must not be believed."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,15 +11,21 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from tests.outside import outside
-from tests.recover.plant import Lane, recorded
-from wbc.effects import CoulombFriction, load_robot
+from tests.recover.plant import recorded
+from wbc.arrays import FloatArray
+from wbc.effects import CoulombFriction, TorqueOffset, ViscousFriction, load_robot
+from wbc.effects.position_torques import strongest_orders
+from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.filters import low_passed, quantisation_level
-from wbc.identification.records.not_judged import reported_torque
-from wbc.measurement import Log, SuspiciousLogError, load_logs
+from wbc.identification.records.channels import read_channels
+from wbc.identification.records.filters import Bandwidth, low_passed
+from wbc.identification.records.not_judged import away_from_impacts, reported_torque
+from wbc.measurement import Log, LogSource, SuspiciousLogError, load_logs
+from wbc.sim import Plane, Plant, SimState, simulate
+from wbc.sim.excitation import ENCODER, MultiSine
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
 JOINTS = ("hip", "knee")
@@ -27,8 +34,8 @@ JOINTS = ("hip", "knee")
 @pytest.fixture(scope="module")
 def runs() -> list[Log]:
     """Two runs of a leg whose hip rubs, and one of a leg whose hip rubs more."""
-    rubs, more = {"coulomb": (0.6, 0.0)}, {"coulomb": (0.75, 0.0)}
-    return recorded(Lane(rubs, 3, noise=1), Lane(rubs, 4, noise=2), Lane(more, 4, noise=7))
+    names = "rubbing hip", "rubbing hip, moved otherwise", "hip that rubs more"
+    return [recorded()[name] for name in names]
 
 
 @pytest.fixture
@@ -124,23 +131,6 @@ def test_logs_of_two_machines_are_seen_to_disagree(runs: list[Log]) -> None:
     assert not any("disagree" in text for text in texts)
 
 
-def test_slow_steps_of_an_encoder_are_noise_at_low_frequencies() -> None:
-    rate, step = 500.0, 1e-3
-    t = np.arange(20000) / rate
-    slow = 0.05 * np.sin(0.3 * t)
-    error = np.round(slow / step) * step - slow
-    level = quantisation_level(np.round(slow / step)[:, None] * step, rate)[0]
-    assert error.var() == pytest.approx(step**2 / 12.0, rel=0.1)
-    crossings = 4.0 * 0.05 * 0.3 / (2.0 * np.pi) / step
-    assert level == pytest.approx(step**2 / 6.0 / max(crossings, 10.0), rel=0.2)
-    assert (
-        quantisation_level(
-            (slow + 1e-4 * np.random.default_rng(0).standard_normal(t.size))[:, None], rate
-        )[0]
-        < 1e-12
-    )
-
-
 def test_a_flying_robot_needs_no_contact_forces() -> None:
     flying = replace(load_robot("planar_leg").lossless(), contacts=())
     count = 1000
@@ -198,3 +188,133 @@ def _low_passed(log: Log, cutoff: float, order: int) -> Log:
     sections = butter(order, cutoff, fs=1.0 / log.sample_time, output="sos")
     columns = {name: sosfiltfilt(sections, values) for name, values in log.columns.items()}
     return Log(log.time, columns)
+
+
+RUBS = {"hip": 0.5, "knee": 0.3}
+BRAKE = 200.0  # [N m]
+SWAP = {"hip": "knee", "knee": "hip"}
+
+
+def braked(moving: str, seed: int, noise: int) -> Log:
+    """Return a log of a leg that moves one joint while a brake holds the other."""
+    levels = RUBS | {SWAP[moving]: BRAKE}
+    real = ROBOT.with_effects(*(CoulombFriction(j, level=level) for j, level in levels.items()))
+    path, gears = MultiSine(ROBOT, seed), ROBOT.transmission
+    moves = np.array([joint == moving for joint in gears.joints])
+    start = path.at(0.0)[0]
+    plant = Plant(real, Plane(height=-10.0))
+
+    def control(state: SimState) -> FloatArray:
+        q, v, _ = path.at(state.time)
+        # The drive of the braked joint is off.
+        torque = 150.0 * (q - state.position) + 8.0 * (v - state.velocity)
+        return np.asarray(moves * torque / gears.gear_ratio)
+
+    log = simulate(plant, control, plant.state(start, 0.0 * start), 4.0, dt=1e-3).log
+    return ENCODER.measure(real, log, noise).with_source(LogSource(path=f"{moving}{noise}.csv"))
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    return [braked("hip", 20, 1), braked("knee", 21, 2), braked("hip", 20, 3)]
+
+
+def test_logs_that_each_move_one_joint_tell_the_friction_of_both(logs: list[Log]) -> None:
+    found = diagnose(ROBOT, logs, [CoulombFriction, ViscousFriction, TorqueOffset])
+    assert found.verdict == "named"
+    levels = {f.effect.where: f.parameters["level"] for f in found.findings}
+    assert levels.keys() == RUBS.keys()
+    for joint, level in RUBS.items():
+        assert levels[joint].value == pytest.approx(level, rel=0.05)
+    (warning,) = [text for text in found.warnings if "stand still" in text]
+    assert "hip in knee2.csv; knee in hip1.csv, hip3.csv." in warning
+
+
+def test_a_repeat_that_holds_a_joint_still_says_nothing_of_its_noise(logs: list[Log]) -> None:
+    floor = EstimationProblem.from_logs(ROBOT, logs).floor
+    assert floor.repeats == ((0, 2),)
+    size = np.sqrt(np.diag(floor.sensors))
+    assert floor.values[1] == pytest.approx(size[1])
+    assert 0.5 * size[0] < floor.values[0] < 2.0 * size[0]
+
+
+def test_a_channel_that_never_changes_is_no_crash(logs: list[Log]) -> None:
+    hip, knee, _ = logs
+    held = hip.with_columns(
+        {
+            "knee.position": np.full(len(hip), hip.column("knee.position")[0]),
+            "knee.velocity": np.zeros(len(hip)),
+            "knee.rotor_torque": np.zeros(len(hip)),
+        }
+    )
+    found = diagnose(ROBOT, [held, knee], [CoulombFriction])
+    assert {f.effect.where for f in found.findings} == {"hip", "knee"}
+
+
+FLOATING = load_robot("planar_leg")
+BAND = Bandwidth(residual=10.0, kinematics=40.0)
+RATE = 500.0
+
+
+def _log(force: np.ndarray) -> Log:
+    time = np.arange(len(force)) / RATE
+    wave = np.sin(4.0 * time)
+    columns = {f"{j}.position": 0.1 * wave for j in FLOATING.single_joints}
+    columns |= {f"{j}.rotor_torque": 0.1 * wave for j in FLOATING.transmission.joints}
+    columns |= {"foot.force.x": 0.0 * wave, "foot.force.y": 0.0 * wave, "foot.force.z": force}
+    return Log(time, columns)
+
+
+def test_the_samples_around_a_strike_are_set_aside() -> None:
+    force = np.where(np.arange(2000) < 800, 0.0, 180.0)
+    away = away_from_impacts(FLOATING, read_channels(FLOATING, _log(force)), BAND)
+    reach = int(2.0 * RATE / BAND.kinematics)
+    assert not away[800 - reach : 800 + reach].any()
+    assert away.sum() == 2000 - 2 * reach
+
+
+def test_a_foot_that_is_loaded_within_a_tenth_of_a_second_is_no_strike() -> None:
+    force = 180.0 * np.clip((np.arange(2000) - 800) / 50.0, 0.0, 1.0)
+    assert away_from_impacts(FLOATING, read_channels(FLOATING, _log(force)), BAND).all()
+
+
+def test_half_of_a_log_stays_however_often_the_foot_strikes() -> None:
+    force = np.where(np.arange(2000) // 20 % 2 == 0, 0.0, 180.0 + np.arange(2000) / 20.0)
+    channels = read_channels(FLOATING, _log(force))
+    away = away_from_impacts(FLOATING, channels, BAND)
+    assert 0.45 < away.mean() < 0.55
+    hard = replace(BAND, kinematics=400.0)  # shorter filters lose less
+    assert away_from_impacts(FLOATING, channels, hard).mean() > away.mean()
+
+
+def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
+    comparison = compare(ROBOT, [recorded()["dragging knee"]])
+    ratios = {output.output: output.ratio for output in comparison.outputs}
+    assert ratios["knee"] > 10.0 * ratios["hip"]
+    assert (comparison.where[0].output, comparison.where[0].variable) == ("knee", "speed")
+    assert comparison.where[0].share > 0.95
+    assert json.loads(json.dumps(comparison.to_json()))["error"] == comparison.error
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_where_a_joint_rests_long_is_no_period(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    rests = np.repeat(random.uniform(-1.2, 1.2, 5), 800)
+    position = np.concatenate([np.linspace(-1.2, 1.2, 2000), rests])
+    torque = np.sin(5.0 * position + random.uniform(0.0, 6.0))
+    torque += 0.1 * random.standard_normal(torque.size)
+    assert strongest_orders([position], [torque])[0] == pytest.approx(5.0, abs=0.3)
+
+
+def test_logs_that_say_nothing_are_refused(runs: list[Log]) -> None:
+    with pytest.raises(IdentificationError, match="no log"):
+        diagnose(ROBOT, [])
+    with pytest.raises(IdentificationError, match="too short"):
+        diagnose(ROBOT, [runs[0].between(0.0, 0.3)])
+    without = runs[0].select([n for n in runs[0].names if "torque" not in n])
+    with pytest.raises(LogError, match="no torque of joint 'hip'"):
+        compare(ROBOT, [without])
+    free = load_robot("planar_leg").lossless()
+    base = {f"base_{axis}.position": np.zeros(len(runs[0])) for axis in ("x", "z", "pitch")}
+    with pytest.raises(IdentificationError, match="contact forces"):
+        compare(free, [runs[0].with_columns(base)])

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.recover.plant import JOINTS, Lane, _reference, simulate
+from tests.recover.plant import JOINTS, Lane, reference, simulate
 from wbc.cli import main
 from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
@@ -44,7 +44,7 @@ Tables = list[dict[str, np.ndarray]]
 @pytest.fixture(scope="module")
 def tables() -> Tables:
     """Return runs of a machine as drawn, then of one that loses power and rubs."""
-    return simulate(_lanes(), duration=8.0, step=5e-4, rate=200.0)
+    return simulate(_lanes(), duration=6.0, step=5e-4, rate=200.0)
 
 
 def _lanes() -> list[Lane]:
@@ -59,7 +59,7 @@ def target_log(
     columns = {name: values for name, values in table.items() if name.endswith("ity")}
     columns |= {name: values for name, values in table.items() if name.endswith(".position")}
     for j, joint in enumerate(JOINTS):
-        wanted = _reference(lane)(table["time"] + late[j])
+        wanted = reference(lane)(table["time"] + late[j])
         columns[f"{joint}.goal_position"] = wanted[0][j]
         columns[f"{joint}.target_velocity"] = wanted[1][j]
     return Log(table["time"], columns)

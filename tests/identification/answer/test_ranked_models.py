@@ -1,0 +1,214 @@
+"""Robots ranked, the model that is used, and what names say beside it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.outside import DATA, ROOT, outside
+from tests.recover.plant import recorded
+from tests.swinging_leg import swing
+from wbc import Robot, load_robot
+from wbc.effects import (
+    CoulombFriction,
+    DirectionalViscousFriction,
+    JointSpring,
+    LinkInertia,
+    LinkInertias,
+    LoadFriction,
+    PayloadMass,
+    RotorInertia,
+    StribeckFriction,
+    TorqueConstant,
+    TorqueOffset,
+    ViscousFriction,
+)
+from wbc.errors import IdentificationError
+from wbc.identification import Ranked, compare, diagnose, rank_robots
+from wbc.identification.answer.findings import describe_findings
+from wbc.identification.answer.model_to_use import judged
+from wbc.identification.choice.trials import Trials
+from wbc.identification.classic import identify
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.measurement import Log, load_logs
+
+GIVEN = load_robot("planar_leg_fixed").lossless()
+TRUE = GIVEN.with_effect(ViscousFriction("knee", 0.5))
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    return [recorded()["dragging knee"]]
+
+
+def test_the_true_robot_is_best_and_the_others_are_told_from_it(logs: list[Log]) -> None:
+    robots = {
+        "given": GIVEN,
+        "too little": GIVEN.with_effect(ViscousFriction("knee", 0.3)),
+        "true": TRUE,
+        "almost": TRUE.with_effect(CoulombFriction("hip", 1e-4)),
+    }
+    ranked = {c.name: c for c in rank_robots(robots, logs)}
+    assert {ranked[name].rank for name in ("true", "almost")} == {1, 2}
+    assert {ranked[name].standing for name in ("true", "almost")} == {"best", "not distinguishable"}
+    assert ranked["true"].error == pytest.approx(1.0, abs=0.25)
+    assert ranked["too little"].rank == 3
+    assert ranked["given"].standing == "worse"
+    assert ranked["given"].difference > 2.0 * ranked["given"].deviation
+    assert ranked["almost"].parameters == 2
+
+
+def test_a_number_at_its_bound_is_said(logs: list[Log]) -> None:
+    stiff = GIVEN.with_effect(JointSpring.at("knee", {"stiffness": 0.0, "rest": 0.0}))
+    assert rank_robots({"stiff": stiff}, logs)[0].warnings == ()
+    end = next(p for p in ViscousFriction.parameters if p.name == "coefficient").high
+    extreme = GIVEN.with_effect(ViscousFriction("knee", end))
+    assert (
+        "coefficient of viscous_friction at knee"
+        in rank_robots({"x": extreme}, logs)[0].warnings[0]
+    )
+
+
+def test_robots_that_cannot_be_compared_are_refused(logs: list[Log]) -> None:
+    with pytest.raises(IdentificationError, match="no robot"):
+        rank_robots({}, logs)
+    with pytest.raises(IdentificationError, match="'other' and 'one' have different joints"):
+        rank_robots({"one": GIVEN, "other": load_robot("double_pendulum")}, logs)
+
+
+BELIEVED = load_robot("planar_leg_fixed")
+TRUTH = BELIEVED.lossless().with_effects(CoulombFriction("hip", 0.7), PayloadMass("shin", 0.3))
+
+
+LOGS = [swing(TRUTH, 1, seconds=5.0), swing(TRUTH, 2, seconds=5.0)]
+ROBOTS: dict[str, Robot] = {
+    "as described": BELIEVED,
+    "lossless": BELIEVED.lossless(),
+    "truth": TRUTH,
+    "wrong motor": BELIEVED.lossless().with_effect(RotorInertia("knee", 0.05)),
+}
+
+
+def test_the_error_alone_is_that_beside_others() -> None:
+    beside = {c.name: c.error for c in rank_robots(ROBOTS, LOGS)}
+    reverse = {c.name: c.error for c in rank_robots(dict(reversed(ROBOTS.items())), LOGS)}
+    alone = {name: compare(robot, LOGS).error for name, robot in ROBOTS.items()}
+    assert beside == pytest.approx(alone, rel=1e-9)
+    assert reverse == pytest.approx(alone, rel=1e-9)
+    assert min(alone, key=lambda name: alone[name]) == "truth"
+
+
+def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
+    assert TRUTH.without_effects().effects == ()
+    masses = [inertia.mass for inertia in TRUTH.without_effects().model.inertias]
+    assert masses == [inertia.mass for inertia in BELIEVED.model.inertias]
+    more = TRUTH.with_effect(CoulombFriction("knee", 0.1))
+    assert more.without_effects() is TRUTH.without_effects()
+    assert BELIEVED.without_effects() is BELIEVED
+    # What is changed in code after effects were added has no robot before them to go back to.
+    heavy = TRUTH.with_gravity((0.0, 0.0, -1.62))
+    assert heavy.without_effects().model.gravity.linear[2] == -1.62
+
+
+EFFICIENCY, FRICTION = ("transmission_efficiency", "knee"), ("coulomb_friction", "hip")
+
+
+@pytest.mark.parametrize(
+    ("added", "removed", "difference", "standing", "judgement"),
+    [
+        ((), (), 0.0, "found", "kept"),  # it holds no effect: the robot as given
+        ((FRICTION,), (), -0.1, "worse", "no gain beyond chance"),
+        ((FRICTION,), (), -3.0, "worse", "fits better, but less probable"),
+        ((), (FRICTION,), 3.0, "worse", "fits worse"),
+        ((FRICTION,), (EFFICIENCY,), 0.1, "worse", "fits as well, but less probable"),
+        ((FRICTION,), (EFFICIENCY,), 0.1, "not distinguishable", "as good"),
+        ((FRICTION,), (), -3.0, "better", "more probable"),
+    ],
+)
+def test_a_model_that_fits_equally_is_not_called_worse(
+    added: tuple, removed: tuple, difference: float, standing: str, judgement: str
+) -> None:
+    row = Ranked(added, removed, 2.0, difference, 0.1, -5.0, standing)
+    assert row.judgement == judgement
+
+
+ROBOT = str(DATA / "tmotor_ak80" / "robot.toml")
+
+
+def bench(columns: str, *names: str) -> tuple[Log, ...]:
+    folder = outside("tmotor_ak80")
+    return load_logs([folder / f"{name}.parquet" for name in names], folder / columns)
+
+
+def test_what_is_not_believed_stays_in_the_model() -> None:
+    """Gain and friction leave 1 N m less in every fold; their names had been taken out."""
+    diagnosis = diagnose(load_robot(ROBOT), bench("current.toml", "final_8"))
+    (output,) = diagnosis.outputs
+    assert output.after < 0.4 * output.before  # the classic fit leaves 0.8 of it
+    assert {"torque_constant", "rotor_coulomb_friction"} <= {e.name for e in diagnosis.effects}
+
+
+def test_a_commanded_torque_is_corrected_on_a_log_that_was_not_seen() -> None:
+    robot = load_robot(ROBOT)
+    first, second = bench("command.toml", "sysid_1", "sysid_2")
+    found = diagnose(robot, [first]).robot
+    plain = robot.with_effects(TorqueOffset("motor", 0.0))
+    ranked = rank_robots({"given": plain, "found": found}, [second])
+    errors = {row.name: row.error for row in ranked}
+    assert errors["found"] < 0.2 * errors["given"]
+
+
+def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: Path) -> None:
+    """Causes of two models, fitted together from the numbers of both, left 1.5 times as much."""
+    text = (ROOT / "robots" / "go2" / "robot.toml").read_text()
+    head, *gears = re.split(r"(?=^\[gears\.)", text, flags=re.MULTILINE)
+    others = [re.findall(r"\w+", gear)[1] for gear in gears if "[gears.FL" not in gear]
+    leg = tmp_path / "leg.toml"
+    own = "".join(gear for gear in gears if "[gears.FL" in gear)
+    leg.write_text(f"{head}lock = {others}\n\n{own}")
+    robot = load_robot(str(leg)).lossless()
+    columns = ROOT / "robots" / "go2" / "columns.toml"
+    logs = load_logs([outside("go2_position_control/go2_air.parquet")], columns)
+    kinds = (CoulombFriction, ViscousFriction, StribeckFriction, LoadFriction, TorqueOffset)
+    links = (RotorInertia, LinkInertia, LinkInertias, TorqueConstant)
+    left = [output.after for output in diagnose(robot, logs, (*kinds, *links)).outputs]
+    assert np.all(left < 1.02 * identify(robot, logs).left)
+
+
+KEY = ("viscous_friction", "knee")
+
+
+def test_a_doubtful_cause_does_not_change_the_number_of_a_certain_one(logs: list[Log]) -> None:
+    """It was printed, certain, with the part of the torque that the doubtful cause left it."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    diagnosis = diagnose(robot, logs, [ViscousFriction])
+    trials = Trials(EstimationProblem.from_logs(robot, logs))
+    alone = trials.of([ViscousFriction("knee", 0.5)])
+    # The two are the same torque where both directions drag alike: the fit keeps how they share it.
+    both = trials.of([ViscousFriction("knee", 0.1), DirectionalViscousFriction("knee", 0.4, 0.4)])
+    assert alone is not None
+    assert both is not None
+    names, used = judged(trials, alone, set()), judged(trials, both, set())
+    doubt = replace(used.support[both.keys[1]], odds=0.1, group=0.1)
+    answer = replace(used, named=alone, support={both.keys[1]: doubt, **names.support})
+    found = {f.effect.key: f for f in describe_findings(trials, answer)}
+    assert list(found) == list(both.keys)
+    number = found[KEY].parameters["coefficient"]
+    assert number.value == pytest.approx(0.5, rel=0.01)
+    assert number.low < 0.5 < number.high
+    assert number.used == both.effects[0].values["coefficient"] < number.low
+    told = replace(diagnosis, findings=tuple(found.values()), robot=trials.fit(both).robot)
+    assert "in the model to use" in str(told)
+    low, high = told.intervals()[*KEY, "coefficient"]
+    assert low == number.used
+    assert high == number.high
+    assert told.to_json()["effects"][0]["parameters"]["coefficient"]["used"] == number.used
+    # What the model lacks is named all the same, and where it has the number nothing is said.
+    lacking = describe_findings(trials, replace(used, hypothesis=trials.nothing, named=alone))
+    assert "predicts better without it" in lacking[0].warnings[0]
+    same = describe_findings(trials, names)
+    assert same[0].parameters["coefficient"].used is None

@@ -1,0 +1,206 @@
+"""Fits: trials that fail, intervals, numbers drawn to a prior."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc import Robot, load_robot
+from wbc.arrays import FloatArray
+from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import (
+    Backlash,
+    CenterOfMass,
+    CoulombFriction,
+    JointCompliance,
+    ViscousFriction,
+)
+from wbc.identification import diagnose
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.fit import Fit
+from wbc.identification.model.information import UsualRows
+from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts, interval_bounds
+from wbc.measurement import Log
+from wbc.robot import Effect, Motion, Parameter
+from wbc.sim.excitation import record_with
+
+
+@pytest.fixture(scope="module")
+def leg() -> Robot:
+    return load_robot("planar_leg_fixed").lossless()
+
+
+def _falling(leg: Robot, seconds: float) -> list[Log]:
+    """Return a log of a leg that stands on its head, which a soft gear cannot hold."""
+    time = np.arange(0.0, seconds, 0.01)
+    random = np.random.default_rng(0)
+    columns = {}
+    for k, joint in enumerate(leg.transmission.joints):
+        angle = 2.0 * np.pi * (0.5 + 0.2 * k) * time
+        rate = 2.0 * np.pi * (0.5 + 0.2 * k)
+        columns[f"{joint}.position"] = 0.3 * np.sin(angle) + (np.pi if k == 0 else 0.0)
+        columns[f"{joint}.velocity"] = 0.3 * rate * np.cos(angle)
+        columns[f"{joint}.motor_torque"] = 5.0 * np.sin(angle + 1.0)
+        for name, size in (("position", 1e-5), ("velocity", 1e-3), ("motor_torque", 1e-2)):
+            columns[f"{joint}.{name}"] += size * random.standard_normal(time.size)
+    return [Log(time, columns)]
+
+
+def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
+    problem = EstimationProblem.from_logs(leg, _falling(leg, 200.0))
+    for start in (
+        [JointCompliance("hip", 1.0, 0.0)],
+        [JointCompliance("hip", 1.0, 0.0), ViscousFriction("hip", 0.1)],
+        [Backlash("hip", 0.01, 1.0, 0.0)],
+    ):
+        fit = problem.fit(start)
+        assert "flies off" in fit.failed
+        assert "'hip'" in fit.failed
+        assert fit.error == np.inf
+        assert np.all(np.isinf(fit.held_out_residual(problem.folds)))
+    assert not problem.fit([JointCompliance("hip", 5000.0, 10.0)]).failed
+
+
+def test_a_diagnosis_survives_gears_that_hold_nothing(leg: Robot) -> None:
+    found = diagnose(
+        leg, _falling(leg, 5.0), candidates=[JointCompliance, Backlash, ViscousFriction]
+    )
+    assert np.isfinite(found.error.after)
+
+
+LEG = load_robot("planar_leg_fixed")
+
+
+@pytest.fixture(scope="module")
+def logs() -> tuple[Log, ...]:
+    return record_with(LEG, [CenterOfMass("shin", 0.0, 0.0, 0.05)], duration=3.0)
+
+
+def test_a_number_that_these_motions_cannot_show_may_be_anything(logs: tuple[Log, ...]) -> None:
+    problem = EstimationProblem.from_logs(LEG, logs)
+    fit = problem.fit([CenterOfMass("shin", 0.0, 0.0, 0.05)])
+    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
+    of = {parameter.name: ends for (_, parameter), ends in zip(fit.parameters, bounds, strict=True)}
+    across = next(p for p in CenterOfMass.parameters if p.name == "y")
+    np.testing.assert_array_equal(of["y"], [across.low, across.high])
+    assert np.ptp(of["z"]) < 0.05
+
+
+def test_the_answer_says_which_numbers_it_does_not_know(logs: tuple[Log, ...]) -> None:
+    (finding,) = diagnose(LEG, logs).findings
+    assert finding.effect.name == "center_of_mass"
+    assert "y" in finding.parameters
+    assert set(finding.numbers) == {"x", "z"}
+    assert "these logs do not tell y: it stays at 0 m" in finding.warnings
+
+
+ROBOT = load_robot("simple_pendulum")
+
+
+def fitted(*effects: Effect) -> tuple[EstimationProblem, Fit]:
+    """Return a pendulum's log with these effects, and their fit."""
+    time = np.arange(0.0, 8.0, 0.004)
+    rates = 2.0 * np.pi * np.array([0.4, 1.1])
+    q, v, a = (
+        sum(0.5 * w**k * np.sin(w * time + 0.5 * np.pi * k) for w in rates)[:, None]
+        for k in range(3)
+    )
+    robot, motion = ROBOT.with_effects(*effects), Motion(q, v, a)
+    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+    noise = np.random.default_rng(0).standard_normal((3, len(time)))
+    columns = {
+        "pendulum.position": q[:, 0] + 1e-6 * noise[0],
+        "pendulum.velocity": v[:, 0] + 1e-5 * noise[1],
+        "pendulum.rotor_torque": torque[:, 0] + 1e-4 * noise[2],
+    }
+    problem = EstimationProblem.from_logs(ROBOT, [Log(time, columns)])
+    return problem, problem.fit(effects)
+
+
+def test_one_cause_moves_by_the_share_of_the_first_error_that_looks_like_it() -> None:
+    truth = ViscousFriction("pendulum", coefficient=0.3)
+    problem, fit = fitted(truth)
+    scale = fit.parameters[0][1].scale
+    (shift,) = alike_shifts(fit, problem.first, problem.row_noise(fit.residual)) * scale
+    # The friction alone makes the first error.
+    assert shift == pytest.approx(0.3 * ALIKE * DISTORTED, rel=0.02)
+    assert problem.distortion(fit)[0] * scale >= 1.6 * shift
+
+
+def test_two_causes_that_look_alike_move_by_more() -> None:
+    pair = ViscousFriction("pendulum", coefficient=0.3), CoulombFriction("pendulum", level=0.2)
+    problem, fit = fitted(*pair)
+    both = alike_shifts(fit, problem.first, problem.row_noise(fit.residual))
+    columns = fit.jacobian.reshape(-1, 2)
+    others = columns[:, ::-1]
+    left = columns - others * np.sum(columns * others, axis=0) / np.sum(others**2, axis=0)
+    size = np.sqrt(np.mean(left**2, axis=0))
+    expected = ALIKE * DISTORTED * np.sqrt(problem.first[0] - 1.0) / size
+    np.testing.assert_allclose(both, expected, rtol=1e-6)
+
+
+ROWS, FOLDS = 24, np.repeat([0, 1, 2], 8)
+
+
+def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
+    """Return a least-squares fit of two outputs by random columns, some drawn to zero."""
+    p = drawn + free
+    jacobian = rng.normal(size=(ROWS, 2, p))
+    jacobian[FOLDS > 0, :, 0] *= 1e-3  # only the first fold tells the first number
+    noise = np.array([0.5, 2.0])
+    truth = rng.normal(size=p)
+    truth[0] = 3.0
+    raw = np.sqrt(noise) * rng.normal(size=(ROWS, 2)) - jacobian @ truth
+    weights = 1.0 / np.sqrt(noise)
+    usual = np.zeros((drawn, p))
+    usual[:, :drawn] = np.diag(rng.uniform(0.5, 2.0, drawn))
+    a = np.concatenate([(jacobian * weights[:, None]).reshape(-1, p), usual])
+    b = np.concatenate([(raw * weights).ravel(), np.zeros(drawn)])
+    step = np.linalg.lstsq(a, -b, rcond=None)[0]
+    rows = UsualRows(usual @ step, usual, noise, np.ones(2))
+    slots = tuple((0, Parameter(f"p{k}", "1", 0.0, -9.0, 9.0, 1.0)) for k in range(p))
+    robot, effects = load_robot("simple_pendulum"), (CoulombFriction("joint", 0.1),)
+    return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows)
+
+
+def beside_open(fit: Fit) -> tuple[FloatArray, float]:
+    return fit.usual.beside_open(fit.held_out_residual(FOLDS), fit.jacobian, FOLDS)
+
+
+def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
+    fit = linear_fit(np.random.default_rng(3), drawn=4, free=1)
+    squares, cost = beside_open(fit)
+    held = fit.held_out_residual(FOLDS)
+    noise, usual = fit.usual.noise, fit.usual.jacobian[:, :4]
+    wanted = expected = 0.0
+    for fold in range(3):
+        inside = fold == FOLDS
+        weighted = (fit.jacobian[~inside] / np.sqrt(noise)[:, None]).reshape(-1, 5)[:, :4]
+        prior = np.linalg.inv(weighted.T @ weighted + usual.T @ usual)
+        own = fit.jacobian[inside].reshape(-1, 5)[:, :4]
+        variance = np.diag(np.tile(noise, inside.sum()))
+        covariance = variance + own @ prior @ own.T
+        r = held[inside].ravel()
+        wanted += 0.5 * r @ np.linalg.solve(covariance, r)
+        wanted += 0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * np.linalg.slogdet(variance)[1]
+        expected += 0.5 * np.sum(squares[inside] / noise)
+    assert expected + cost == pytest.approx(wanted, rel=1e-9)
+    assert cost > 0.0
+
+
+def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
+    """Leaving it out predicted half of what is drawn: a rotor inertia took its place."""
+    fit = linear_fit(np.random.default_rng(5), drawn=4, free=0)
+    first = FOLDS == 0
+    squares, _ = beside_open(fit)
+    assert (fit.held_out_residual(FOLDS)[first] ** 2).mean() > 2.0 * fit.residual[first].var()
+    assert squares[first].mean() < 1.5 * fit.residual[first].var()
+
+
+def test_numbers_that_the_logs_tell_are_counted_by_how_predictions_follow_them() -> None:
+    """The degrees of freedom of a fit are the trace of d prediction / d data (Ye, 1998)."""
+    fit = linear_fit(np.random.default_rng(6), drawn=4, free=2)
+    a, usual = fit.usual.weighted(fit.jacobian), fit.usual.jacobian
+    follows = a @ np.linalg.solve(a.T @ a + usual.T @ usual, a.T)
+    assert 6.0 - fit.untold.sum() == pytest.approx(np.trace(follows), rel=1e-6)
+    assert 5.0 < np.trace(follows) < 6.0

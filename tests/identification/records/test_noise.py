@@ -1,0 +1,109 @@
+"""The noise of sensors and the floor that it makes, on columns whose noise is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from tests.recover.plant import recorded
+from wbc.effects import load_robot
+from wbc.identification.model.residual import condensed_residual
+from wbc.identification.records.filters import quantisation_level, steady_level, white_level
+from wbc.identification.records.noise import close_repeats, drawn_noise, noise_floor
+from wbc.identification.records.preparation import prepare
+from wbc.measurement import Log, find_repeats, low_pass
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    names = "nothing", "nothing again", "nothing, moved otherwise"
+    return [recorded()[name] for name in names]
+
+
+ROBOT = load_robot("planar_leg_fixed").lossless()
+
+
+@pytest.mark.parametrize("shape", [(300,), (300, 2), (300, 2, 3), (7, 2)])
+@pytest.mark.parametrize("order", [2, 6])
+def test_the_low_pass_is_that_of_scipy(shape: tuple[int, ...], order: int) -> None:
+    values = np.random.default_rng(0).standard_normal(shape)
+    sections = butter(order, 8.0 / 250.0, output="sos")
+    padding = min(len(values) - 1, int(3.0 * 500.0 / 8.0))
+    expected = sosfiltfilt(sections, values, axis=0, padlen=padding)
+    np.testing.assert_allclose(low_pass(values, 8.0, 500.0, order), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_white_noise_is_measured_below_a_large_motion() -> None:
+    random = np.random.default_rng(0)
+    t = np.arange(5000) / 500.0
+    motion = np.sin(2 * np.pi * 0.7 * t) + 2e-3 * random.standard_normal(t.size)
+    level = white_level(motion[:, None], 500.0)[0]
+    assert level == pytest.approx(2e-3**2 / 250.0, rel=0.15)
+
+
+def test_the_jumps_of_dry_friction_are_no_noise_of_the_sensor() -> None:
+    """Read off the spectrum the noise was four times too large, and with it the noise floor."""
+    random = np.random.default_rng(0)
+    t = np.arange(5000) / 100.0
+    speed = np.cos(2 * np.pi * 0.9 * t)
+    torque = 3.0 * np.sin(2 * np.pi * 0.9 * t) + np.sign(speed)
+    noisy = (torque + 0.02 * random.standard_normal(t.size))[:, None]
+    true = 0.02**2 / 50.0
+    assert white_level(noisy, 100.0)[0] > 10.0 * true
+    level = steady_level(noisy, np.sign(speed)[:, None], 100.0)[0]
+    assert level == pytest.approx(true, rel=0.15)
+    spikes = np.where(random.uniform(size=t.size) < 0.1, 0.1, 0.0)  # these are
+    level = steady_level(noisy + spikes[:, None], np.sign(speed)[:, None], 100.0)[0]
+    assert level > 2.0 * true
+
+
+def test_no_direction_that_lasts_says_nothing_of_the_noise() -> None:
+    shaken = np.where(np.arange(400) % 2, 1.0, -1.0)[:, None]
+    assert steady_level(np.ones((400, 1)), shaken, 100.0)[0] == np.inf
+    assert steady_level(np.ones((5, 1)), np.ones((5, 1)), 100.0)[0] == np.inf
+
+
+def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
+    records = prepare(ROBOT, logs)
+    repeats = close_repeats(records, find_repeats(logs))
+    assert repeats == ((0, 1),)
+    # Two runs of one excitation that a closed loop answers differently tell no noise.
+    assert close_repeats(records, ((0, 1, 2),)) == ((0, 1),)
+    residuals = [condensed_residual(ROBOT, [record]) for record in records]
+    floor = noise_floor(records, residuals, drawn_noise(records), repeats)
+    assert floor.source == "repeats"
+    assert floor.values == pytest.approx(np.sqrt(np.diag(floor.sensors)), rel=0.25)
+    whitened = np.concatenate(residuals) @ floor.whitening
+    assert np.sqrt(np.mean(whitened**2)) == pytest.approx(1.0, abs=0.15)
+
+
+def test_level_of_an_unmeasured_column_is_unknown_and_the_others_keep_theirs() -> None:
+    rate, spread = 500.0, 0.02
+    noise = spread * np.random.default_rng(3).standard_normal((20000, 1))
+    both = np.hstack([np.full_like(noise, np.nan), noise])
+    level = white_level(both, rate)
+    assert np.isnan(level[0])
+    # White noise of variance s^2 has the one-sided density 2 s^2 / rate.
+    assert abs(level[1] / (2.0 * spread**2 / rate) - 1.0) < 0.1
+
+
+def test_nothing_measured_is_nothing_known() -> None:
+    assert np.isnan(white_level(np.full((100, 2), np.nan), 100.0)).all()
+
+
+def test_slow_steps_of_an_encoder_are_noise_at_low_frequencies() -> None:
+    rate, step = 500.0, 1e-3
+    t = np.arange(20000) / rate
+    slow = 0.05 * np.sin(0.3 * t)
+    error = np.round(slow / step) * step - slow
+    level = quantisation_level(np.round(slow / step)[:, None] * step, rate)[0]
+    assert error.var() == pytest.approx(step**2 / 12.0, rel=0.1)
+    crossings = 4.0 * 0.05 * 0.3 / (2.0 * np.pi) / step
+    assert level == pytest.approx(step**2 / 6.0 / max(crossings, 10.0), rel=0.2)
+    assert (
+        quantisation_level(
+            (slow + 1e-4 * np.random.default_rng(0).standard_normal(t.size))[:, None], rate
+        )[0]
+        < 1e-12
+    )
