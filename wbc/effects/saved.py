@@ -24,6 +24,7 @@ from wbc.robot import (
 )
 from wbc.robot.robot import RobotSource
 from wbc.robot.table import check_keys, number_in
+from wbc.transmission import DRIVE_TIMES
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")
 
@@ -165,7 +166,7 @@ def save_robot(
     times = {
         joint: {
             key: {"value": float(getattr(gears, key)[k]), "unit": "s"}
-            for key in ("target_delay", "velocity_lag")
+            for key in DRIVE_TIMES
             if np.isfinite(getattr(gears, key)[k])
         }
         for k, joint in enumerate(gears.joints)

@@ -37,6 +37,7 @@ GEAR_UNITS = {
     "duty_gain": "1/rad",
     "supply_voltage": "V",
     "target_delay": "s",
+    "feedback_delay": "s",
     "velocity_lag": "s",
     "stiffness": "N m/rad",
     "damping": "N m s/rad",

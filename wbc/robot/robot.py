@@ -343,11 +343,14 @@ class Robot:
             self, transmission=transmission, source=self._changed_source(), before_effects=None
         )
 
-    def with_drive_times(self, target_delay: ArrayLike, velocity_lag: ArrayLike) -> Robot:
-        """Return the same robot with these times (m,) [s] of its drives; a saved file has them."""
+    def with_drive_times(self, times: Mapping[str, ArrayLike]) -> Robot:
+        """Return the same robot with other times of its drives; a saved file has them.
+
+        Args:
+            times: (m,) [s] of each of `DRIVE_TIMES`.
+        """
         gears, before = self.transmission, self.before_effects
-        times = {"target_delay": target_delay, "velocity_lag": velocity_lag}
-        known = None if before is None else before.with_drive_times(**times)
+        known = None if before is None else before.with_drive_times(times)
         return self._with(transmission=gears.replace(**times), before_effects=known)
 
     def with_inertia(self, joint_number: int, inertia: pin.Inertia) -> Robot:

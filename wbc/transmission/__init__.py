@@ -11,10 +11,11 @@ from wbc.transmission.mesh import (
     wedge_backward_efficiency,
 )
 from wbc.transmission.planetary import CompoundPlanetaryGear
-from wbc.transmission.transmission import Transmission
+from wbc.transmission.transmission import DRIVE_TIMES, Transmission
 from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
+    "DRIVE_TIMES",
     "CompoundPlanetaryGear",
     "Direction",
     "Flanks",

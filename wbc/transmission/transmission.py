@@ -24,7 +24,8 @@ _UNKNOWN_ALLOWED = (
     "supply_voltage",
 )
 
-_TIMES = ("target_delay", "velocity_lag")
+DRIVE_TIMES = ("target_delay", "feedback_delay", "velocity_lag")
+"""Fields that say how late a drive follows its target and sees its own motion."""
 
 _Rule = tuple[Callable[[FloatArray], NDArray[np.bool_]], str]
 _POSITIVE: tuple[_Rule, ...] = ((lambda x: x > 0.0, "> 0"),)
@@ -51,7 +52,7 @@ GEAR_RULES: Mapping[str, tuple[_Rule, ...]] = {
     ),
     **dict.fromkeys(_POSITIVE_INFINITY_ALLOWED, _POSITIVE),
     **dict.fromkeys(_UNKNOWN_ALLOWED, _POSITIVE_OR_UNKNOWN),
-    **dict.fromkeys(_TIMES, _NOT_NEGATIVE_OR_UNKNOWN),
+    **dict.fromkeys(DRIVE_TIMES, _NOT_NEGATIVE_OR_UNKNOWN),
 }
 """What must hold of every field with one number per gear."""
 
@@ -85,6 +86,8 @@ class Transmission:
         supply_voltage: (m,) [V] of that drive, NaN where unknown.
         target_delay: (m,) [s] by which that drive follows its target later than a log says: its
             bus, and half the time for which it holds a target; NaN where unknown.
+        feedback_delay: (m,) [s] by which that drive sees its own motion later than a log says; NaN
+            where unknown.
         velocity_lag: (m,) [s] time constant of the filter of that drive's velocity; NaN where
             unknown.
         stiffness: (m,) [N m/rad] between gear and joint, at the motor output; infinite is rigid.
@@ -111,6 +114,7 @@ class Transmission:
     duty_gain: FloatArray = None  # type: ignore[assignment]
     supply_voltage: FloatArray = None  # type: ignore[assignment]
     target_delay: FloatArray = None  # type: ignore[assignment]
+    feedback_delay: FloatArray = None  # type: ignore[assignment]
     velocity_lag: FloatArray = None  # type: ignore[assignment]
     stiffness: FloatArray = None  # type: ignore[assignment]
     damping: FloatArray = None  # type: ignore[assignment]
@@ -150,8 +154,7 @@ class Transmission:
             "velocity_gain": np.zeros(m),
             "duty_gain": np.full(m, np.nan),
             "supply_voltage": np.full(m, np.nan),
-            "target_delay": np.full(m, np.nan),
-            "velocity_lag": np.full(m, np.nan),
+            **{name: np.full(m, np.nan) for name in DRIVE_TIMES},
             "stiffness": np.full(m, np.inf),
             "damping": np.zeros(m),
             "backlash": np.zeros(m),
@@ -170,7 +173,7 @@ class Transmission:
         """Freeze and check the numbers of a field that has one per gear."""
         label, m = f"transmission {name}", len(self.joints)
         array = np.asarray(values, dtype=np.float64)
-        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED, *_TIMES):
+        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED, *DRIVE_TIMES):
             if array.shape != (m,):
                 raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
             object.__setattr__(self, name, frozen(array))

@@ -10,13 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from tests.recover.plant import JOINTS, Lane, reference, simulate
 from wbc.cli import main
+from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.readings import check_robot, rotor_torques
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, save_log
@@ -159,6 +162,36 @@ def test_drives_that_are_not_late_alike_are_late_and_nothing_else(tables: Tables
     log = target_log(_lanes()[0], tables[0], late=(0.004, 0.0046))
     found = diagnose(with_gains(), [log])
     assert {f.effect.name for f in found.findings if f.certain} <= {"actuation_delay"}
+
+
+def test_drives_that_see_their_own_motion_late_do_not_rub_backwards() -> None:
+    """Friction of less than nothing stood for it, which no model of a machine can have."""
+    robot, delay, seen = with_gains(), 0.016, 0.008
+    time = np.arange(0.0, 12.0, 0.004)
+
+    def motion(at: np.ndarray) -> Motion:
+        rates = np.array([[3.1, 7.3, 12.1], [2.3, 8.7, 13.9]])
+        phases = np.multiply.outer(at, rates)
+        size = 0.25 / rates
+        q = np.array([0.4, -0.8]) + np.sum(size * np.sin(phases), axis=2)
+        v = np.sum(size * rates * np.cos(phases), axis=2)
+        return Motion(q, v, np.sum(-size * rates**2 * np.sin(phases), axis=2))
+
+    gears, now, late = robot.transmission, motion(time), motion(time - seen)
+    links = link_torque(robot, now)
+    made = rotor_torque(robot, now, links)[0] * gears.gear_ratio
+    wanted = late.position + (made + gears.velocity_gain * late.velocity) / gears.position_gain
+    noise = np.random.default_rng(0).normal(scale=1e-5, size=now.position.shape)
+    columns = {}
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}.position"] = now.position[:, k] + noise[:, k]
+        told = CubicSpline(time - delay, wanted[:, k])
+        columns[f"{joint}.target_position"] = told(np.minimum(time, time[-1] - delay))
+    found = EstimationProblem.from_logs(robot, [Log(time, columns)])
+    known = found.robot.transmission
+    np.testing.assert_allclose(known.target_delay, delay, rtol=0.05)
+    np.testing.assert_allclose(known.feedback_delay, seen, rtol=0.1)
+    assert np.sqrt(found.first).max() < 2.0
 
 
 def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> None:

@@ -32,6 +32,7 @@ from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
+from wbc.transmission import DRIVE_TIMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -296,8 +297,8 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
     reference = first[1]
     drives = [robot.transmission for robot in robots.values()]
     if known := [gears for gears in drives if np.isfinite(gears.target_delay).any()]:
-        times = known[0].target_delay, known[0].velocity_lag
-        reference = reference.with_drive_times(*times)
+        times = {name: getattr(known[0], name) for name in DRIVE_TIMES}
+        reference = reference.with_drive_times(times)
     problem = EstimationProblem.from_logs(reference, logs)
     squares = {name: _squares(problem, robot) for name, robot in robots.items()}
     order = sorted(squares, key=lambda name: float(squares[name].mean()))

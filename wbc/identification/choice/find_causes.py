@@ -71,10 +71,12 @@ def find_causes(
         return SearchResult(trials, tuple(direct.path), trials.nothing)
     stopped = ""
     try:
+        # Every answer is held against them, also where little time is left for the search.
+        every = plain_fits(trials, at_once)
         ends = [direct.climb(trials.nothing)]
         # What is left beside a wrong drawing is imitated; where all that is plain together does
         # better than what was found, it is the better start.
-        if plain := direct.best(plain_fits(trials, at_once), ends[0]):
+        if plain := direct.best(every, ends[0]):
             direct.path.append(plain)
             ends.append(direct.climb(plain))
         if gears := tuple(kind for kind in classes if deflects(kind)):

@@ -302,7 +302,7 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     joint = transmission.joints[row]
     gain = float(transmission.duty_gain[row])
     if np.isfinite(gain):
-        wanted = gain * _target(log, transmission, row, "target_position")
+        wanted = gain * _late(log, transmission, row, "target_position")
         return _winding_law(log, transmission, row, wanted, gain)
     kp, kd = float(transmission.position_gain[row]), float(transmission.velocity_gain[row])
     if not np.isfinite(kp):
@@ -311,9 +311,9 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
             "states no gains of its position drive (of one that sets the voltage: duty_gain "
             f"instead of kp and kd); {state_gear(joint, 'kp', 'kd')}"
         )
-    wanted = kp * _target(log, transmission, row, "target_position")
+    wanted = kp * _late(log, transmission, row, "target_position")
     if kd > 0.0:
-        wanted += kd * _target(log, transmission, row, "target_velocity")
+        wanted += kd * _late(log, transmission, row, "target_velocity")
     share = _powered(log, joint) / float(transmission.gear_ratio[row])
     return DriveLaw(
         wanted * share,
@@ -327,16 +327,17 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
 def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
     """Return what a drive makes of the measured motion by its law.
 
-    A velocity that was not recorded is the derivative of the position. The drive sees it through a
-    filter with the gear's `velocity_lag`.
+    A velocity that was not recorded is the derivative of the position. The drive sees both by the
+    gear's `feedback_delay` later, the velocity through a filter with its `velocity_lag`.
 
     Raises:
         LogError: a position or velocity that the law needs is missing.
     """
-    nothing = np.zeros(len(log))
     follows, brakes = law.stiffness.any(), law.damping.any()
-    position = _at_motor(log, transmission, row, "position") if follows else nothing
-    velocity = _at_motor(log, transmission, row, "velocity") if brakes else nothing
+    position, velocity = (
+        _late(log, transmission, row, quantity, "feedback_delay") if felt else np.zeros(len(log))
+        for quantity, felt in (("position", follows), ("velocity", brakes))
+    )
     lag = float(transmission.velocity_lag[row])
     if brakes and lag > 0.0:
         velocity = _lagging(velocity, lag / log.sample_time)
@@ -391,9 +392,14 @@ def _powered(log: Log, joint: str) -> FloatArray:
     return np.asarray(log.column(f"{joint}.enabled") > 0.5, dtype=np.float64)
 
 
-def _target(log: Log, transmission: Transmission, row: int, quantity: str) -> FloatArray:
-    """Return a target (N,) at the output of one motor, as its drive has it: late."""
-    told, delay = _at_motor(log, transmission, row, quantity), float(transmission.target_delay[row])
+def _late(
+    log: Log, transmission: Transmission, row: int, quantity: str, time: str = "target_delay"
+) -> FloatArray:
+    """Return a quantity (N,) at the output of one motor as its drive has it, by `time` later."""
+    told, delay = (
+        _at_motor(log, transmission, row, quantity),
+        float(getattr(transmission, time)[row]),
+    )
     if not delay > 0.0 or len(log) < 2:
         return told
     then = np.maximum(log.time - delay, log.time[0])

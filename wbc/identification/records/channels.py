@@ -20,6 +20,7 @@ from wbc.identification.readings.torque import contact_forces, positions, veloci
 from wbc.identification.records.contacts import active_contacts
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.transmission import DRIVE_TIMES
 
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
 
@@ -122,9 +123,8 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     """
     gears = robot.transmission
     if log.machine is not None:
-        gears = log.machine.transmission.replace(
-            target_delay=gears.target_delay, velocity_lag=gears.velocity_lag
-        )
+        times = {name: getattr(gears, name) for name in DRIVE_TIMES}
+        gears = log.machine.transmission.replace(**times)
     reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
     reported |= makes_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]
