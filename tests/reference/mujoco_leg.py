@@ -46,17 +46,10 @@ MODEL = """
 """
 
 
-def run(
-    position: np.ndarray,
-    torque: Callable[[float, np.ndarray, np.ndarray], np.ndarray],
-    step: float,
-    duration: float,
-    *,
-    armature: float,
-    ground: bool,
-    integrator: str = "Euler",
-) -> np.ndarray:
-    """Return q (5,) after `duration` under joint torques from (time, q, v), held."""
+def leg_model(
+    step: float = 1e-3, *, armature: float, ground: bool, integrator: str = "Euler"
+) -> mujoco.MjModel:
+    """Return the leg with rotors as armature, over a ground or in the air."""
     text = MODEL.format(
         step=step,
         integrator=integrator,
@@ -66,7 +59,17 @@ def run(
     )
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-    data = mujoco.MjData(model)
+    return model
+
+
+def run(
+    model: mujoco.MjModel,
+    position: np.ndarray,
+    torque: Callable[[float, np.ndarray, np.ndarray], np.ndarray],
+    duration: float,
+) -> np.ndarray:
+    """Return q (5,) after `duration` under joint torques from (time, q, v), held."""
+    data, step = mujoco.MjData(model), model.opt.timestep
     data.qpos[:] = position
     for i in range(round(duration / step)):
         data.ctrl[:] = torque((i + 0.5) * step, data.qpos, data.qvel)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.reference.mujoco_leg import run
+from tests.reference.mujoco_leg import leg_model, run
 from wbc import Robot, load_robot
 from wbc.sim import Plant
 
@@ -35,9 +35,8 @@ def _swing(time, q, v):
 def test_free_motion_converges_to_mujoco_at_first_order() -> None:
     robot = _robot()
     start = robot.configuration(hip=0.4, knee=-0.9, base_z=5.0)
-    truth = run(
-        start, _swing, 2.5e-5, 0.5, armature=_armature(robot), ground=False, integrator="RK4"
-    )
+    model = leg_model(2.5e-5, armature=_armature(robot), ground=False, integrator="RK4")
+    truth = run(model, start, _swing, 0.5)
     errors = [
         np.abs(_plant_run(robot, start, _swing, step, 0.5) - truth).max()
         for step in (2e-3, 1e-3, 5e-4)
@@ -65,7 +64,8 @@ def test_sticking_contact_converges_to_mujoco() -> None:
     gaps = []
     for step in (1e-3, 5e-4, 2.5e-4):
         ours = _plant_run(robot, start, squat, step, 0.4)
-        theirs = run(start, squat, step, 0.4, armature=_armature(robot), ground=True)
+        model = leg_model(step, armature=_armature(robot), ground=True)
+        theirs = run(model, start, squat, 0.4)
         gaps.append(np.abs(ours - theirs).max())
     assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.05)
     assert gaps[2] / gaps[1] == pytest.approx(0.5, abs=0.05)
