@@ -125,22 +125,6 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
     np.testing.assert_allclose(load_log(path, fix, gear_ratios=RATIOS).time, right.time, atol=1e-9)
 
 
-def test_a_wrong_column_is_the_headline_of_compare_and_of_the_diagnosis(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    change = scaled(-1.0, "knee.rotor_torque")
-    path, fix = written(right, change, tmp_path / "run.csv"), tmp_path / "map.toml"
-    for command in ("diagnose", "compare"):
-        assert main([command, str(path), *LEG, "--fix", str(fix)]) == 2
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        assert captured.err.startswith("wbc: the sign of knee.rotor_torque is reversed?")
-        assert "give it with --columns" in " ".join(captured.err.split())
-        assert load_log(path, fix).column("knee.rotor_torque") == pytest.approx(
-            right.column("knee.rotor_torque")
-        )
-
-
 OTHER = """
 name = "other"
 model = "{model}"

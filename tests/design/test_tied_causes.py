@@ -178,12 +178,12 @@ def test_soft_gears_among_the_rivals_are_left_out_and_said() -> None:
 
 
 def test_a_real_diagnosis_goes_through_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    found: Diagnosis,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
-    kinds = [effect_class(n) for n in ("coulomb_friction", "viscous_friction")]
-    found = diagnose(LEG, logs, kinds)
     Path("found.json").write_text(json.dumps(found.to_json()))
     command = ["experiment", "planar_leg_fixed", "--lossless", "--between", "found.json"]
     command += ["--duration", "2", "--speed", "6", "--rounds", "2", "--json", "odds.json"]
@@ -218,13 +218,10 @@ def test_causes_that_no_motion_tells_apart_are_refused() -> None:
 
 
 def test_the_cheap_distance_is_the_refitted_one_where_effects_are_linear() -> None:
-    chosen = rivals("viscous_friction@knee", "coulomb_friction@knee", "rotor_inertia@hip")
-    path = next(random_paths(chosen, LIMITS, 3.0, 1, 1))
-    time = path.times(50.0)
-    from wbc.robot import Motion
-
-    found = chosen.predictions(Motion(*path.at(time), time))
-    for pair in chosen.pairs:
+    found = along_a_motion(
+        rivals("viscous_friction@knee", "coulomb_friction@knee", "rotor_inertia@hip")
+    )
+    for pair in found.rivals.pairs:
         assert found.near_distance(pair) == pytest.approx(found.distance(pair), rel=1e-4)
 
 

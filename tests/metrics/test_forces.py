@@ -10,6 +10,7 @@ from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.errors import DynamicsError
 from wbc.metrics import (
+    ForceCapability,
     backdriving_force,
     backdriving_torque,
     force_capability,
@@ -49,19 +50,23 @@ def test_along_a_direction_the_motors_are_just_at_their_limit(
     assert reach.lift <= reach.conventional <= reach.hold
 
 
+def furthest(capability: ForceCapability, mode: int, unit: np.ndarray) -> float:
+    """Return how far the forces reach along a direction, by a linear program [N]."""
+    matrix, limit = capability.torque_from_force, capability.limits(mode)
+    both = np.vstack([matrix, -matrix]), np.tile(limit, 2)
+    return float(-linprog(-unit, *both, bounds=(None, None)).fun)
+
+
 @pytest.mark.parametrize("mode", [-1, 0, 1])
 def test_closed_form_and_linear_program_agree(mode: int) -> None:
     robot = load_robot("solo12")
     q = robot.configuration(**SQUAT)
     square = force_capability(robot, q, "FL_foot")
     assert [robot.transmission.joints[i] for i in square.gears] == ["FL_HAA", "FL_HFE", "FL_KFE"]
-    matrix, limit = square.torque_from_force, square.limits(mode)
     for direction in np.random.default_rng(3).normal(size=(5, 3)):
         unit = direction / np.linalg.norm(direction)
-        reference = linprog(
-            -unit, np.vstack([matrix, -matrix]), np.tile(limit, 2), bounds=(None, None)
-        )
-        assert max(square.vertices(mode) @ unit) == pytest.approx(-reference.fun, rel=1e-9)
+        reached = max(square.vertices(mode) @ unit)
+        assert reached == pytest.approx(furthest(square, mode, unit), rel=1e-9)
 
 
 def test_more_gears_than_axes_reach_as_far_as_a_linear_program_says() -> None:
@@ -72,14 +77,7 @@ def test_more_gears_than_axes_reach_as_far_as_a_linear_program_says() -> None:
     assert inside.all()
     for direction in ((1.0, 0.0), (0.0, 1.0), (1.0, -1.0)):
         unit = np.array(direction) / np.linalg.norm(direction)
-        matrix = polygon.torque_from_force
-        reference = linprog(
-            -unit,
-            np.vstack([matrix, -matrix]),
-            np.tile(polygon.limits(1), 2),
-            bounds=(None, None),
-        )
-        assert max(corners @ unit) == pytest.approx(-reference.fun, rel=1e-6)
+        assert max(corners @ unit) == pytest.approx(furthest(polygon, 1, unit), rel=1e-6)
     both = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z").vertices(0)
     reach = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", "z").along([1.0])
     np.testing.assert_allclose(np.sort(both[:, 0]), [-reach.conventional, reach.conventional])

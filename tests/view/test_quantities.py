@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from wbc.measurement import Log
 from wbc.robot import Robot
@@ -58,24 +59,23 @@ def vertical(*pieces: tuple[float, float, float]) -> np.ndarray:
     return force
 
 
-def test_standing_from_the_start_is_no_impact() -> None:
-    assert find_impacts(TIME, {"foot": vertical((0.0, 1.0, WEIGHT))}, WEIGHT) == ()
+SLOWLY = vertical()
+SLOWLY[:, 2] = np.clip(TIME - 0.2, 0.0, 0.3) / 0.3 * 0.5 * WEIGHT
+TWICE = ((0.1, 0.103, 30.0 * WEIGHT), (0.103, 0.5, WEIGHT), (0.6, 1.0, 1.2 * WEIGHT))
+CHATTER = ((0.1, 0.11, 500.0), (0.112, 0.12, 400.0), (0.122, 1.0, WEIGHT))
 
 
-def test_landings_are_found_whatever_their_size() -> None:
-    force = vertical((0.1, 0.103, 30.0 * WEIGHT), (0.103, 0.5, WEIGHT), (0.6, 1.0, 1.2 * WEIGHT))
-    impacts = find_impacts(TIME, {"foot": force}, WEIGHT)
-    np.testing.assert_allclose([impact.time for impact in impacts], [0.1, 0.6], atol=1e-9)
-    np.testing.assert_allclose([impact.force for impact in impacts], [3000.0, 120.0])
-
-
-def test_chatter_of_a_millisecond_is_one_impact() -> None:
-    force = vertical((0.1, 0.11, 500.0), (0.112, 0.12, 400.0), (0.122, 1.0, WEIGHT))
-    assert len(find_impacts(TIME, {"foot": force}, WEIGHT)) == 1
-
-
-def test_a_foot_put_down_gently_is_no_impact() -> None:
-    force = vertical()
-    force[:, 2] = np.clip(TIME - 0.2, 0.0, 0.3) / 0.3 * 0.5 * WEIGHT
-    other = vertical((0.0, 1.0, 0.5 * WEIGHT))
-    assert find_impacts(TIME, {"left": force, "right": other}, WEIGHT) == ()
+@pytest.mark.parametrize(
+    ("forces", "told"),
+    [
+        ({"it stands from the start": vertical((0.0, 1.0, WEIGHT))}, {}),
+        ({"landings of any size": vertical(*TWICE)}, {0.1: 3000.0, 0.6: 120.0}),
+        ({"chatter of a millisecond": vertical(*CHATTER)}, {0.1: 500.0}),
+        ({"put down gently": SLOWLY, "other": vertical((0.0, 1.0, 0.5 * WEIGHT))}, {}),
+    ],
+)
+def test_impacts_are_told_from_other_forces(
+    forces: dict[str, np.ndarray], told: dict[float, float]
+) -> None:
+    found = {impact.time: impact.force for impact in find_impacts(TIME, forces, WEIGHT)}
+    assert found == pytest.approx(told)
