@@ -38,6 +38,7 @@ from wbc.control import (
 )
 from wbc.control.checking import check_contact, check_task
 from wbc.control.kinematics import Kinematics
+from wbc.control.qp.problem import INFINITE
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.robot import Motion
@@ -174,15 +175,19 @@ def torque_row_errors(robot, limit, q, v, a, contacts, step=1e-6):
         torque, _ = rotor_torque(robot, motion, link_torque(robot, motion), pushed)
         return gears.gear_ratio * torque[0]
 
-    x, problem = command.solution.x, controller.problem
-    rows, m = problem.C[: gears.size], gears.size
+    x, problem, m = command.solution.x, controller.problem, gears.size
+    two = (problem.C[:m] != problem.C[m : 2 * m]).any(axis=1)  # rows; that for T > 0 stands behind
+    own = np.where(two & (command.output_torque > 0.0), m, 0) + np.arange(m)
+    rows = problem.C[own]
     found = [needed(x + move) - needed(x - move) for move in step * np.eye(len(x))]
     gradient = np.array(found).T / (2.0 * step) - rows
     speed = gears.gear_ratio * (gears.motor_from_joint @ v[robot.actuated])
     ends = np.sort([gears.gear_ratio * end for end in limit.bounds(robot, speed)], axis=0)
-    stated = np.array([problem.lower[:m], problem.upper[:m]])
+    stated = np.array([problem.lower[own], problem.upper[own]])
     bounds = ends - (needed(x) - rows @ x) - stated
-    return np.abs(gradient).max() / np.abs(rows).max(), np.abs(bounds).max()
+    kept = np.abs(stated) < INFINITE  # on the other side a limit is a union, and no row
+    assert kept.any(axis=0).all()
+    return np.abs(gradient).max() / np.abs(rows).max(), np.abs(bounds[kept]).max()
 
 
 def check_of_joint_limit():

@@ -13,8 +13,8 @@ from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.kinematics import Kinematics
 from wbc.control.policies import LastGood, Situation, Statics
-from wbc.control.qp.directions import DirectedSolution
 from wbc.control.qp.level import SolvedLevel
+from wbc.control.qp.search import DirectedSolution
 from wbc.control.rows.contact_set import ContactSet
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.settings import ControllerSettings

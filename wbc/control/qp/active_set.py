@@ -335,8 +335,9 @@ def _proves(solver: Any, base: int, size: int) -> bool:
 def climb(
     solver: Any, first: int, last: int, bounds: tuple[int, int], tolerance: float, x: FloatArray
 ) -> int:
-    """Add bounds one by one from the optimum without any, dropping what would pull.
+    """Add bounds one by one from the optimum with those taken as binding, dropping what would pull.
 
+    Where some of these pull they are let go of first, so that the way begins at an optimum.
     The dual method of Goldfarb & Idnani (1983) on the small system. The bound that is broken most
     is taken, and its multiplier grows from zero: the multipliers of the others change in a straight
     line to those of the system with it. The first one that reaches zero on the way is dropped, and
@@ -351,10 +352,18 @@ def climb(
     """
     base, taken, active, row = last - first, solver.taken, solver.active, -1
     push, trial = np.zeros(len(taken)), np.empty(len(x))
-    taken[:] = 0
-    size, known, fresh = base, 0, True
-    if not _try_rows(solver, first, known, base, size, x):
-        return UNSETTLED
+    size, known, fresh, pulls = base, 0, True, True
+    while pulls:
+        size, pulls = _place_active(solver, first, base, bounds[0], bounds[1]), False
+        if size < 0 or not _try_rows(solver, first, 0, base, size, x):
+            if size == base:
+                return UNSETTLED
+            taken[:], pulls = 0, True
+            continue
+        for k in range(size - base):
+            push[k] = -solver.force[base + k] * taken[active[k]]
+            if push[k] < 0.0:
+                taken[active[k]], pulls = 0, True
     for _ in range(STEPS):
         if fresh:
             row, side = _most_violated(solver, bounds, 0.5 * tolerance, x)
@@ -441,10 +450,8 @@ def settle(
         if changed > before:  # 6 of 1572 hostile starts settle after that, and 422 do not
             break
         before = changed
-    if not climbs:
-        taken[:] = 0
-        return UNSETTLED
-    return climb(solver, first, last, bounds, tolerance, x)
+    taken[:] = 0
+    return climb(solver, first, last, bounds, tolerance, x) if climbs else UNSETTLED
 
 
 @compiled(Nothing, SOLVER.kind, *[Count] * 3, OutRow, OutRow)

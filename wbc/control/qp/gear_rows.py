@@ -274,8 +274,8 @@ LIMITED = Structure(
 )
 """Torques of the gears as rows over x = [qdd, f / scale], and the rows that limit them.
 
-T = map x + output_bias; `limited` (g,) are the gears that have a limit. Their rows are the first g
-of C (.., n); where directions are searched the last g as well.
+T = map x + output_bias; `limited` (g,) are the gears that have a limit. Their rows are the first
+2 g of C (.., n), see `place_directed_rows`.
 """
 
 
@@ -291,62 +291,47 @@ def _limit_row(rows: Any, gear: int, row: int, slope: float, limits: tuple[float
     rows.lower[row], rows.upper[row] = limits[0] - offset, limits[1] - offset
 
 
-@compiled(Nothing, LIMITED.kind, Row)
-def place_torque_rows(rows: Any, slopes: FloatArray) -> None:
-    """Write the rows of the torque limits for one slope e per gear (m,); call after the map."""
-    for row in range(len(rows.limited)):
-        i = rows.limited[row]
-        limits = rows.gears.lower[i], rows.gears.upper[i]
-        _limit_row(rows, i, row, slopes[i], limits)
-
-
-@compiled(Nothing, LIMITED.kind, *[Row] * 3)
-def place_directed_rows(
-    rows: Any, positive: FloatArray, negative: FloatArray, choice: FloatArray
-) -> None:
+@compiled(Nothing, LIMITED.kind, Dense, Row)
+def place_directed_rows(rows: Any, slopes: FloatArray, choice: FloatArray) -> None:
     """Write the convex rows of all gears, and one half-space of some; call after the map.
 
-    N tau_phi is convex in T where positive >= negative: its upper limit is then two rows, its
-    lower one a union. In a gear that turns the other way it is the reverse. The rows for T < 0
-    stand in front, those for T > 0 at the end.
+    N tau_phi is convex in T where the slope for T > 0 is the larger one: its upper limit is then
+    two rows, its lower one a union. In a gear that turns the other way it is the reverse. The rows
+    for T <= 0 stand in front, those for T > 0 behind them.
 
     Args:
         rows: LIMITED.
-        positive, negative: slopes (m,) for either sign of T.
+        slopes: (2, m) for T <= 0 and T > 0.
         choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
             there is none.
     """
-    last = len(rows.lower) - len(rows.limited)
     for row in range(len(rows.limited)):
         i = rows.limited[row]
         low, high = rows.gears.lower[i], rows.gears.upper[i]
-        convex = positive[i] >= negative[i]
+        convex = slopes[1, i] >= slopes[0, i]
         least, most = (-INFINITE, high) if convex else (low, INFINITE)
         own, other = (low, high) if choice[i] < 0.0 else (least, most), (least, most)
         if choice[i] > 0.0:
             other = low, high
-        _limit_row(rows, i, row, negative[i], own)
-        _limit_row(rows, i, last + row, positive[i], other)
+        if slopes[0, i] == slopes[1, i]:
+            own, other = (low, high), (-INFINITE, INFINITE)
+        _limit_row(rows, i, row, slopes[0, i], own)
+        _limit_row(rows, i, len(rows.limited) + row, slopes[1, i], other)
 
 
-@compiled(Nothing, GEARS.kind, *[Row] * 4, OutFlags)
+@compiled(Nothing, GEARS.kind, *[Row] * 2, Dense, OutFlags)
 def place_beyond(
-    gears: Any,
-    output: FloatArray,
-    share: FloatArray,
-    positive: FloatArray,
-    negative: FloatArray,
-    beyond: BoolArray,
+    gears: Any, output: FloatArray, share: FloatArray, slopes: FloatArray, beyond: BoolArray
 ) -> None:
     """Write which gears (m,) give more than their limits by the mesh law.
 
     Args:
         gears: GEARS.
         output, share: T and what the rotors take themselves (m,) [N m].
-        positive, negative: slopes (m,) for either sign of T.
+        slopes: (2, m) for T <= 0 and T > 0.
         beyond: result (m,).
     """
     for i in range(len(output)):
-        torque = (positive[i] if output[i] > 0.0 else negative[i]) * output[i] + share[i]
+        torque = slopes[1 if output[i] > 0.0 else 0, i] * output[i] + share[i]
         slack = 1e-5 * (1.0 + abs(torque))
         beyond[i] = torque < gears.lower[i] - slack or torque > gears.upper[i] + slack

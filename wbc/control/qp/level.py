@@ -13,11 +13,11 @@ from wbc.arrays import FloatArray
 from wbc.control.command import Status
 from wbc.control.gears import consistent
 from wbc.control.inputs import Complaint
-from wbc.control.qp.directions import DirectedSolution, DirectionSearch, ProgramSolver
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
 from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
-from wbc.control.qp.solvers import WarmStart, solver_names
+from wbc.control.qp.search import DirectedSolution, DirectionSearch
+from wbc.control.qp.solvers import WarmStart
 from wbc.control.qp.torque_stage import bend_torques
 from wbc.control.reference import Reference
 from wbc.control.rows.contact_set import ContactRanks, ContactSet
@@ -46,6 +46,7 @@ from wbc.robot import Motion
 _BINDS = 1e-6
 _ACCURATE = 1e-4
 _FEW = 4
+_GIVING = 2  # programs that it takes to find a motion that passes limits
 _SOLVED: Complaint = (Status.SOLVED, "")
 _NOTHING_PASSED: Mapping[str, float] = {}
 
@@ -181,16 +182,15 @@ class Level:
         self.program, self._above = program, [stack.memory for stack in stacks[:rank]]
         # a program whose diagonal has zeros is none for the guess
         self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
-        names = solver_names(settings.solver)
-        self._solver = ProgramSolver(program, names, guesses=self._guesses)
-        self._search, self._rounds = DirectionSearch(program, self._solver), settings.max_rounds
+        self._search, self._rounds = DirectionSearch(program, self._guesses), settings.max_rounds
         self._block, self._passing = np.zeros(program.size), np.zeros(0)
+        self._decided: Mapping[int, bool] = {}
         self.forget()
 
     def forget(self) -> None:
         """Start the next tick without the rows that bound the last one."""
         self._saturated = False
-        self._solver.forget()
+        self._search.forget()
 
     def step(self, asked: PendingTick, above: SolvedLevel | None) -> SolvedLevel | Refusal:
         """Return the solution of a tick, or why there is none; `above` is decided already.
@@ -198,7 +198,8 @@ class Level:
         It is the solution of the level above where that leaves this one nothing to decide.
         """
         start, program = perf_counter(), self.program
-        block = self._block = np.empty(program.size)
+        block, self._decided = np.empty(program.size), {}
+        self._block = block
         ended = self._pass(asked, above, block)
         if ended == DONE:
             hard = int(program.memory.counts[HARD])
@@ -246,9 +247,9 @@ class Level:
         x = self._passing = above.block[above.level.program.at.x]
         # a guess leaves torque limits out
         limited = above.found is not None and bool(above.solution.z[program.torque].any())
-        if limited:
-            self._search.lay_out(sigma, None)
-            self._search.direct(above.row(OUTPUT) > 0.0)
+        if limited and above.found is not None:
+            self._search.start(sigma, None)
+            self._search.place(above.found.decided, above.row(OUTPUT))
         reach = REACH * memory.numbers[3]
         left = int(hold(memory, lock, x, limited, program.unlocked, reach))
         if left < 0:
@@ -261,18 +262,20 @@ class Level:
     ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
         program, gears = self.program, self.program.gear_rows(block)
-        passing = None if above is None else above.solution.x
-        self._search.lay_out(gears[SIGMA], passing)
-        first = program.gear_rows(asked.last)[OUTPUT] if above is None else above.row(OUTPUT)
-        self._solver.start_tick()
-        may_give = above is None and program.may_give
-        found, passed = self._search.solve(first, self._rounds, quick=may_give), _NOTHING_PASSED
-        verdict = _judged(found, program)
-        # it takes three programs or more
-        if may_give and not verdict[0].usable and self._solver.count + 3 <= self._rounds:
-            found, verdict, passed = self._giving_way(first)
+        output, passing, decided = program.gear_rows(asked.last)[OUTPUT], None, self._decided
+        if above is not None:
+            output, passing = above.row(OUTPUT), above.solution.x
+            decided = decided if above.found is None else above.found.decided
+        self._search.start(gears[SIGMA], passing)
+        may_give, passed = above is None and program.may_give, _NOTHING_PASSED
+        found = self._search.solve(output, decided, spare=_GIVING if may_give else 0)
+        verdict = _judged(found, program, self._search.blocking)
+        if may_give and not verdict[0].usable and self._search.rounds + _GIVING <= self._rounds:
+            found, verdict, passed = self._giving_way(output)
         if not verdict[0].usable:
+            self._search.place(found.decided, output)
             return Refusal(verdict, found, self)
+        self._decided = found.decided
         solution = found.solution
         block[program.at.x] = solution.x
         slopes = None
@@ -284,41 +287,37 @@ class Level:
         return SolvedLevel(self, block, solution, found, verdict, elapsed, asked.dt, slopes, passed)
 
     def _giving_way(
-        self, first: FloatArray
+        self, output: FloatArray
     ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
-        """Return a solution that passes limits, or one in its directions that need not.
+        """Return a solution that passes limits of joints and distances.
 
         What motors and ground can do at all is asked first: without a motion that keeps torque
-        limits, cones and contacts there is none that passes anything else. That motion also tells
-        the directions of the gears, and is the answer where none is found at a price.
+        limits, cones and contacts there is none that passes anything else. Its directions are
+        taken, and it is the answer where none is found at a price.
 
         Args:
-            first: T (m,) of its first guess.
+            output: T (m,) of the first guess.
         """
-        program, search, rounds = self.program, self._search, self._rounds
-        tried = search.directions
+        program, search = self.program, self._search
         with program.giving_way(dropped=True):
-            possible, leading = search.possible(first, rounds - 2)
-            possibly = _judged(possible, program)
-        if possible.solution.status is QPStatus.INFEASIBLE and possible.settled:
-            search.direct(tried)
-            return possible, possibly, {}
+            possible = search.solve(output, {}, spare=1, relaxes=True)
+            verdict = _judged(possible, program, search.blocking)
+        if possible.solution.status is QPStatus.INFEASIBLE:
+            return possible, verdict, _NOTHING_PASSED
+        output = search.output.copy() if verdict[0].usable else output
         with program.giving_way():
-            found = search.solve(leading, rounds, branches=False)
-            verdict = _judged(found, program)
-        if verdict[0].usable:
-            output = search.output_of(found.solution)
-            turned = bool(((output > 0.0) != (first > 0.0)).any())
-            if turned and self._solver.count < rounds:
-                kept = search.solve(output, rounds, quick=True)
-                if kept.solution.status is QPStatus.SOLVED:
-                    return kept, _judged(kept, program), _NOTHING_PASSED
+            gears = self.program.gears.tolist()
+            found = search.solve(output, {gear: bool(output[gear] > 0.0) for gear in gears})
+            at_a_price = _judged(found, program, search.blocking)
+        if at_a_price[0].usable:
+            verdict = at_a_price
+        elif verdict[0].usable:
+            found, verdict = (
+                possible,
+                (Status.INACCURATE, "Limits of joints and distances left out."),
+            )
         else:
-            found, verdict = possible, possibly
-            if not verdict[0].usable:
-                return found, verdict, _NOTHING_PASSED
-            search.direct(leading > 0.0)
-            verdict = Status.INACCURATE, "Limits of joints and distances left out."
+            return possible, verdict, _NOTHING_PASSED
         passed, stops = program.passed(found.solution)
         told = _told(passed, stops) if passed else ""
         return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
@@ -334,10 +333,9 @@ class Level:
 
     def built(self, last: FloatArray) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of a block's torques."""
-        output = self.program.gear_rows(last)[OUTPUT]
         passing = None if self.program.lock is None else self._passing
-        self._search.lay_out(self.program.gear_rows(self._block)[SIGMA], passing)
-        self._search.direct(output > 0.0)
+        self._search.start(self.program.gear_rows(self._block)[SIGMA], passing)
+        self._search.place(self._decided, self.program.gear_rows(last)[OUTPUT])
         return self.program.blocks().dense().copied()
 
 
@@ -348,7 +346,7 @@ def _told(passed: Mapping[str, float], stops: str) -> str:
     return f"{worst} is passed by {passed[worst]:.3g} per s^2{others}: {stops} leaves no more."
 
 
-def _judged(found: DirectedSolution, program: Program) -> Complaint:
+def _judged(found: DirectedSolution, program: Program, blocking: int) -> Complaint:
     """Return how usable a solution is, and what is in its way."""
     solution = found.solution
     finite = bool(np.isfinite(solution.x).all()) and len(solution.x) == program.n
@@ -363,7 +361,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
         beyond = program.blocks().beyond(solution.x) if finite else np.zeros(1)
         known = beyond.max(initial=0.0) > _ACCURATE
         broken = program.labels[int(np.argmax(beyond))] if known else "a constraint"
-        what = found.blocking or broken
+        what = program.labels[blocking] if blocking >= 0 else broken
         return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
     if solution.status is QPStatus.ITERATION_LIMIT and finite:
         residual = program.blocks().violation(solution.x)

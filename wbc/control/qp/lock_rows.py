@@ -120,12 +120,11 @@ def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, s
     Then the solution of the level above is one of this level, and no gap of the tolerance's size
     parts bounds that meet. A bound that has become an equality is none any more.
     """
-    solver, size, counts = program.solver, len(lock.decided), program.counts
+    solver, counts = program.solver, program.counts
     for i in range(start, stop):
         # limits of joints and distances may have given way above
         room = np.inf if counts[JOINT] <= i < counts[BOUNDS] else slack
-        # of the second row of a gear that has two the first one knows whether it is decided
-        if lock.decided[i if i < size else i - size] != 0:
+        if lock.decided[i] != 0:
             solver.lower[i], solver.upper[i] = -INFINITE, INFINITE
             continue
         low, high, value = program.stated_lower[i], program.stated_upper[i], 0.0

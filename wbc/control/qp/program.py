@@ -118,7 +118,7 @@ class Program:
         force_scale: [N] per unit of force variable, a tenth of the robot's weight, so that
             accelerations and forces are of one size and tolerances mean the same on any robot.
         unlocked: how many equalities are the robot's own; those of a lock follow.
-        plain: how many bounds there are; where directions are searched gears have further ones.
+        bounds: how many bounds there are, two for every gear that has a limit.
         has_efforts: whether it bears efforts.
         repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
         gears: numbers of the gears that have a torque limit.
@@ -156,8 +156,8 @@ class Program:
         ]
         self._write_force_costs({})
         self._write_normals(None)
-        self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.plain)
-        sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.plain]
+        self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.bounds)
+        sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.bounds]
         ends = np.cumsum([0, *sizes]).tolist()
         self.size = ends[-1]
         self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends)])
@@ -168,14 +168,14 @@ class Program:
         joints = () if recipe.joint_limit is None else recipe.joint_limit.joints
         apart = () if recipe.collision is None else recipe.collision.labels
         names = recipe.robot.transmission.joints
-        sizes = [len(self.gears), len(contacts.cone), len(contacts.contacts), len(joints)]
+        sizes = [2 * len(self.gears), len(contacts.cone), len(contacts.contacts), len(joints)]
         ends = np.cumsum([0, *sizes, len(apart)]).tolist()
         self.torque, self.cone, self.normal, self.joint, self.distance = (
             slice(a, b) for a, b in pairwise(ends)
         )
-        self.plain = ends[-1]
+        self.bounds = ends[-1]
         self.labels = (
-            *[f"rotor torque limit of '{names[i]}'" for i in self.gears],
+            *[f"rotor torque limit of '{names[i]}'" for i in (*self.gears, *self.gears)],
             *[f"contact {label}" for label in contacts.cone_labels],
             *[f"contact {contact.name}: normal force" for contact in contacts.contacts],
             *[f"joint limit of '{joint}'" for joint in joints],
@@ -185,7 +185,7 @@ class Program:
     def _lay_out_rows(self, cost: int, most: int, rank: int) -> None:
         """Make all memory, for `cost` soft rows and `most` hard ones beside the bounds."""
         recipe, n, nv, contacts = self.recipe, self.n, self.nv, self.contacts
-        size, bounds, m = cost + most + n, self.plain + len(self.gears), recipe.drivetrain.size
+        size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
         softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
         softness[:cost] = 1.0
         C, lower, upper = (
@@ -227,7 +227,7 @@ class Program:
             upper=stated[1],
         )
         efforts, settings = len(self._efforts), recipe.settings
-        ends = self.torque.stop, self.plain, self.joint.start
+        ends = self.torque.stop, self.bounds, self.joint.start
         counts = [0, cost, self.unlocked, *ends, efforts, recipe.robot.model.nq]
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         sizes = [recipe.kinematics.mass, self.force_scale, regular, tolerance]
@@ -298,7 +298,7 @@ class Program:
     @property
     def may_give(self) -> bool:
         """Whether it has limits of joints or distances, or tasks of infinite weight."""
-        return self.hardens or self.joint.start < self.plain
+        return self.hardens or self.joint.start < self.bounds
 
     @contextmanager
     def giving_way(self, *, dropped: bool = False) -> Iterator[None]:
@@ -315,7 +315,7 @@ class Program:
         if (tasks == 0.0).any():
             heaviest *= _RIGID
             tasks[tasks == 0.0] = 1.0 / heaviest
-        limits = slice(self.joint.start, self.plain)
+        limits = slice(self.joint.start, self.bounds)
         bounds = solver.lower[limits].copy(), solver.upper[limits].copy()
         if dropped:
             solver.lower[limits], solver.upper[limits] = -INFINITE, INFINITE
@@ -333,12 +333,12 @@ class Program:
 
     def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
         """Return what a solution passes, by how much [rad/s^2 or m/s^2], and what is in the way."""
-        blocks, gives = self.blocks(), slice(self.joint.start, self.plain)
+        blocks, gives = self.blocks(), slice(self.joint.start, self.bounds)
         beyond, (rigid, misses) = blocks.beyond(solution.x)[gives], self._missed(solution.x)
         least = _TOLD * max(beyond.max(initial=0.0), misses.max(initial=0.0))
         labels, sizes = [*self.labels[gives], *rigid], [*beyond, *misses]
         found = {a: float(b) for a, b in zip(labels, sizes, strict=True) if b > least}
-        push = np.abs(solution.z[: self.plain]) * np.linalg.norm(blocks.C, axis=1)
+        push = np.abs(solution.z) * np.linalg.norm(blocks.C, axis=1)
         share = _TOLD * push.max(initial=0.0)
         push[gives][beyond > least] = 0.0
         stops = int(np.argmax(push)) if push.size else 0
@@ -353,11 +353,10 @@ class Program:
         misses = tasks.rows.jacobian[rows] @ x[: self.nv] - tasks.wanted[rows]
         return [f"task '{self.stack.names[row]}'" for row in rows], np.abs(misses)
 
-    def blocks(self, *, directed: bool = False) -> BlockProblem:
-        """Return the program as it stands, in views; `directed` with two rows for every gear."""
+    def blocks(self) -> BlockProblem:
+        """Return the program as it stands, in views."""
         solver, counts = self.memory.solver, self.memory.counts
         used = slice(counts[FIRST], counts[COST] + counts[HARD])
-        bounds = slice(0, len(solver.lower) if directed else self.plain)
         return BlockProblem(
             diagonal=solver.diagonal,
             pull=solver.pull,
@@ -365,16 +364,16 @@ class Program:
             right=solver.right[used],
             softness=solver.softness[used],
             soft=int(counts[COST] - counts[FIRST]),
-            C=solver.C[bounds],
-            lower=solver.lower[bounds],
-            upper=solver.upper[bounds],
-            give=solver.give[bounds],
+            C=solver.C,
+            lower=solver.lower,
+            upper=solver.upper,
+            give=solver.give,
         )
 
     def stated(self, block: FloatArray, hard: int) -> QPSolution:
         """Return the solution in a block of results of a program with some hard rows."""
         found = block[self.at.multipliers]
-        y, z = self.with_hard_tasks(found[:hard]), found[hard : hard + self.plain]
+        y, z = self.with_hard_tasks(found[:hard]), found[hard : hard + self.bounds]
         return QPSolution(block[self.at.x], y, z, QPStatus.SOLVED, 0)
 
     def with_hard_tasks(self, y: FloatArray) -> FloatArray:
