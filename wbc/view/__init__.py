@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from wbc.extras import needs
 
 if TYPE_CHECKING:
-    from wbc.view.ground import GroundSlab, flat_ground, profile_ground
     from wbc.view.palette import DARK, LIGHT, Theme
     from wbc.view.pictures import write_animation, write_picture
     from wbc.view.playback import write_playback
@@ -21,11 +20,8 @@ __all__ = [
     "DARK",
     "LIGHT",
     "Ghost",
-    "GroundSlab",
     "Theme",
-    "flat_ground",
     "model_ghost",
-    "profile_ground",
     "write_animation",
     "write_picture",
     "write_playback",
@@ -33,7 +29,6 @@ __all__ = [
 
 _HOMES = {
     "track": ("Ghost", "model_ghost"),
-    "ground": ("GroundSlab", "flat_ground", "profile_ground"),
     "palette": ("DARK", "LIGHT", "Theme"),
     "pictures": ("write_animation", "write_picture"),
     "playback": ("write_playback",),

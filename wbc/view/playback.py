@@ -23,9 +23,9 @@ from wbc.files import write_text
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
-from wbc.sim.ground import Terrain
+from wbc.sim.ground import Plane, Terrain
 from wbc.transmission import Direction
-from wbc.view.ground import GroundSlab, flat_ground, surface_under, terrain_slabs
+from wbc.view.ground import surface, terrain_slabs
 from wbc.view.palette import (
     DIRECTION_COLOURS,
     DIRECTION_LABELS,
@@ -74,14 +74,13 @@ def _packed(values: ArrayLike) -> str:
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _contact(contact: ContactTrack, slabs: Sequence[GroundSlab]) -> dict[str, Any]:
-    normals = np.array([surface_under(slabs, point)[1] for point in contact.position])
+def _contact(contact: ContactTrack, ground: Terrain | None) -> dict[str, Any]:
     return {
         "name": contact.name,
         "friction": contact.friction,
         "position": _packed(contact.position),
         "force": _packed(contact.force),
-        "normal": _packed(normals),
+        "normal": _packed(surface(ground, contact.position)[1]),
         "largest": float(np.linalg.norm(contact.force, axis=1).max()),
     }
 
@@ -127,12 +126,6 @@ def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
     entries += [{"time": float(t), "label": f"{name} at {t:.3f} s"} for name, t in marks.items()]
     inside = [e for e in entries if track.time[0] <= e["time"] <= track.time[-1]]
     return sorted(inside, key=lambda entry: float(entry["time"]))
-
-
-def _floor(track: Track, slabs: Sequence[GroundSlab]) -> list[float] | None:
-    if not slabs:
-        return None
-    return [round(surface_under(slabs, point)[0], 5) for point in track.center_of_mass]
 
 
 def _leaves(robot: Robot, track: Track, size: SceneSize) -> bool:
@@ -211,7 +204,7 @@ def write_playback(
     log: Log,
     *,
     ghost: Ghost | None = None,
-    ground: Terrain | Sequence[GroundSlab] | None = None,
+    ground: Terrain | None = None,
     marks: Mapping[str, float] | None = None,
     title: str | None = None,
     theme: str = "",
@@ -239,14 +232,20 @@ def write_playback(
 
     Raises:
         LogError: the log holds no position of the robot.
+        ViewError: ground of a kind that has no picture.
     """
     track = make_track(robot, log)
     recorder = _Recorder()
     root = Visualizer(window=recorder)["/wbc"]
-    slabs = _slabs(track, ground)
+    ground, center = ground or _level_ground(track), track.center_of_mass
+    middle = 0.5 * (center.min(axis=0) + center.max(axis=0))
+    slabs = terrain_slabs(ground, middle, float(np.ptp(center, axis=0).max()) + 2.5)
     contacts = [contact.name for contact in track.contacts]
     shapes = robot_shapes(robot)
-    size = add_robot_scene(root, robot, shapes, slabs, contacts, _ground_opacity(track, slabs))
+    # A robot that hangs below its contact would be hidden by its ground.
+    mean = center.mean(axis=0)[None]
+    opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
+    size = add_robot_scene(root, robot, shapes, slabs, contacts, opacity)
     add_paths(root["paths"], track.paths)
     poses, residual, label = None, dict[str, FloatArray](), ""
     if ghost is not None:
@@ -258,8 +257,8 @@ def write_playback(
         "robot": _body(robot, track.poses),
         "ghost": None if poses is None else {"label": label, **_body(robot, poses)},
         "com": _packed(track.center_of_mass),
-        "floor": _floor(track, slabs),
-        "contacts": [_contact(contact, slabs) for contact in track.contacts],
+        "floor": None if ground is None else surface(ground, center)[0].round(5).tolist(),
+        "contacts": [_contact(contact, ground) for contact in track.contacts],
         "gears": [_gear(robot, track, k, residual) for k in range(robot.transmission.size)],
         "marks": shown,
         "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
@@ -296,27 +295,14 @@ def meshcat_script() -> str:
     return (folder / "main.min.js").read_text(encoding="utf-8")
 
 
-def _slabs(track: Track, ground: Terrain | Sequence[GroundSlab] | None) -> tuple[GroundSlab, ...]:
-    if ground is not None and not isinstance(ground, Terrain):
-        return tuple(ground)
-    size = float(np.ptp(track.center_of_mass, axis=0).max() + 2.5)
-    center = 0.5 * (track.center_of_mass.min(axis=0) + track.center_of_mass.max(axis=0))
-    if ground is not None:
-        return terrain_slabs(ground, center, size)
+def _level_ground(track: Track) -> Plane | None:
+    """Return the plane on which the loaded contacts stand, None where no contact is loaded."""
     heights = [
         contact.position[np.linalg.norm(contact.force, axis=1) > 0.05 * track.weight, 2]
         for contact in track.contacts
     ]
-    loaded = np.concatenate(heights) if heights else np.zeros(0)
-    return flat_ground(float(np.median(loaded)), center, size) if loaded.size else ()
-
-
-def _ground_opacity(track: Track, slabs: Sequence[GroundSlab]) -> float:
-    """Return 1, or little for a robot that hangs below its contact and would be hidden."""
-    if not slabs:
-        return 1.0
-    center = track.center_of_mass.mean(axis=0)
-    return 1.0 if center[2] >= surface_under(slabs, center)[0] else 0.3
+    loaded = np.concatenate([np.zeros(0), *heights])
+    return Plane(height=float(np.median(loaded))) if loaded.size else None
 
 
 class _Recorder:

@@ -15,7 +15,8 @@ from wbc import load_robot
 from wbc.errors import ViewError
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
-from wbc.view import profile_ground, write_playback
+from wbc.sim.ground import Plane, Sphere
+from wbc.view import write_playback
 from wbc.view.channels import configuration
 from wbc.view.track import make_track
 
@@ -95,18 +96,18 @@ def test_a_robot_without_visuals_and_forces_still_plays(tmp_path: Path) -> None:
     assert len(scene["commands"]) > 2 * (robot.model.njoints - 1)
 
 
-def test_slopes_and_steps_carry_the_projection_of_the_center_of_mass(
+def test_a_slope_carries_the_projection_of_the_center_of_mass(
     leg: Robot, squat: Log, tmp_path: Path
 ) -> None:
-    ground = profile_ground([(-1.0, 0.0), (0.0, 0.0), (0.0, 0.1), (1.0, 0.4)], 1.0)
+    ground = Plane(np.array([-0.3, 0.0, 1.0]), 0.1)
     moved = squat.with_columns({"base_x.position": np.full(len(squat), 0.5)})
     scene = scene_of(write_playback(tmp_path / "slope.html", leg, moved, ground=ground))
     center = floats(scene["com"], -1, 3)
     np.testing.assert_allclose(scene["floor"], 0.1 + 0.3 * center[:, 0], atol=1e-4)
     normal = floats(scene["contacts"][0]["normal"], -1, 3)
     np.testing.assert_allclose(normal[0], [-0.3, 0.0, 1.0] / np.hypot(0.3, 1.0), atol=1e-6)
-    with pytest.raises(ViewError, match="finite"):  # the page waited for it until its time was over
-        profile_ground([(0.0, 0.0), (np.nan, 1.0)], 1.0)
+    with pytest.raises(ViewError, match="no picture of a Sphere"):
+        write_playback(tmp_path / "ball.html", leg, squat, ground=Sphere(np.zeros(3), 1.0))
 
 
 def test_the_camera_frames_all_of_a_motion_that_it_follows(

@@ -14,7 +14,7 @@ from wbc.errors import RobotError
 from wbc.robot import Robot, placed_geometry
 from wbc.robot.coordinates import joint_axis
 from wbc.sim.ground import Plane, Stairs, Terrain
-from wbc.view.ground import surface_under, terrain_slabs
+from wbc.view.ground import surface, terrain_slabs
 from wbc.view.scene import hub_of, scene_size
 from wbc.view.shapes import along, robot_shapes
 
@@ -115,11 +115,13 @@ def test_discs_of_parallel_joints_at_one_place_keep_apart() -> None:
     ],
 )
 def test_points_on_the_drawn_surface_touch_the_ground(terrain: Terrain) -> None:
-    center = np.array([0.2, 0.1, 0.6])
-    slabs = terrain_slabs(terrain, center, 2.0)
-    rng = np.random.default_rng(0)
-    for x, y in center[:2] + rng.uniform(-0.8, 0.8, (40, 2)):
-        height, normal = surface_under(slabs, np.array([x, y, 1.0]))
-        gap, truth = terrain.gap(np.array([[x, y, height + 1e-9]]))
-        assert gap[0] == pytest.approx(0.0, abs=1e-8)
-        np.testing.assert_allclose(normal, truth[0], atol=1e-12)
+    center, rng = np.array([0.2, 0.1, 0.6]), np.random.default_rng(0)
+    for slab in terrain_slabs(terrain, center, 2.0):
+        for x, y in 0.5 * slab.sides[:2] * rng.uniform(-0.9, 0.9, (20, 2)):
+            point = slab.placement.act(np.array([x, y, 0.5 * slab.sides[2] + 1e-9]))
+            gap, normal = terrain.gap(point[None])
+            assert gap[0] == pytest.approx(0.0, abs=1e-8)
+            np.testing.assert_allclose(slab.placement.rotation[:, 2], normal[0], atol=1e-12)
+    points = center + rng.uniform(-0.8, 0.8, (40, 3))
+    points[:, 2] = surface(terrain, points)[0]
+    np.testing.assert_allclose(terrain.gap(points)[0], 0.0, atol=1e-8)
