@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
+from tests.outside import outside
 from wbc.effects import load_robot
 from wbc.identification import Diagnosis, diagnose
 from wbc.measurement import load_logs
 
 
-def run(folder: Path, case: str, robot: str, runs: str = "?") -> Diagnosis:
-    paths = sorted(folder.glob(f"{case}{runs}.csv"))
+def run(case: str, robot: str, runs: str = "?") -> Diagnosis:
+    paths = sorted(outside("practice_leg").glob(f"{case}{runs}.csv"))
     return diagnose(load_robot(robot).lossless(), load_logs(paths))
 
 
@@ -40,10 +39,8 @@ NAMED = {
 
 
 @pytest.mark.parametrize("case", NAMED)
-def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(
-    practice_leg: Path, case: str
-) -> None:
-    diagnosis = run(practice_leg, case, "planar_leg_fixed", "[ac]")  # b repeats a, d is as c
+def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(case: str) -> None:
+    diagnosis = run(case, "planar_leg_fixed", "[ac]")  # b repeats a, d is as c
     assert diagnosis.verdict == "named"
     assert found(diagnosis).keys() == NAMED[case].keys()
     for finding in diagnosis.findings:
@@ -56,14 +53,14 @@ def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(
     assert diagnosis.error.after < 1.2
 
 
-def test_a_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
-    diagnosis = run(practice_leg, "case00", "planar_leg_fixed")
+def test_a_leg_without_hidden_effect_is_left_alone() -> None:
+    diagnosis = run("case00", "planar_leg_fixed")
     assert diagnosis.verdict == "none"
     assert diagnosis.effects == ()
 
 
-def test_play_is_found_by_simulating_the_link_behind_it(practice_leg: Path) -> None:
-    diagnosis = run(practice_leg, "case09", "planar_leg_fixed", "[ac]")
+def test_play_is_found_by_simulating_the_link_behind_it() -> None:
+    diagnosis = run("case09", "planar_leg_fixed", "[ac]")
     assert diagnosis.verdict == "named"
     # A bouncing link is simulated roughly: what else it may leave room for is not certain.
     certain = {f.effect.key: f.effect for f in diagnosis.findings if f.probability >= 0.95}
@@ -80,24 +77,22 @@ FLOATING = {
 
 
 @pytest.mark.parametrize("case", FLOATING)
-def test_the_hidden_effect_of_the_floating_leg_is_named_and_measured(
-    practice_leg: Path, case: str
-) -> None:
-    diagnosis = run(practice_leg, case, "planar_leg")
+def test_the_hidden_effect_of_the_floating_leg_is_named_and_measured(case: str) -> None:
+    diagnosis = run(case, "planar_leg")
     name, where, parameter, truth = FLOATING[case]
     assert diagnosis.verdict == "named"
     assert {effect.name for effect in diagnosis.effects} == {name}
     assert found(diagnosis)[name, where][parameter] == pytest.approx(truth, rel=0.005)
 
 
-def test_a_standing_leg_without_hidden_effect_is_left_alone(practice_leg: Path) -> None:
-    assert run(practice_leg, "float00", "planar_leg").verdict == "none"
+def test_a_standing_leg_without_hidden_effect_is_left_alone() -> None:
+    assert run("float00", "planar_leg").verdict == "none"
 
 
-def test_a_force_sensor_that_reads_too_little_is_no_payload(practice_leg: Path) -> None:
+def test_a_force_sensor_that_reads_too_little_is_no_payload() -> None:
     logs = [
         log.with_columns({n: 0.97 * log.column(n) for n in log.names if n.startswith("foot.force")})
-        for log in load_logs(sorted(practice_leg.glob("float00?.csv")))
+        for log in load_logs(sorted(outside("practice_leg").glob("float00?.csv")))
     ]
     diagnosis = diagnose(load_robot("planar_leg").lossless(), logs)
     assert diagnosis.verdict == "named"
@@ -106,9 +101,9 @@ def test_a_force_sensor_that_reads_too_little_is_no_payload(practice_leg: Path) 
     assert gain == pytest.approx(0.97, rel=0.001)
 
 
-def test_hysteresis_is_friction_with_memory(practice_leg: Path) -> None:
+def test_hysteresis_is_friction_with_memory() -> None:
     """The plant's hysteresis is Dahl's, 0.6 N m at both joints."""
-    diagnosis = run(practice_leg, "case10", "planar_leg_fixed", "[ac]")
+    diagnosis = run("case10", "planar_leg_fixed", "[ac]")
     assert diagnosis.verdict == "named"
     assert found(diagnosis).keys() == {("presliding", "hip"), ("presliding", "knee")}
     assert [effect.level for effect in diagnosis.effects] == pytest.approx([0.6, 0.6], rel=0.005)
