@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import product
 from textwrap import fill
 
 import numpy as np
@@ -120,10 +119,10 @@ def _draw_body(
 ) -> None:
     """Draw the outline of the body that carries the limb."""
     corners = [
-        placement.act(np.array(corner))[rows]
+        placement.act(corner)[rows]
         for shape in robot_shapes(robot)
         if shape.joint == joint
-        for corner in product(*zip(shape.low, shape.high, strict=True))
+        for corner in shape.corners
     ]
     if not corners or np.ptp(corners, axis=0).min() < 1e-9:
         return

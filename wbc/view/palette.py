@@ -66,9 +66,3 @@ DARK = Theme(
     "#1B1F26",
     ("#4FA3DC", "#F2894A", "#3CC79A", "#E39BC2", "#F3B94A", "#8FD0F5"),
 )
-
-
-def rgb(colour: str) -> tuple[float, float, float]:
-    """Return red, green and blue in [0, 1] of a colour written #RRGGBB."""
-    number = int(colour.lstrip("#"), 16)
-    return (number >> 16) / 255.0, (number >> 8 & 255) / 255.0, (number & 255) / 255.0

@@ -6,7 +6,6 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -178,9 +177,8 @@ def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
     corners = [np.zeros((len(poses), 0, 3))]
     for shape in shapes:
         place = poses[:, shape.joint].astype(np.float64)
-        local = np.array(list(product(*zip(shape.low, shape.high, strict=True))))
         turn = Rotation.from_quat(place[:, 3:]).as_matrix()
-        corners.append(local @ np.swapaxes(turn, 1, 2) + place[:, None, :3])
+        corners.append(shape.corners @ np.swapaxes(turn, 1, 2) + place[:, None, :3])
     return np.concatenate(corners, axis=1)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import meshcat.geometry as mg
@@ -16,7 +15,7 @@ from wbc.robot import Robot
 from wbc.robot.coordinates import joint_axis
 from wbc.view.channels import robot_weight
 from wbc.view.ground import GroundSlab
-from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW, rgb
+from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW
 from wbc.view.shapes import LinkShape, UprightCylinder, along
 
 _PIN = 0.6
@@ -91,7 +90,7 @@ def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: Scene
         hub = hub_of(robot, shapes, joint, size)
         place = root[f"j{number}"]["hub"]
         body = UprightCylinder(hub.high - hub.low, hub.radius)
-        place.set_object(body, material(rgb(GREY), 1.0))
+        place.set_object(body, material(GREY, 1.0))
         middle = 0.5 * (hub.low + hub.high) * axis
         place.set_transform(pin.SE3(along(axis), middle).homogeneous)
 
@@ -134,8 +133,7 @@ def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
     """
     mesh = getattr(shape.geometry, "vertices", None)
     if mesh is None:
-        ends = np.array([shape.low, shape.high])
-        points = np.array([place.act(np.array(corner)) for corner in product(*ends.T)])
+        points = np.array([place.act(corner) for corner in shape.corners])
     else:
         whole = (place * shape.placement).homogeneous
         points = np.asarray(mesh, dtype=np.float64) @ whole[:3, :3].T + whole[:3, 3]
@@ -149,25 +147,23 @@ def add_contact(root: Any, friction: float, size: SceneSize) -> None:
     """Add an arrow of unit length along z and a friction cone, to be placed and scaled."""
     radius = size.arrow_radius
     shaft = UprightCylinder(1.0, radius)
-    root["shaft"]["body"].set_object(shaft, material(rgb(GREEN), 1.0))
+    root["shaft"]["body"].set_object(shaft, material(GREEN, 1.0))
     root["shaft"]["body"].set_transform(_shift(0.5))
     head = UprightCylinder(size.arrow_head, radiusTop=0.0, radiusBottom=2.6 * radius)
-    root["head"]["body"].set_object(head, material(rgb(GREEN), 1.0))
+    root["head"]["body"].set_object(head, material(GREEN, 1.0))
     root["head"]["body"].set_transform(_shift(0.5 * size.arrow_head))
     height = 0.28 * size.reach
     cone = UprightCylinder(height, radiusTop=friction * height, radiusBottom=0.0)
-    root["cone"]["body"].set_object(cone, material(rgb(YELLOW), 0.22))
+    root["cone"]["body"].set_object(cone, material(YELLOW, 0.22))
     root["cone"]["body"].set_transform(_shift(0.5 * height))
 
 
 def add_center_of_mass(root: Any, size: SceneSize) -> None:
     """Add a ball, its shadow point on the ground and the plumb line between them."""
     radius = 0.028 * size.reach
-    root["ball"].set_object(mg.Sphere(radius), material(rgb(PURPLE), 1.0))
-    root["floor"].set_object(
-        UprightCylinder(0.004 * size.reach, radius), material(rgb(PURPLE), 0.9)
-    )
-    root["line"]["body"].set_object(UprightCylinder(1.0, 0.12 * radius), material(rgb(PURPLE), 0.8))
+    root["ball"].set_object(mg.Sphere(radius), material(PURPLE, 1.0))
+    root["floor"].set_object(UprightCylinder(0.004 * size.reach, radius), material(PURPLE, 0.9))
+    root["line"]["body"].set_object(UprightCylinder(1.0, 0.12 * radius), material(PURPLE, 0.8))
     root["line"]["body"].set_transform(_shift(0.5))
 
 
@@ -215,11 +211,10 @@ def add_robot_scene(
     return size
 
 
-def material(colour: tuple[float, float, float], opacity: float) -> mg.MeshPhongMaterial:
-    """Return a surface of a colour given as red, green, blue in [0, 1]."""
-    red, green, blue = (round(255 * part) for part in colour)
+def material(colour: str, opacity: float) -> mg.MeshPhongMaterial:
+    """Return a surface of a colour written #RRGGBB."""
     return mg.MeshPhongMaterial(
-        color=(red << 16) + (green << 8) + blue,
+        color=int(colour[1:], 16),
         opacity=opacity,
         transparent=opacity < 1.0,
         depthWrite=opacity >= 1.0,

@@ -14,7 +14,6 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.robot import Robot, placed_geometry
-from wbc.view.palette import rgb
 
 # three.js runs cylinders along y, everybody else along z. meshcat sends this matrix row by row
 # and three.js reads it column by column, so that what is written here is the transpose.
@@ -132,7 +131,7 @@ class LinkShape:
         joint: number of the joint that moves it, 0 for the world.
         placement: of the body in the frame of that joint.
         geometry: what meshcat draws.
-        colour: red, green, blue in [0, 1].
+        colour: written #RRGGBB.
         low, high: (3,) [m] corners of its box in the frame of the joint.
     """
 
@@ -140,36 +139,40 @@ class LinkShape:
     joint: int
     placement: pin.SE3
     geometry: Any
-    colour: tuple[float, float, float]
+    colour: str
     low: FloatArray
     high: FloatArray
+
+    @classmethod
+    def of(cls, name: str, joint: int, place: pin.SE3, body: Any, colour: str = "") -> LinkShape:
+        """Return a shape of coal as it is drawn, in a neutral colour if none is told."""
+        body.computeLocalAABB()
+        moved = _box_corners(body.aabb_local.min_, body.aabb_local.max_) @ place.rotation.T
+        ends = moved.min(axis=0) + place.translation, moved.max(axis=0) + place.translation
+        colour = colour or _NEUTRALS[joint % len(_NEUTRALS)]
+        return cls(name, joint, place, meshcat_geometry(body), colour, *ends)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (8, 3) [m] of its box."""
+        return _box_corners(self.low, self.high)
+
+
+def _box_corners(low: FloatArray, high: FloatArray) -> FloatArray:
+    return np.array(list(product(*zip(low, high, strict=True))))
 
 
 def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     """Return the visuals of the robot's model file, or capsules between its joints without any."""
     shapes = []
-    for item, _, joint, placement in placed_geometry(robot, pin.GeometryType.VISUAL):
-        geometry = meshcat_geometry(item.geometry)
-        if geometry is not None:
-            colour, box = _colour(item, joint), _box(item.geometry, placement)
-            shapes.append(LinkShape(item.name, joint, placement, geometry, colour, *box))
-    return tuple(shapes) if any(shape.joint > 0 for shape in shapes) else stick_shapes(robot)
-
-
-def _colour(item: pin.GeometryObject, joint: int) -> tuple[float, float, float]:
-    given = np.asarray(item.meshColor)[:3]
-    # pinocchio's own default for "no material" tells nothing; a neutral per link does.
-    if np.allclose(given, 0.9):
-        return rgb(_NEUTRALS[joint % len(_NEUTRALS)])
-    return float(given[0]), float(given[1]), float(given[2])
-
-
-def _box(shape: Any, placement: pin.SE3) -> tuple[FloatArray, FloatArray]:
-    shape.computeLocalAABB()
-    box: coal.AABB = shape.aabb_local
-    corners = np.array(list(product(*zip(box.min_, box.max_, strict=True))))
-    moved = corners @ placement.rotation.T + placement.translation
-    return moved.min(axis=0), moved.max(axis=0)
+    for item, _, joint, place in placed_geometry(robot, pin.GeometryType.VISUAL):
+        red, green, blue = (round(255.0 * float(part)) for part in item.meshColor[:3])
+        # pinocchio's own default for "no material" tells nothing; a neutral per link does.
+        told = not np.allclose(item.meshColor[:3], 0.9)
+        colour = f"#{red:02X}{green:02X}{blue:02X}" if told else ""
+        shapes.append(LinkShape.of(item.name, joint, place, item.geometry, colour))
+    drawn = [shape for shape in shapes if shape.geometry is not None]
+    return tuple(drawn) if any(shape.joint > 0 for shape in drawn) else stick_shapes(robot)
 
 
 def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
@@ -188,41 +191,24 @@ def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     radius = 0.05 * max([length for length in lengths if length > 1e-9], default=0.5)
     shapes: list[LinkShape] = []
     for joint in range(1, model.njoints):
-        far = [end for end in ends[joint] if np.linalg.norm(end) > 1e-9]
+        name, far = model.names[joint], [e for e in ends[joint] if np.linalg.norm(e) > 1e-9]
         # Balls of one size in one place flicker: links that meet differ in thickness.
         own = radius * (1.0 - 0.05 * (joint % len(_NEUTRALS)))
-        shapes += [_rod(robot, joint, i, end, own) for i, end in enumerate(far)]
+        for i, end in enumerate(far):
+            rod = coal.Capsule(own, float(np.linalg.norm(end)))
+            place = pin.SE3(along(end), 0.5 * end)
+            shapes.append(LinkShape.of(f"{name}_{i}", joint, place, rod))
         if not far and model.inertias[joint].mass > 0.0:
-            shapes.append(_inertia_box(robot, joint, radius))
+            place, sides = _inertia_box(model.inertias[joint])
+            box = coal.Box(*np.maximum(sides, radius).tolist())
+            shapes.append(LinkShape.of(f"{name}_box", joint, place, box))
     return tuple(shapes)
 
 
-def _rod(robot: Robot, joint: int, number: int, end: FloatArray, radius: float) -> LinkShape:
-    return LinkShape(
-        f"{robot.model.names[joint]}_{number}",
-        joint,
-        pin.SE3(along(end), 0.5 * end),
-        capsule(float(np.linalg.norm(end)), radius),
-        rgb(_NEUTRALS[joint % len(_NEUTRALS)]),
-        np.minimum(end, 0.0) - radius,
-        np.maximum(end, 0.0) + radius,
-    )
-
-
-def _inertia_box(robot: Robot, joint: int, least: float) -> LinkShape:
-    inertia = robot.model.inertias[joint]
+def _inertia_box(inertia: pin.Inertia) -> tuple[pin.SE3, FloatArray]:
+    """Return placement and sides (3,) [m] of the uniform box that has an inertia."""
     moments, axes = np.linalg.eigh(np.asarray(inertia.inertia))
     squares = 6.0 / inertia.mass * (moments.sum() - 2.0 * moments)
-    sides = np.maximum(np.sqrt(np.maximum(squares, 0.0)), least)
     if np.linalg.det(axes) < 0.0:
         axes = axes * np.array([1.0, 1.0, -1.0])
-    shape = coal.Box(*[float(side) for side in sides])
-    placement = pin.SE3(axes, np.asarray(inertia.lever))
-    return LinkShape(
-        f"{robot.model.names[joint]}_box",
-        joint,
-        placement,
-        meshcat_geometry(shape),
-        rgb(_NEUTRALS[joint % len(_NEUTRALS)]),
-        *_box(shape, placement),
-    )
+    return pin.SE3(axes, np.asarray(inertia.lever)), np.sqrt(np.maximum(squares, 0.0))

@@ -27,18 +27,23 @@ _FORMATS = ("png", "pdf", "svg")
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)), (0, (3, 1)))
 
 
+_INKED = [
+    "axes.edgecolor",
+    "axes.labelcolor",
+    "axes.titlecolor",
+    "text.color",
+    "xtick.color",
+    "ytick.color",
+]
+
+
 @contextmanager
 def drawing(theme: Theme = LIGHT) -> Iterator[None]:
     """Draw in the style of a theme inside a `with` block."""
     settings = {
         "figure.facecolor": theme.page,
         "axes.facecolor": theme.panel,
-        "axes.edgecolor": theme.ink,
-        "axes.labelcolor": theme.ink,
-        "axes.titlecolor": theme.ink,
-        "text.color": theme.ink,
-        "xtick.color": theme.ink,
-        "ytick.color": theme.ink,
+        **dict.fromkeys((*_INKED, "xtick.color", "ytick.color"), theme.ink),
         "grid.color": theme.faint,
         "grid.linewidth": 0.6,
         "axes.grid": True,

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb as rgb
 
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import model_ghost, write_playback
-from wbc.view.palette import BLUE, GREY, RESIDUAL_OVER, RESIDUAL_UNDER, VERMILION, YELLOW, rgb
+from wbc.view.palette import BLUE, GREY, RESIDUAL_OVER, RESIDUAL_UNDER, VERMILION, YELLOW
 
 # The page's clock is in the test's hand: a frame is drawn when `pump` is called.
 CLOCK = """
