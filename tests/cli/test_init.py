@@ -14,8 +14,8 @@ import pytest
 from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
+from wbc.identification.readings.first_guess import guess_ratios
 from wbc.measurement import Log, load_log, save_log
-from wbc.measurement.guess import guess_ratios
 from wbc.samples import sample_logs
 
 PENDULUM = """

@@ -18,17 +18,8 @@ from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
-from wbc.identification.readings import check_logs, find_suspicions, suspicions
-from wbc.measurement import (
-    Log,
-    SuspiciousLogError,
-    load_log,
-    load_logs,
-    mended,
-    read_logs,
-    save_log,
-    together,
-)
+from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
+from wbc.measurement import Log, load_log, load_logs, mended, save_log, together
 from wbc.samples import sample_logs
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
@@ -216,12 +207,12 @@ def test_how_a_file_is_written_is_read_and_named(
     def said(content: bytes, name: str = "run.csv") -> str:
         (tmp_path / name).write_bytes(content)
         assert main(["check", str(tmp_path / name), *LEG]) == 0
-        (log,) = read_logs([tmp_path / name])
+        (log,) = load_logs([tmp_path / name])
         for column in ("hip.position", "knee.velocity"):
             np.testing.assert_array_equal(log.column(column), right.column(column))
         return " ".join(capsys.readouterr().out.split())
 
-    assert "line 2 gives units" in said(f"{header}\n{units}\n{rows}".encode())
+    assert "the line above the rows gives units" in said(f"{header}\n{units}\n{rows}".encode())
     assert "1 comment lines above the header" in said(f"# a run\n{text}".encode())
     assert "the file is UTF-16" in said(text.encode("utf-16"))
     said(gzip.compress(text.encode()), "run.csv.gz")

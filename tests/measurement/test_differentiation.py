@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_coeffs
 
 from wbc.errors import LogError
-from wbc.measurement import derivative, local_polynomial_operator, low_pass
+from wbc.measurement import derivative, low_pass
+from wbc.measurement.filters import local_polynomial_operator
 
 
 def _stamps(rows: int, seed: int) -> np.ndarray:

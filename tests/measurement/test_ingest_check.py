@@ -5,7 +5,8 @@ import pytest
 
 from wbc.effects import load_robot
 from wbc.identification.readings import check_log, check_logs
-from wbc.measurement import Log, LogSource, align_velocity, fit_velocity
+from wbc.measurement import Log, LogSource, align_velocity
+from wbc.measurement.filters import fit_velocity
 
 
 def _kinds(log: Log) -> set[str]:

@@ -109,6 +109,6 @@ def test_a_log_shows_itself_on_a_screen() -> None:
     log = Log(np.arange(100) * 0.01, {name: np.zeros(100) for name in names})
     shown = repr(log)
     assert "100 rows in 0.99 s" in shown
-    assert "velocity of joint_0, joint_1" in shown
-    assert "and 22 more" in shown
+    assert "joint_0.velocity, joint_0.rotor_torque" in shown
+    assert "and 82 more" in shown
     assert len(shown) < 600

@@ -184,15 +184,6 @@ def test_other_columns_are_passed_over_and_remembered(tmp_path: Path) -> None:
     assert log.source.ignored == ("mood",)
 
 
-@pytest.mark.parametrize("mark", [",", ";", "\t"])
-def test_the_delimiter_of_a_csv_is_seen_and_a_byte_order_mark_passed_over(
-    mark: str, tmp_path: Path
-) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(GOOD.replace(",", mark), encoding="utf-8-sig")
-    np.testing.assert_array_equal(load_log(path).column("hip.position"), [1.0, 2.0, 3.0])
-
-
 def test_a_hash_picks_a_log_only_where_a_map_splits_the_file(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(GOOD)

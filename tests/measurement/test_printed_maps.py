@@ -18,7 +18,7 @@ from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
 from wbc.identification.readings import check_log
 from wbc.identification.readings import mistakes as suspicions
-from wbc.measurement import Log, load_logs, read_logs
+from wbc.measurement import Log, load_logs
 from wbc.measurement.guess import guess_names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,7 +97,7 @@ def told(action: Callable[[], Any]) -> str:
 
 def reading(path: Path) -> str:
     """Return what reading says, or what asking for the hip's position says."""
-    return told(lambda: read_logs([path])[0].column("hip.position"))
+    return told(lambda: load_logs([path])[0].column("hip.position"))
 
 
 def from_arrays(path: Path) -> str:
@@ -110,7 +110,7 @@ def finding(kind: str, *, turning: bool = False) -> Callable[[Path], str]:
         robot = load_robot("planar_leg_fixed")
         ends = np.inf if turning else 3.0
         robot.model.lowerPositionLimit[:], robot.model.upperPositionLimit[:] = -ends, ends
-        (log,) = read_logs([path])
+        (log,) = load_logs([path])
         found = check_log(log.select([n for n in log.names if "torque" not in n]), robot)
         return found.of_kind(kind)[0].way_out
 
@@ -118,28 +118,24 @@ def finding(kind: str, *, turning: bool = False) -> Callable[[Path], str]:
 
 
 def note(path: Path) -> str:
-    return "\n".join(read_logs([path])[0].source.notes)
+    return "\n".join(load_logs([path])[0].source.notes)
 
 
-def unknown_joints(path: Path) -> str:
-    return told(lambda: compare(load_robot("planar_leg_fixed"), read_logs([path])))
+def refused(path: Path) -> str:
+    return told(lambda: compare(load_robot("planar_leg_fixed"), load_logs([path])))
 
 
 def without_torque(path: Path) -> str:
     """Return what the check says, and the same lines from a comparison."""
-    robot, logs = load_robot("planar_leg_fixed"), read_logs([path])
+    robot, logs = load_robot("planar_leg_fixed"), load_logs([path])
     (found,) = check_log(logs[0], robot).of_kind("no_torque")
     assert printed_maps(told(lambda: compare(robot, logs))) == printed_maps(found.way_out)
     return found.way_out
 
 
 def trusting(path: Path) -> str:
-    logs = read_logs([path], gear_ratios=RATIOS)
+    logs = load_logs([path], gear_ratios=RATIOS)
     return told(lambda: suspicions.suspicions(load_robot("planar_leg_fixed"), logs))
-
-
-def plausible(path: Path) -> str:
-    return told(lambda: load_logs([path]))
 
 
 def guessing(path: Path) -> str:
@@ -182,7 +178,7 @@ CASES = {
     "a late velocity": Case(late, finding("clock_lag")),
     "beyond the limits": Case(in_degrees, finding("range")),
     "many turns": Case(in_degrees, finding("range", turning=True)),
-    "far beyond the limits": Case(in_degrees_beside_noise, unknown_joints),
+    "far beyond the limits": Case(in_degrees_beside_noise, refused),
     "milliseconds": Case(scaled(1e3, "time"), finding("time_unit")),
     "milliseconds without velocity": Case(
         lambda c: {n: 1e3 * v if n == "time" else v for n, v in c.items() if "vel" not in n},
@@ -190,8 +186,8 @@ CASES = {
     ),
     "a velocity's sign": Case(scaled(-1.0, "hip.velocity"), finding("velocity_sign")),
     "a velocity's side": Case(scaled(20.0, "hip.velocity"), finding("gear_side")),
-    "velocities in deg/s": Case(scaled(180.0 / np.pi, "hip.velocity", "knee.velocity"), plausible),
-    "other names": Case(renamed("hip.", "axis_1."), unknown_joints),
+    "velocities in deg/s": Case(scaled(180.0 / np.pi, "hip.velocity", "knee.velocity"), refused),
+    "other names": Case(renamed("hip.", "axis_1."), refused),
     "a torque that was not read": Case(renamed("knee.motor_torque", "tau_knee"), without_torque),
     "torques that were not read": Case(
         lambda c: renamed("hip.motor_torque", "tau1")(renamed("knee.motor_torque", "tau2")(c)),
@@ -200,7 +196,7 @@ CASES = {
     "a torque with a name that says nothing": Case(
         renamed("knee.motor_torque", "x3"), without_torque, (("COLUMN", "x3"),)
     ),
-    "a position that was not read": Case(renamed("knee.position", "knee_angle"), unknown_joints),
+    "a position that was not read": Case(renamed("knee.position", "knee_angle"), refused),
     "a channel that was not read": Case(renamed("hip.position", "pos_hip"), reading),
     "an effort": Case(renamed("motor_torque", "effort"), note),
     "torque signs": Case(scaled(-1.0, *TORQUES), trusting),
@@ -240,7 +236,7 @@ def test_a_printed_map_mends_what_it_was_printed_for(
         for word, given in case.filled:
             text = text.replace(word, given)
         fix.write_text(text)
-        (log,) = read_logs([path], fix, gear_ratios=RATIOS)
+        (log,) = load_logs([path], fix, gear_ratios=RATIOS)
         _assert_mended(name, log, right, text)
 
 
@@ -281,14 +277,14 @@ def _assert_mended(name: str, log: Log, right: Columns, text: str) -> None:
 def headless(folder: Path) -> tuple[Path, str]:
     path = folder / "run.csv"
     path.write_text("0,0.5,1\n0.1,0.6,1\n0.2,0.7,1\n")
-    return path, told(lambda: read_logs([path]))
+    return path, told(lambda: load_logs([path]))
 
 
 def two_logs(folder: Path) -> tuple[Path, str]:
     path = folder / "runs.parquet"
     table = {"time": [0.0, 0.1, 0.0, 0.1], "hip.position": [1.0, 2.0, 3.0, 4.0]}
     pq.write_table(pa.table({**table, "run": ["a", "a", "b", "b"]}), path)
-    return path, told(lambda: read_logs([f"{path}#b"]))
+    return path, told(lambda: load_logs([f"{path}#b"]))
 
 
 def two_topics(folder: Path) -> tuple[Path, str]:
@@ -296,7 +292,7 @@ def two_topics(folder: Path) -> tuple[Path, str]:
     from tests.measurement.test_bag_table import record
 
     path = record(folder / "run", "MCAP", ("/left", "/right"))
-    return path, told(lambda: read_logs([path]))
+    return path, told(lambda: load_logs([path]))
 
 
 FILES = {"headless": headless, "two logs": two_logs, "two topics": two_topics}
@@ -309,6 +305,6 @@ def test_a_printed_map_makes_a_file_readable(name: str, tmp_path: Path) -> None:
     text = text.replace("column_2", "hip.position").replace("column_3", "knee.position")
     (tmp_path / "map.toml").write_text(text)
     part = "#b" if name == "two logs" else ""
-    (log,) = read_logs([f"{path}{part}"], tmp_path / "map.toml")
+    (log,) = load_logs([f"{path}{part}"], tmp_path / "map.toml")
     first = {"headless": 0.5, "two logs": 3.0, "two topics": 0.0}[name]
     assert log.column("hip.position")[0] == first

@@ -37,17 +37,6 @@ def test_an_array_with_two_axes_is_several_columns(order: str, tmp_path: Path) -
         load_logs([tmp_path / "run.npz"], table)
 
 
-def test_init_reads_a_strangers_npz(tmp_path: Path) -> None:
-    (tmp_path / "arm.xml").write_text(MODEL)
-    positions = np.stack([np.sin(TIME), 0.5 * np.cos(2.0 * TIME)], axis=1)
-    np.savez(tmp_path / "run.npz", t=TIME, q=positions, tau=0.1 * positions)
-    files = [str(tmp_path / "arm.xml"), str(tmp_path / "run.npz")]
-    assert main(["init", *files, "--out", str(tmp_path / "out")]) == 0
-    (log,) = load_logs([tmp_path / "run.npz"], tmp_path / "out" / "columns.toml")
-    np.testing.assert_array_equal(log.stack("position", ["pan", "lift"]), positions)
-    assert log.with_quantity("motor_torque") == ("pan", "lift")
-
-
 def test_the_files_of_a_lerobot_dataset_are_read_as_its_vectors(tmp_path: Path) -> None:
     """Two episodes in one file, whose clock starts again; no map is needed."""
     (tmp_path / "arm.xml").write_text(MODEL)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -24,8 +24,6 @@ from wbc.measurement import (
 )
 from wbc.measurement.column_map import SECTIONS
 from wbc.robot import Robot
-
-Reader = Callable[..., tuple[Log, ...]]
 
 
 def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]:
@@ -58,9 +56,7 @@ def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
     return logs
 
 
-def read_logs(
-    paths: Sequence[str], columns: str | None, robot: Robot, read: Reader = load_logs
-) -> tuple[Log, ...]:
+def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:
     """Return the logs of files, read with the robot's gear ratios.
 
     Args:
@@ -68,7 +64,6 @@ def read_logs(
             for a log that is read as the column map says and then changed by one of its own.
         columns: column map.
         robot: that the logs are held against.
-        read: how files are read.
     """
     gears = robot.transmission
     ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
@@ -80,7 +75,7 @@ def read_logs(
         table: str | ColumnMap | None = columns
         if patch:
             table = parse_column_map(merged(read_table(columns), read_table(patch)), patch, ratios)
-        found = read([file], table, gear_ratios=ratios)
+        found = load_logs([file], table, gear_ratios=ratios)
         logs += [log if own is None else with_machine(log, robot, own) for log in found]
     return tuple(logs)
 

@@ -19,18 +19,18 @@ from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
-from wbc.identification.readings import check_logs
+from wbc.identification.readings import LogQuality, check_logs, find_repeats
 from wbc.identification.readings.first_guess import (
     guess_map,
+    guess_ratios,
     guessed_numbers,
     model_joints,
     not_found,
     write_robot,
 )
 from wbc.identification.readings.robot_checks import told_by_rows
-from wbc.measurement import LogFinding, LogQuality, find_repeats, read_table, write_map
-from wbc.measurement import read_logs as read_suspicious
-from wbc.measurement.guess import MapGuess, guess_names, guess_ratios
+from wbc.measurement import LogFinding, read_table, write_map
+from wbc.measurement.guess import MapGuess, guess_names
 from wbc.robot.model_file import left_out
 from wbc.view.rows import clock_rows, joint_rows, short_label
 
@@ -42,7 +42,7 @@ _LOGS = 4  # that tell whose columns are whose
 def run_check(options: argparse.Namespace, console: Console) -> Outcome:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
     robot = robot_from(options)
-    logs = read_logs(options.logs, options.columns, robot, read_suspicious)
+    logs = read_logs(options.logs, options.columns, robot)
     qualities = check_logs(logs, robot)
     said = _remarks(qualities)
     # Of all that the loader notes, only this makes results wrong.

@@ -23,8 +23,8 @@ from wbc.files import write_text
 from wbc.measurement import Log, parse_column_map
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
+from wbc.measurement.column_map import read_table
 from wbc.measurement.filters import jumps
-from wbc.measurement.findings import read_table
 from wbc.measurement.formats import open_table
 from wbc.measurement.names import guess_name
 from wbc.measurement.read import split_path

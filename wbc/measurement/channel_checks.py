@@ -35,57 +35,39 @@ def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         resting: joints that stand still, whose motion is not judged.
     """
     findings: list[LogFinding] = []
+
+    def warn(kind: str, name: str, text: str, way: str, severity: str = "warning") -> None:
+        findings.append(LogFinding(severity, kind, name, text, way))
+
     for name, values in log.columns.items():
-        parts = split_column(name)
-        if parts is None or parts[1] not in _MEASURED:
-            continue
-        if parts[0] in resting and parts[1] in _MOTION:
+        joint, quantity = split_column(name) or ("", "")
+        if quantity not in _MEASURED or (joint in resting and quantity in _MOTION):
             continue
         if values[0] == values[-1] and np.ptp(values) == 0.0:
-            findings.append(_constant(name, float(values[0]), parts[1]))
+            if quantity == "position":
+                text = f"{values[0]:g} throughout, while the velocity changes."
+                warn("constant_joint", name, text, "The channel is not connected.")
+                continue
+            text = "zero throughout." if values[0] == 0.0 else f"{values[0]:g} throughout."
+            way = "Fine for an unpowered joint; otherwise the channel is not connected."
+            idle = quantity in _ACTUATION and values[0] == 0.0
+            warn("constant_channel", name, text, way, "info" if idle else "warning")
             continue
-        if parts[1] in _ACTUATION:
-            findings += _saturation(log, parts[0], name)
-        findings += _coarse(name, values)
+        step, spread = resolution(values), float(np.std(values))
+        if step > _COARSE_SHARE * spread:
+            text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's "
+            warn("coarse", name, f"{text}spread.", "Excite more, or read it with more bits.")
+        # A duty of one is the limit by definition, whether the joint moves or not.
+        full = quantity == "duty" and float(np.abs(values).max()) >= _FULL_DUTY
+        known = log.has(f"{joint}.position") and not full
+        position = log.column(f"{joint}.position") if known else None
+        low, high, share, runs = plateau(values, position)
+        cut = share >= _SATURATED_SHARE and (runs >= 3 or full)
+        if quantity in _ACTUATION and cut:
+            text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
+            way = "The drive or its sensor is at its limit: what it really did there is unknown. "
+            warn("saturation", name, text, f"{way}Leave those times out, or excite less.")
     return findings
-
-
-def _constant(name: str, value: float, quantity: str) -> LogFinding:
-    if quantity == "position":
-        text = f"{value:g} throughout, while the velocity changes."
-        return LogFinding("warning", "constant_joint", name, text, "The channel is not connected.")
-    severity = "info" if quantity in _ACTUATION and value == 0.0 else "warning"
-    text = "zero throughout." if value == 0.0 else f"{value:g} throughout."
-    way_out = "Fine for an unpowered joint; otherwise the channel is not connected."
-    return LogFinding(severity, "constant_channel", name, text, way_out)
-
-
-def _saturation(log: Log, joint: str, name: str) -> list[LogFinding]:
-    values = log.column(name)
-    name_of_position = f"{joint}.position"
-    # A duty of one is the limit by definition, whether the joint moves or not.
-    full = name.endswith(".duty") and float(np.abs(values).max()) >= _FULL_DUTY
-    known = log.has(name_of_position) and not full
-    position = log.column(name_of_position) if known else None
-    low, high, share, runs = plateau(values, position)
-    if share < _SATURATED_SHARE or (runs < 3 and not full):
-        return []
-    text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
-    way = (
-        "The drive or its sensor is at its limit: what it really did there is unknown. Leave "
-        "those times out, or excite less."
-    )
-    return [LogFinding("warning", "saturation", name, text, way)]
-
-
-def _coarse(name: str, values: FloatArray) -> list[LogFinding]:
-    step = resolution(values)
-    spread = float(np.std(values))
-    if step <= _COARSE_SHARE * spread:
-        return []
-    text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's spread."
-    way = "Excite more, or read the value with more bits."
-    return [LogFinding("warning", "coarse", name, text, way)]
 
 
 def resting_joints(log: Log) -> frozenset[str]:
@@ -109,22 +91,14 @@ def resting_joints(log: Log) -> frozenset[str]:
 
 def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
     """Return a finding for each joint that stands still, in place of those about its channels."""
-    findings = []
-    for joint in log.with_quantity("position"):
-        if joint not in resting:
-            continue
-        position = log.column(f"{joint}.position")
-        where = (
-            f"the joint never moves (position {position[0]:g} throughout)."
-            if np.ptp(position) == 0.0
-            else f"the joint stands still (within {np.ptp(position):.2g} of {position.mean():.4g})."
-        )
-        way = (
-            "This log tells nothing of the joint but a static torque: move it in another log, "
-            "or lock it in the robot."
-        )
-        findings.append(LogFinding("warning", "constant_joint", f"{joint}.position", where, way))
-    return findings
+    way = "This log tells nothing of the joint but a static torque: move it in another log, or "
+    way += "lock it in the robot."
+    found = []
+    for name in sorted(f"{joint}.position" for joint in resting):
+        place = log.column(name)
+        text = f"the joint stands still (within {np.ptp(place):.2g} of {place.mean():.4g})."
+        found.append(LogFinding("warning", "constant_joint", name, text, way))
+    return found
 
 
 def _position_moves(time: FloatArray, position: FloatArray) -> bool:
@@ -172,13 +146,13 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         resting: joints that stand still throughout; nothing of theirs is lost.
     """
     findings: list[LogFinding] = []
-    for joint in log.with_quantity("position"):
-        if joint in resting or not log.has(f"{joint}.velocity"):
-            continue
-        position, velocity = log.column(f"{joint}.position"), log.column(f"{joint}.velocity")
+    held = [joint for joint in log.with_quantity("position") if log.has(f"{joint}.velocity")]
+    for joint in (joint for joint in held if joint not in resting):
+        names = [f"{joint}.position", f"{joint}.velocity"]
+        position, velocity = map(log.column, names)
         if np.ptp(position) == 0.0 or np.ptp(velocity) == 0.0:
             continue
-        for name, values in ((f"{joint}.position", position), (f"{joint}.velocity", velocity)):
+        for name, values in zip(names, (position, velocity), strict=True):
             starts, ends = true_runs(np.diff(values) == 0.0)
             length = int(np.max(ends - starts, initial=0))
             start = int(starts[np.argmax(ends - starts)]) if length else 0
@@ -186,33 +160,21 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
             if length < _SAMPLES or seconds < _SECONDS:
                 continue
             # The later half alone: a velocity that lags behind dies out in the first.
-            rows = slice(start + length // 2, start + length + 1)
-            seen = abs(float(trapezoid(velocity[rows], log.time[rows])))
-            if values is velocity:
-                seen = abs(float(position[rows][-1] - position[rows][0])) - seen
-                held = abs(seen) > 0.0 and _released(values, rows.stop, 0.1 * np.ptp(velocity))
-            else:
-                held = seen > 0.0 and _released(values, rows.stop, seen)
-                held = held and seen > 2.0 * _usual_step(position)
-            lost = abs(seen) > _END_SHARE * np.ptp(position)
-            if held if rows.stop < len(log) else lost:
-                text = (
-                    f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
-                    "joint moves."
-                )
+            rows, stop = slice(start + length // 2, start + length + 1), start + length + 1
+            moved = abs(float(position[stop - 1] - position[rows.start]))
+            seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows]))))
+            jump = abs(float(values[stop] - values[stop - 1])) if stop < len(log) else 0.0
+            least = max(seen if values is position else 0.1 * np.ptp(velocity), 5.0 * _step(values))
+            known = values is velocity or seen > 2.0 * _step(position)
+            lost = seen > _END_SHARE * np.ptp(position)
+            if (seen > 0.0 and known and jump > least) if stop < len(log) else lost:
+                text = f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
                 way = "The sensor or its link dropped out: leave that time out (log.between)."
-                findings.append(LogFinding("error", "stuck", name, text, way))
+                findings.append(LogFinding("error", "stuck", name, f"{text}joint moves.", way))
     return findings
 
 
-def _released(values: FloatArray, row: int, least: float) -> bool:
-    """Whether a channel jumps by `least` at `row`, far beyond its usual steps."""
-    if row >= values.size:
-        return False
-    return bool(abs(values[row] - values[row - 1]) > max(least, 5.0 * _usual_step(values)))
-
-
-def _usual_step(values: FloatArray) -> float:
+def _step(values: FloatArray) -> float:
     steps = np.abs(np.diff(values))
     return float(np.median(steps[steps > 0.0]))
 

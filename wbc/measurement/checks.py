@@ -7,21 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wbc.errors import LogError
-from wbc.measurement.clocks import (
-    CUT_FROM,
-    GAP_STEPS,
-    cut_at_gaps,
-    find_duplicates,
-    gaps,
-    too_short,
-)
+from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, cut_at_gaps, gaps, too_short
 from wbc.measurement.filters import VelocityFit
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 
 _JITTER = 0.5
-_FEW_ROWS = 100
-_RATE_RATIO = 1.5
 _WELL_CORRELATED = 0.9
 _DELAY_SAMPLES = 0.25
 
@@ -74,12 +65,7 @@ def check_clock(log: Log) -> list[LogFinding]:
         way = "Stamp the samples where they are measured, not where they are received."
         findings.append(LogFinding("warning", "jitter", "time", text, way))
     short = too_short(log)
-    if short is not None:
-        findings.append(short)
-    elif len(log) < _FEW_ROWS:
-        way = "A few seconds at 100 Hz or more are needed to identify anything."
-        findings.append(LogFinding("warning", "short", "", f"only {len(log)} rows.", way))
-    return findings
+    return findings if short is None else [*findings, short]
 
 
 def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFinding]:
@@ -111,39 +97,4 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFindi
             samples = abs(fit.delay) / log.sample_time
             text = f"{abs(late):.2f} ms ({samples:.1f} samples) {side} the position."
         findings.append(LogFinding("warning", kind, name, text, way, aligned))
-    return findings
-
-
-def check_set(logs: Sequence[Log]) -> list[LogFinding]:
-    """Return findings about duplicates, different joints, channels and rates."""
-    findings = []
-    for group in find_duplicates(logs):
-        labels = ", ".join(logs[k].source.label for k in group)
-        text = f"the same data more than once: {labels}."
-        way = "Give each recording once; a copy is no repeat, it says nothing about noise."
-        findings.append(LogFinding("error", "duplicate", "", text, way))
-    first = logs[0]
-    for log in logs[1:]:
-        if set(log.joints) != set(first.joints):
-            text = (
-                f"{log.source.label} has the joints {', '.join(log.joints)}; "
-                f"{first.source.label} has {', '.join(first.joints)}."
-            )
-            way = "Logs given together must be of one robot."
-            findings.append(LogFinding("error", "joints_differ", "", text, way))
-        elif odd := sorted({*first.names} ^ {*log.names}):
-            text = (
-                f"{log.source.label} and {first.source.label} differ in the channels "
-                f"{', '.join(odd)}."
-            )
-            way = "Only channels that all logs have are used together."
-            findings.append(LogFinding("warning", "channels_differ", "", text, way))
-    slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
-    if slow.sample_time >= _RATE_RATIO * fast.sample_time:
-        text = (
-            f"{slow.source.label} has {1.0 / slow.sample_time:.4g} Hz, {fast.source.label} "
-            f"{1.0 / fast.sample_time:.4g} Hz."
-        )
-        way = "Fine if they were recorded so; otherwise one clock is in another unit."
-        findings.append(LogFinding("warning", "rates_differ", "time", text, way))
     return findings

@@ -1,8 +1,7 @@
-"""The clock of a log: where samples are missing, stamps repeat and runs begin; logs that repeat."""
+"""The clock of a log: where samples are missing, stamps repeat, and runs begin."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -11,7 +10,6 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
-from wbc.measurement.filters import residual_noise
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 
@@ -52,32 +50,36 @@ def cut_at_gaps(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     """
     whole, warnings = [], []
     for log in logs:
-        rows = _cuts(log)
-        if not rows.size:
+        cuts = _cuts(log)
+        if not cuts.size:
             whole.append(log)
             continue
-        pieces = _pieces(log, rows)
-        kept = sum(map(len, pieces))
-        where = _described(log, rows)
+        widths, at = log.time[cuts + 1] - log.time[cuts], log.time[cuts[0]]
+        where = f"samples are missing for {widths[0]:.3g} s at {at:.3f} s"
+        if cuts.size > 1:
+            where = f"samples are missing in {cuts.size} places, first for {widths[0]:.3g} s at "
+            where += f"{at:.3f} s, at most for {widths.max():.3g} s"
+        long = [piece for piece in _pieces(log, cuts) if piece.duration >= _LEAST_DURATION]
+        kept = sum(map(len, long))
         if kept < 0.5 * len(log):
             raise LogError(
                 f"{log.source.label}: {where}, and only {kept} of {len(log)} rows are left in "
                 "pieces long enough to be used. Record with the drive's own clock, without losses."
             )
-        whole += pieces
+        spans = [f"{piece.time[0]:.3f}..{piece.time[-1]:.3f} s" for piece in long]
+        for piece, span in zip(long, spans, strict=True):
+            part = f"{log.source.part} {span}".lstrip()
+            whole.append(replace(piece, source=replace(log.source, part=part)))
         warnings.append(
-            f"{log.source.label}: {where}. The log is cut there; used are "
-            f"{', '.join(_span(piece) for piece in pieces)}. Runs cut in different places are not "
-            "seen to repeat one another."
+            f"{log.source.label}: {where}. The log is cut there; used are {', '.join(spans)}. Runs "
+            "cut in different places are not seen to repeat one another."
         )
     return whole, warnings
 
 
 def longest_piece(log: Log) -> Log:
     """Return the longest part of a log in which no samples are missing."""
-    rows = _cuts(log)
-    start, stop = max(_between(log, rows), key=lambda piece: piece[1] - piece[0])
-    return log[start:stop] if rows.size else log
+    return max(_pieces(log, _cuts(log)), key=len, default=log[:2])
 
 
 def _cuts(log: Log) -> IntArray:
@@ -86,35 +88,9 @@ def _cuts(log: Log) -> IntArray:
     return rows[log.time[rows + 1] - log.time[rows] > CUT_FROM]
 
 
-def _between(log: Log, rows: IntArray) -> list[tuple[int, int]]:
-    """Return the first row of every piece, and the one after its last."""
-    return list(pairwise([0, *(int(row) + 1 for row in rows), len(log)]))
-
-
-def _pieces(log: Log, rows: IntArray) -> list[Log]:
-    pieces = []
-    for start, stop in _between(log, rows):
-        long = stop - start >= _LEAST_ROWS
-        if long and log.time[stop - 1] - log.time[start] >= _LEAST_DURATION:
-            piece = log[start:stop]
-            part = f"{log.source.part} {_span(piece)}".lstrip()
-            pieces.append(piece.with_source(replace(log.source, part=part)))
-    return pieces
-
-
-def _described(log: Log, rows: IntArray) -> str:
-    widths = log.time[rows + 1] - log.time[rows]
-    at, width = float(log.time[rows[0]]), float(widths[0])
-    if rows.size == 1:
-        return f"samples are missing for {width:.3g} s at {at:.3f} s"
-    return (
-        f"samples are missing in {rows.size} places, first for {width:.3g} s at {at:.3f} s, at "
-        f"most for {widths.max():.3g} s"
-    )
-
-
-def _span(log: Log) -> str:
-    return f"{log.time[0]:.3f}..{log.time[-1]:.3f} s"
+def _pieces(log: Log, cuts: IntArray) -> list[Log]:
+    parts = pairwise([0, *(cuts + 1).tolist(), len(log)])
+    return [log[start:stop] for start, stop in parts if stop - start >= _LEAST_ROWS]
 
 
 def too_short(log: Log) -> LogFinding | None:
@@ -205,155 +181,43 @@ def advancing(
         LogError: time goes back or is NaN; it repeats and `repeated` is `error`; or so many rows
             share a stamp that the clock must have lost digits.
     """
-    steps = np.diff(time)
-    bad = np.flatnonzero(~(steps > 0.0)) + 1
-    everything = np.ones(time.size, dtype=bool)
+    steps = np.diff(time, prepend=-np.inf)
+    bad, kept = np.flatnonzero(~(steps > 0.0)), steps > 0.0
     if not bad.size:
-        return time, everything
+        return time, kept
     place = f"at row {rows[bad[0]]} ({time[bad[0]]:.9g} s; {bad.size} such rows of {time.size})"
     if not np.isfinite(time).all():
         raise LogError(f"{label}: time is NaN {place}. Leave such rows out.")
     if (steps < 0.0).any():
-        row = int(np.flatnonzero(steps < 0.0)[0]) + 1
+        row = int(np.argmax(steps < 0.0))
         raise LogError(
             f"{label}: time goes back at row {rows[row]} ({time[row - 1]:.9g} s, then "
             f"{time[row]:.9g} s; {np.count_nonzero(steps < 0.0)} such rows). Sort the file by time "
             "if its rows were stored out of order."
         )
-    mend = repeated_mend(time, columns)
-    if not mend:
+    if not (mend := repeated_mend(time, columns)):
         rate: Mend = {"time": {"rate": 100}}
         raise LogError(
             f"{label}: {bad.size} of {time.size} rows share a time stamp with the row before, and "
-            f"{_apart(steps)}: digits of the clock were lost. Export the "
-            "clock with more digits. If the rows are evenly spaced, give `wbc init` their rate, "
-            f"--rate HZ, or put it in place of 100, and {say_so(rate)}"
+            f"stamps that differ are {_usual(steps):g} s apart: digits of the clock were lost. "
+            "Export the clock with more digits. If the rows are evenly spaced, give `wbc init` "
+            f"their rate, --rate HZ, or put it in place of 100, and {say_so(rate)}"
         )
     if repeated == "first":
-        return time[steps_kept(steps)], steps_kept(steps)
+        return time[kept], kept
     if repeated == "spread":
-        return _spread(time, steps), everything
+        first = np.flatnonzero(kept)
+        counts, widths = np.diff([*first, time.size]), np.diff(time[first])
+        widths = np.append(widths, np.median(widths) if widths.size else 1.0)
+        within = np.arange(time.size) - np.repeat(first, counts)
+        spread = np.asarray(time + within * np.repeat(widths / counts, counts))
+        return spread, np.ones(time.size, dtype=bool)
     ways = {"spread": "spread rows over the time between stamps", "first": "keep the first of each"}
-    best = mend["time"]["repeated"]
-    way = say_so(mend, ways[best])
+    way = say_so(mend, ways[mend["time"]["repeated"]])
     raise LogError(f"{label}: time repeats {place}. To {way}")
-
-
-def steps_kept(steps: FloatArray) -> BoolArray:
-    """Return the rows (N,) whose stamp is later than the one before, from N - 1 steps."""
-    return np.concatenate([[True], steps > 0.0])
-
-
-def _spread(time: FloatArray, steps: FloatArray) -> FloatArray:
-    first = np.flatnonzero(steps_kept(steps))
-    counts = np.diff([*first, time.size])
-    widths = np.diff(time[first])
-    widths = np.append(widths, np.median(widths) if widths.size else 1.0)
-    within = np.arange(time.size) - np.repeat(first, counts)
-    return np.asarray(time + within * np.repeat(widths / counts, counts))
-
-
-def _apart(steps: FloatArray) -> str:
-    """Return how far the stamps that differ are apart, in words."""
-    usual = _usual(steps)
-    return f"the stamps are {usual:g} s apart" if np.isfinite(usual) else "no stamp differs"
 
 
 def _usual(steps: FloatArray) -> float:
     """Return the usual time [s] between stamps that differ."""
-    later = steps[steps > 0.0]
+    later = steps[(steps > 0.0) & np.isfinite(steps)]
     return float(np.median(later)) if later.size else np.inf
-
-
-_REPEATS = 0.05  # largest rms distance of two positions, relative to their motion, of repeats
-
-_NOISE_ALLOWANCE = 3.0
-
-
-def find_repeats(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
-    """Return groups of logs of the same excitation, as indices into `logs`.
-
-    Two logs belong together when they have the same joints, the same length and rate within 1 %,
-    and every joint's position (without one, its velocity) agrees within 5 % of its motion
-    (rms, time counted from the start). The response may thus differ a little, as a closed loop
-    makes it; identical copies are no repeats and stay out (the first of them counts).
-
-    Args:
-        logs: of one robot.
-
-    Returns:
-        Groups of two or more indices, in order of their first member.
-    """
-    copies = {k for group in find_duplicates(logs) for k in group[1:]}
-    groups: list[list[int]] = []
-    for k, log in enumerate(logs):
-        if k in copies:
-            continue
-        home = next((g for g in groups if _same_excitation(logs[g[0]], log)), None)
-        if home is None:
-            groups.append([k])
-        else:
-            home.append(k)
-    return tuple(tuple(group) for group in groups if len(group) > 1)
-
-
-def find_duplicates(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
-    """Return groups of logs that hold the same data, as indices into `logs`.
-
-    The same file counts, and so does the same data in other files (time counted from the start).
-    """
-    seen: dict[str, list[int]] = {}
-    for k, log in enumerate(logs):
-        seen.setdefault(_fingerprint(log), []).append(k)
-    return tuple(tuple(group) for group in seen.values() if len(group) > 1)
-
-
-def _fingerprint(log: Log) -> str:
-    """Return a digest of the data: nine decimals, so that another file format changes nothing."""
-    total = hashlib.sha256()
-    for name in sorted(log.names):
-        total.update(name.encode("utf-8"))
-        total.update(np.round(log.column(name), 9).tobytes())
-    total.update(np.round(log.time - log.time[0], 6).tobytes())
-    return total.hexdigest()
-
-
-def _same_excitation(a: Log, b: Log) -> bool:
-    names = _motions(a)
-    if names != _motions(b) or not names:
-        return False
-    if abs(a.duration / b.duration - 1.0) > 0.01 or abs(a.sample_time / b.sample_time - 1.0) > 0.01:
-        return False
-    moved = 0
-    for name in names:
-        difference, motion, noise = _distance(a, b, name)
-        # A joint that stands still repeats its place within the noise of its sensor.
-        if difference > _REPEATS * motion + _NOISE_ALLOWANCE * noise:
-            return False
-        moved += motion > _NOISE_ALLOWANCE * noise
-    return moved > 0
-
-
-def _motions(log: Log) -> tuple[str, ...]:
-    """Return the column that shows how each joint moves: its position, else its velocity."""
-    placed = log.with_quantity("position")
-    others = [joint for joint in log.with_quantity("velocity") if joint not in placed]
-    return (*(f"{joint}.position" for joint in placed), *(f"{joint}.velocity" for joint in others))
-
-
-def _distance(a: Log, b: Log, name: str) -> tuple[float, float, float]:
-    """Return (rms difference, rms motion about the mean, noise) of one channel of two logs."""
-    first = a.column(name)
-    second = on_clock(b, name, a.time - a.time[0])
-    motion = float(np.sqrt(np.mean((first - first.mean()) ** 2)))
-    noise = residual_noise(a.time, first)
-    return float(np.sqrt(np.mean((first - second) ** 2))), motion, noise
-
-
-def on_clock(log: Log, name: str, elapsed: FloatArray) -> FloatArray:
-    """Return a channel at times [s] since the start of its log (linear interpolation)."""
-    own = log.time - log.time[0]
-    values = log.column(name)
-    if own.size == elapsed.size and np.allclose(own, elapsed, rtol=0.0, atol=1e-9):
-        return values
-    return np.asarray(np.interp(elapsed, own, values))

@@ -30,7 +30,7 @@ Keys of a column: `from` (one name or several with `weights`; default the entry'
 `scale`, `sign`, `side` and `gear_ratio`, `offset` (added last, in the unit of the log), `unwrap`
 (period of the jumps, in the foreign unit), `sign_bit` (of counts whose sign is a bit: 15), `lag`
 (by how much the column is late [s]), `empty` (a number that stands for no measurement), `missing`
-(when_needed, error, omit, drop_rows, bridge), `optional`.
+(when_needed, drop_rows, bridge).
 
 The same without headings, one line for each entry, is how `wbc init` and `--fix` write maps:
 `time.unit = "ms"`, `columns."hip.velocity" = { sign = -1 }`.
@@ -39,10 +39,11 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import translate
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -50,15 +51,32 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, unknown_name
-from wbc.measurement.findings import ENCODER_RATES, column_entries, read_table
-from wbc.measurement.schema import TIME, column_units, likely_meant, split_column, unit_factor
+from wbc.files import take_schema
+from wbc.measurement.findings import Mend
+from wbc.measurement.schema import (
+    LOG_UNITS,
+    TIME,
+    column_units,
+    likely_meant,
+    named_unit,
+    split_column,
+    today,
+    unit_factor,
+)
 
+ENCODER_RATES = {
+    "position": "",
+    "velocity": "/s",
+    "acceleration": "/s^2",
+    "target_position": "",
+    "target_velocity": "/s",
+}
+"""Quantities that turn with the encoder of a joint -> what their unit has more than its."""
 _MISSING = ("when_needed", "drop_rows", "bridge")
 SECTIONS = ("rows", "time", "columns", "trusted")
 _SIDES = ("rotor", "motor", "joint")
-_AFTER = (*ENCODER_RATES, "goal_position")
 _POWERS = {
-    **dict.fromkeys(_AFTER, -1),
+    **dict.fromkeys(ENCODER_RATES, -1),
     **dict.fromkeys(("rotor_position", "rotor_velocity", "rotor_torque"), 0),
     "motor_torque": 1,
 }
@@ -82,9 +100,6 @@ class ColumnRule:
         empty: number of the sources that stands for no measurement; None for none.
         missing: what to do with NaN: leave the channel out and refuse it `when_needed`,
             `drop_rows`, or `bridge` them by straight lines.
-        optional: whether the file may lack the sources (the channel is then left out).
-        implied: whether the map named no source, so that the file's own column of the target's
-            name is meant.
     """
 
     target: str
@@ -96,8 +111,6 @@ class ColumnRule:
     lag: float = 0.0
     empty: float | None = None
     missing: str = "when_needed"
-    optional: bool = False
-    implied: bool = False
 
     def value(self, sources: Mapping[str, FloatArray]) -> FloatArray:
         """Return the channel, (N,), from the foreign columns, each (N,)."""
@@ -136,6 +149,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     Raises:
         LogError: a key, name, unit, side or number that does not fit.
     """
+    target = today(target)
     units = column_units(target)
     parts = split_column(target)
     if units is None or parts is None:
@@ -146,7 +160,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
     entry = {"from": entry} if isinstance(entry, str) else entry
     said = _section(entry, _RULE, place)
-    sources = said.pop("from", (target,))
+    sources = _listed(said.pop("from", target))
     factor = said.pop("scale", 1.0) * said.pop("sign", 1.0)
     if factor == 0.0:
         raise LogError(f"{place}: scale and sign must not be 0.")
@@ -162,88 +176,75 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     elif gear_ratio is not None:
         raise LogError(f"{place}: gear_ratio without side; add side = rotor, motor or joint.")
     factors = tuple(float(f) for f in factor * np.asarray(weights) * sides)
-    return ColumnRule(target, sources, factors, implied="from" not in entry, **said)
+    return ColumnRule(target, sources, factors, **said)
 
 
-Read: TypeAlias = Callable[[Any, str], Any]
-"""Value of a key and its place in the map -> the value, checked."""
+Key: TypeAlias = tuple[Callable[[Any], bool], str]
+"""Whether a value fits a key of a map, and what is expected there."""
 
 
-def _section(table: Any, keys: Mapping[str, Read], place: str, example: str = "") -> dict[str, Any]:
-    """Return the values of a table after checking that its keys are known and fit."""
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(isfinite(value))
+
+
+def _is_list(value: Any, of: Callable[[Any], bool] = _is_number) -> bool:
+    return isinstance(value, list) and bool(value) and all(map(of, value))
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _one_of(*words: str) -> Key:
+    return lambda value: value in words, f"one of {', '.join(words)} is expected"
+
+
+_TEXT: Key = _is_text, "a text is expected"
+_NUMBER: Key = _is_number, "a finite number is expected"
+_FLAG: Key = lambda value: isinstance(value, bool), "true or false is expected"
+_NAMES: Key = (
+    lambda value: _is_text(value) or _is_list(value, _is_text),
+    "the name of a foreign column is needed, or a list of names",
+)
+_NUMBERS: Key = lambda value: _is_number(value) or _is_list(value), "numbers are expected"
+_PATTERNS: Key = (
+    lambda value: isinstance(value, Mapping) and all(map(_is_text, value.values())),
+    "a table of column = pattern is expected",
+)
+_SPAN: Key = (
+    lambda value: _is_list(value) and len(value) == 2 and value[0] < value[1],
+    "[first, last] in seconds is expected",
+)
+_RULE: Mapping[str, Key] = {
+    **{"from": _NAMES, "unit": _TEXT, "scale": _NUMBER, "sign": _NUMBER, "offset": _NUMBER},
+    **{"weights": _NUMBERS, "side": _one_of(*_SIDES), "gear_ratio": _NUMBERS, "unwrap": _NUMBER},
+    **{"sign_bit": (lambda value: isinstance(value, int), "the number of a bit is expected")},
+    **{"lag": _NUMBER, "empty": _NUMBER, "missing": _one_of(*_MISSING)},
+}
+_TIME: Mapping[str, Key] = {
+    **{"from": _TEXT, "unit": _TEXT, "rate": _NUMBER, "offset": _NUMBER},
+    **{"repeated": _one_of("error", "first", "spread"), "align_velocity": _FLAG},
+}
+_ROWS: Mapping[str, Key] = {
+    **{"split": _TEXT, "where": _PATTERNS, "between": _SPAN, "topic": _TEXT, "header": _NAMES},
+}
+
+
+def _section(table: Any, keys: Mapping[str, Key], place: str, example: str = "") -> dict[str, Any]:
+    """Return a table after checking that its keys are known and their values fit."""
     if not isinstance(table, Mapping):
         raise LogError(f"{place}: a table is expected, such as {example}.")
-    for key in table:
+    for key, value in table.items():
         if key not in keys:
             raise LogError(f"{place}: " + unknown_name("key", key, keys))
-    return {key: keys[key](value, f"{place}.{key}") for key, value in table.items()}
+        fits, expected = keys[key]
+        if not fits(value):
+            raise LogError(f"{place}.{key}: {expected}, got {value!r}.")
+    return dict(table)
 
 
-def _text(value: Any, _: str) -> str:
-    return str(value)
-
-
-def _one_of(*words: str) -> Read:
-    def word(value: Any, place: str) -> str:
-        if value not in words:
-            raise LogError(f"{place}: " + unknown_name("choice", str(value), words))
-        return str(value)
-
-    return word
-
-
-def _flag(value: Any, place: str) -> bool:
-    if not isinstance(value, bool):
-        raise LogError(f"{place}: true or false expected, got {value!r}.")
-    return value
-
-
-def _names(value: Any, place: str) -> tuple[str, ...]:
-    names = (value,) if isinstance(value, str) else value
-    if not isinstance(names, list | tuple) or not names:
-        raise LogError(f"{place}: the name of a foreign column is needed, or a list of names.")
-    return tuple(str(name) for name in names)
-
-
-def _number(value: Any, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise LogError(f"{place}: {value!r} is not a finite number.")
-    return float(value)
-
-
-def _integer(value: Any, place: str) -> int:
-    return int(_number(value, place))
-
-
-def _numbers(value: Any, place: str) -> Any:
-    return [_number(v, place) for v in value] if isinstance(value, list) else _number(value, place)
-
-
-def _patterns(value: Any, place: str) -> dict[str, str]:
-    if not isinstance(value, Mapping):
-        raise LogError(f"{place}: a table of column = pattern is expected.")
-    return {str(column): str(pattern) for column, pattern in value.items()}
-
-
-def _span(value: Any, place: str) -> tuple[float, float]:
-    numbers = isinstance(value, list) and all(isinstance(b, int | float) for b in value)
-    if not numbers or len(value) != 2 or not value[0] < value[1]:
-        raise LogError(f"{place}: [first, last] in seconds is expected, got {value!r}.")
-    return float(value[0]), float(value[1])
-
-
-_RULE: Mapping[str, Read] = {
-    **{"from": _names, "weights": _numbers, "side": _one_of(*_SIDES), "gear_ratio": _numbers},
-    **dict.fromkeys(("scale", "sign", "offset", "unwrap", "lag", "empty"), _number),
-    **{"unit": _text, "sign_bit": _integer, "missing": _one_of(*_MISSING), "optional": _flag},
-}
-_TIME: Mapping[str, Read] = {
-    **{"from": _text, "unit": _text, "rate": _number, "offset": _number},
-    **{"repeated": _one_of("error", "first", "spread"), "align_velocity": _flag},
-}
-_ROWS: Mapping[str, Read] = {
-    **{"split": _text, "where": _patterns, "between": _span, "topic": _text, "header": _names},
-}
+def _listed(value: Any) -> tuple[Any, ...]:
+    return tuple(value) if isinstance(value, list) else (value,)
 
 
 def _per_source(value: Any, count: int, place: str) -> list[float]:
@@ -402,6 +403,9 @@ def parse_column_map(
             f'{label}: columns: a table is expected, such as columns."hip.position" = "q1".'
         )
     entries = list(column_entries(table, label).items())
+    rows = _section(table.get("rows", {}), _ROWS, f"{label}: rows", 'rows.split = "log"')
+    rows |= {"header": _listed(rows["header"])} if "header" in rows else {}
+    trusted = _section({"trusted": table.get("trusted", False)}, {"trusted": _FLAG}, label)
     rules = [
         parse_rule(name, entry, f"{label}: columns.{name}", gear_ratios or {})
         for name, entry in entries
@@ -410,10 +414,150 @@ def parse_column_map(
     return ColumnMap(
         rules=tuple(rules),
         time=parse_time(table.get("time", {}), f"{label}: time"),
-        rows=RowChoice(
-            **_section(table.get("rows", {}), _ROWS, f"{label}: rows", 'rows.split = "log"')
-        ),
+        rows=RowChoice(**rows),
         path=path,
         left_out=tuple(name for name, entry in entries if entry is False),
-        trusted=_flag(table.get("trusted", False), f"{label}: trusted"),
+        trusted=trusted["trusted"],
     )
+
+
+def read_table(path: str | Path | None) -> dict[str, Any]:
+    """Return a column map as a table; an empty one for None.
+
+    Raises:
+        LogError: no such file, or no TOML.
+    """
+    if path is None:
+        return {}
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError) as cause:
+        raise LogError(f"cannot read the column map '{path}': {cause}.") from cause
+    except tomllib.TOMLDecodeError as cause:
+        raise LogError(
+            f"cannot read the column map '{path}': {cause}. Each key stands once; lines such as "
+            'time.unit = "ms" stand above the first [heading]. Option --fix of `wbc check` writes '
+            "what it found together with the map in use."
+        ) from cause
+    if trouble := take_schema(table):
+        raise LogError(f"cannot read the column map '{path}': {trouble}.")
+    return table
+
+
+def merged(first: Mend, second: Mend) -> dict[str, Any]:
+    """Return the map that reads a file as `first` says, and then mends the log as `second` says.
+
+    Args:
+        first: a parsed column map, or an empty table.
+        second: a mend of the log that `first` gives.
+    """
+    result = {
+        section: dict(content) if isinstance(content, Mapping) else content
+        for section, content in first.items()
+    }
+    for section, content in second.items():
+        if section == "columns":
+            result["columns"] = _columns(column_entries(first), column_entries(second))
+        elif isinstance(content, Mapping):
+            result[section] = {**result.get(section, {}), **content}
+        else:
+            result[section] = content
+    return result
+
+
+def together(mends: Iterable[Mend]) -> dict[str, Any]:
+    """Return one mend that holds all of several; what several logs say alike is done once."""
+    result: dict[str, Any] = {}
+    said: list[tuple[str, str, Any]] = []
+    for mend in mends:
+        new = [(s, key, own) for s, content in mend.items() for key, own in content.items()]
+        fresh = [one for one in new if one not in said]
+        said += fresh
+        for section in dict.fromkeys(section for section, _, _ in fresh):
+            once = {key: own for s, key, own in fresh if s == section}
+            result = merged(result, {section: once})
+    return result
+
+
+def column_entries(table: Mapping[str, Any], label: str = "column map") -> dict[str, Any]:
+    """Return the entries of [columns] by the full name of their column.
+
+    Raises:
+        LogError: an entry that is neither a name nor a table.
+    """
+    return dict(_entries(table.get("columns", {}), "", label))
+
+
+def _entries(table: Mapping[str, Any], prefix: str, label: str) -> Iterator[tuple[str, Any]]:
+    """Yield (column name, entry); unquoted TOML keys with dots arrive as nested tables."""
+    for key, value in table.items():
+        name = f"{prefix}{key}"
+        if isinstance(value, str) or value is False or _is_rule(name, value):
+            yield name, value
+        elif isinstance(value, Mapping) and value:
+            yield from _entries(value, f"{name}.", label)
+        else:
+            raise LogError(
+                f"{label}: columns.{name}: give the foreign name, a table such as "
+                '{ unit = "deg" }, or false to leave the column out.'
+            )
+
+
+def _is_rule(name: str, value: Any) -> bool:
+    """Whether a table is an entry, and not what unquoted names with dots nest."""
+    if not isinstance(value, Mapping):
+        return False
+    known = bool(value) and set(value) <= set(_RULE)
+    return known or split_column(name) is not None or "from" in value
+
+
+def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of [columns] that first read and then mend."""
+    used = {_source(name, entry) for name, entry in mend.items() if entry is not False}
+    entries = {name: entry for name, entry in before.items() if name not in used}
+    for name, entry in mend.items():
+        if entry is False:
+            entries[name] = False
+            continue
+        source = _source(name, entry)
+        own = {"from": entry} if isinstance(entry, str) else dict(entry)
+        read = before.get(source, {})
+        old = {"from": read} if isinstance(read, str) else dict(read or {})
+        entry = _combined(old, own)
+        if entry.get("from", name) != name or source != name:
+            entry = {"from": old.get("from", source), **{k: entry[k] for k in entry if k != "from"}}
+        entries[name] = entry
+    return entries
+
+
+def _source(name: str, entry: Any) -> str:
+    if isinstance(entry, str):
+        return entry
+    return str(entry.get("from", name))
+
+
+def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    entry: dict[str, Any] = {**old, **{key: value for key, value in new.items() if key != "from"}}
+    for key in ("sign", "scale"):
+        if key in old and key in new:
+            entry[key] = old[key] * new[key]
+    if "unwrap" in new and ("unit" in old or "scale" in old):
+        # The period is counted in the unit of the file, the mend in that of the log.
+        worth = LOG_UNITS[named_unit(str(old["unit"]))][1] if "unit" in old else 1.0
+        entry["unwrap"] = float(f"{new['unwrap'] / abs(worth * old.get('scale', 1.0)):.10g}")
+    if "sign" in entry and entry["sign"] == 1:
+        del entry["sign"]
+    return entry
+
+
+def in_degrees(names: Iterable[str], joints: Iterable[str], unit: str = "deg") -> Mend:
+    """Return the mend of joints whose encoder columns, among `names`, are in degrees or turns."""
+    known = set(names)
+    return {
+        "columns": {
+            f"{joint}.{quantity}": {"unit": f"{unit}{rate}"}
+            for joint in joints
+            for quantity, rate in ENCODER_RATES.items()
+            if f"{joint}.{quantity}" in known
+        }
+    }

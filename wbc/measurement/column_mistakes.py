@@ -3,9 +3,9 @@ second publisher, torques without a sign, units and signs of position, velocity 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import inf, log, log2, pi
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import log, log2, pi
 from typing import Any
 
 import numpy as np
@@ -14,18 +14,15 @@ from scipy.special import logsumexp
 from wbc.arrays import FloatArray
 from wbc.measurement.channel_checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
-from wbc.measurement.column_map import parse_column_map
+from wbc.measurement.column_map import parse_column_map, together
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.findings import (
     LIKELY,
     LogFinding,
     Mend,
-    SuspiciousLogError,
     listed,
     say_so,
     severity,
-    together,
-    trusted,
 )
 from wbc.measurement.log import Log
 from wbc.measurement.schema import LOG_UNITS, REPORTED
@@ -48,80 +45,46 @@ CLOCKS = ("ms", "us", "ns")
 """Units that time stamps may have instead of seconds."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """One way to read the columns of a log; the default changes nothing.
-
-    Attributes:
-        kind: short name for machines, empty for the log as it stands.
-        text: what is wrong, as a clause; empty for the log as it stands.
-        prior: log probability before the rows are seen.
-        mend: the map that reads the log so.
-        weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
-        rivals: log prior of what is no mistake of a column and needs the same torque.
-        exchanged: driven joints that have each other's columns.
-    """
-
-    kind: str = ""
-    text: str = ""
-    prior: float = log(0.8)
-    mend: Mend = field(default_factory=dict)
-    weight: float = 1.0
-    rivals: float = -inf
-    exchanged: tuple[int, ...] = ()
-
-
-def of_motion(joint: str, ratio: float, counted: bool) -> list[Reading]:
-    """Return the mistakes that show in the velocity of a joint beside its position.
+def of_motion(joint: str, ratio: float, counted: bool) -> Iterator[tuple[str, str, Mend]]:
+    """Yield (kind, clause, mend) of the mistakes that velocity beside position of a joint shows.
 
     Args:
         joint: its name.
         ratio: N of its gear, 1 where none is known.
         counted: whether its position holds encoder counts.
     """
+    position, velocity = f"{joint}.position", f"{joint}.velocity"
     rotor = {"side": "rotor", "gear_ratio": ratio}
-    ways: list[tuple[str, str, Mapping[str, Mapping[str, Any]]]] = [
-        ("degrees", "the position is in degrees", {"position": {"unit": "deg"}}),
-        ("degrees", "the velocity is in deg/s", {"velocity": {"unit": "deg/s"}}),
-        ("velocity_unit", "the velocity is in rpm", {"velocity": {"unit": "rpm"}}),
-        ("velocity_unit", "the velocity is in turns/s", {"velocity": {"unit": "turn/s"}}),
-        ("degrees", "the position is in turns", {"position": {"unit": "turn"}}),
-        *(("time_unit", f"the time is in {unit}", {"time": {"unit": unit}}) for unit in CLOCKS),
+    ways: list[tuple[str, str, str, Mapping[str, Any]]] = [
+        ("degrees", "the position is in degrees", position, {"unit": "deg"}),
+        ("degrees", "the velocity is in deg/s", velocity, {"unit": "deg/s"}),
+        ("velocity_unit", "the velocity is in rpm", velocity, {"unit": "rpm"}),
+        ("velocity_unit", "the velocity is in turns/s", velocity, {"unit": "turn/s"}),
+        ("degrees", "the position is in turns", position, {"unit": "turn"}),
         (
             "velocity_unit",
             "the position is in thousandths of the velocity's unit",
-            {"position": {"scale": 0.001}},
+            position,
+            {"scale": 0.001},
         ),
-        (
-            "velocity_sign",
-            "position and velocity have opposite signs",
-            {"velocity": {"sign": -1}},
-        ),
+        ("velocity_sign", "position and velocity have opposite signs", velocity, {"sign": -1}),
     ]
     if abs(ratio) != 1.0 and np.isfinite(ratio):
-        both = {"velocity": {**rotor, "unit": "rpm"}}
+        in_rpm = {**rotor, "unit": "rpm"}
         ways += [
-            ("gear_side", "the velocity is that of the rotor", {"velocity": rotor}),
-            ("gear_side", "the position is that of the rotor", {"position": rotor}),
-            ("gear_side", "the velocity is that of the rotor, in rpm", both),
+            ("gear_side", "the velocity is that of the rotor", velocity, rotor),
+            ("gear_side", "the position is that of the rotor", position, rotor),
+            ("gear_side", "the velocity is that of the rotor, in rpm", velocity, in_rpm),
         ]
     for turn, worth in COUNTS_OF_A_TURN.items() if counted else ():
-        ways.append(
-            ("counts", f"the position counts {turn} a turn", {"position": {"scale": worth}})
-        )
-    return [
-        Reading(kind, text, EVERYWHERE, mend if "time" in mend else _columns(joint, mend))
-        for kind, text, mend in ways
-    ]
+        ways.append(("counts", f"the position counts {turn} a turn", position, {"scale": worth}))
+    yield from ((kind, text, {"columns": {name: entry}}) for kind, text, name, entry in ways)
+    yield from (("time_unit", f"the time is in {u}", {"time": {"unit": u}}) for u in CLOCKS)
 
 
-def _columns(joint: str, entries: Mapping[str, Mapping[str, Any]]) -> Mend:
-    return {"columns": {f"{joint}.{quantity}": dict(entry) for quantity, entry in entries.items()}}
-
-
-def velocity_ratio(reading: Reading) -> float:
-    """Return velocity over d position / d time of a joint in a log that needs a reading of it."""
-    rules = parse_column_map(reading.mend)
+def velocity_ratio(mend: Mend) -> float:
+    """Return velocity over d position / d time of a joint in a log that needs a mend of it."""
+    rules = parse_column_map(mend)
     factors = {rule.target.rpartition(".")[2]: rule.factors[0] for rule in rules.rules}
     return factors.get("position", 1.0) / (factors.get("velocity", 1.0) * rules.time.factor)
 
@@ -135,48 +98,40 @@ def whole_counts(log: Log) -> list[str]:
 
 def wraps(log: Log) -> list[LogFinding]:
     """Return the positions that jump by their period, or by the bit that holds their sign."""
-    found = []
-    holes = gaps(log.time)
-    degrees = False
-    for name, values in log.columns.items():
-        if not name.endswith((".position", ".rotor_position")):
-            continue
-        bit = _sign_bit(values)
-        if bit:
+    found, degrees, holes = [], False, gaps(log.time)
+
+    def add(name: str, text: str, entry: Mapping[str, Any], kind: str = "wrap") -> None:
+        found.append(_suspected(kind, name, text, {"columns": {name: entry}}, 1.0))
+
+    names = [n for n in log.names if n.endswith((".position", ".rotor_position"))]
+    for name in names:
+        values = log.column(name)
+        if bit := _sign_bit(values):
             text = f"counts from {1 << bit} on mirror those below: bit {bit} is a sign."
-            found.append(_column(name, "wrap", text, {name: {"sign_bit": bit}}))
+            add(name, text, {"sign_bit": bit})
             continue
-        rows, sizes = jumps(values)
+        rows, steps = jumps(values)
         # Where samples are missing a joint that moves on jumps without any wrap.
         sampled = ~np.isin(rows, holes)
-        rows, sizes = rows[sampled], sizes[sampled]
-        if not rows.size or np.ptp(np.abs(sizes)) > _SAME_JUMP * np.abs(sizes).mean():
+        rows, sizes = rows[sampled], np.abs(steps[sampled])
+        if not rows.size or np.ptp(sizes) > _SAME_JUMP * sizes.mean():
             continue
-        turn = float(period(np.abs(sizes).mean()))
-        entry: dict[str, float | str] = {"unwrap": turn or float(np.abs(sizes).mean())}
-        if turn == 360.0:
-            entry, degrees = {**entry, "unit": "deg"}, True
-        text = (
-            f"{rows.size} jumps of {np.abs(sizes).mean():.6g} ({PERIODS.get(turn, _RESET)}), the "
-            f"first at row {int(rows[0]) + 1}."
-        )
-        one = _column(name, "wrap", text, {name: entry})
-        found.append(one if turn else replace(one, mend={}))
-    return found + (_beside_degrees(log, found) if degrees else [])
-
-
-def _beside_degrees(log: Log, found: Sequence[LogFinding]) -> list[LogFinding]:
-    """Return the positions that do not wrap, beside others that count 360 degrees."""
-    held = {finding.column for finding in found}
-    names = [f"{joint}.position" for joint in log.with_quantity("position")]
-    left = [n for n in names if n not in held and float(np.abs(log.column(n)).max()) > 2.0 * pi]
-    text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
-    entry = {"unit": "deg", "unwrap": 360.0}  # the turn that is nearest to zero, as for the others
-    return [_column(name, "degrees", text, {name: entry}) for name in left]
-
-
-def _column(name: str, kind: str, text: str, columns: Mapping[str, Any]) -> LogFinding:
-    return _suspected(kind, name, text, {"columns": columns}, 1.0)
+        turn = float(period(sizes.mean()))
+        degrees |= turn == 360.0
+        entry = {
+            "unwrap": turn or float(sizes.mean()),
+            **({"unit": "deg"} if turn == 360.0 else {}),
+        }
+        said = f"{rows.size} jumps of {sizes.mean():.6g} ({PERIODS.get(turn, _RESET)}), the first "
+        add(name, f"{said}at row {int(rows[0]) + 1}.", entry)
+        found[-1] = found[-1] if turn else replace(found[-1], mend={})
+    left = {*names} - {finding.column for finding in found} if degrees else set()
+    for name in sorted(n for n in left if n.endswith(".position")):
+        if float(np.abs(log.column(name)).max()) > 2.0 * pi:
+            text = "beyond a turn, beside positions that wrap at 360: in degrees, too."
+            # The turn that is nearest to zero, as for the others.
+            add(name, text, {"unit": "deg", "unwrap": 360.0}, "degrees")
+    return found
 
 
 def _sign_bit(values: FloatArray) -> int:
@@ -289,7 +244,7 @@ _CORRELATION = 0.95
 # each of ten recorded machines have 0.2 to 10 ms, 0.6 to 51 s and 0.07 to 18 rad/s (m/s).
 _USUAL_STEP, _STEP_SPREAD = log(0.005), 1.2
 _USUAL_LENGTH, _LENGTH_SPREAD = log(30.0), 2.0
-_USUAL_SPEED, _SPEED_SPREAD = log(3.0), 1.5
+_USUAL_SPEED, _SPEED_SPREAD = 3.0, 1.5
 _SPEED_ROWS = 200
 
 
@@ -300,21 +255,22 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         log: the log.
         ratios: gear ratio N of joints that one motor drives alone; may be empty.
     """
-    shown: dict[str, list[tuple[Reading, str, float, float]]] = {}
+    shown: dict[tuple[str, str], list[tuple[Mend, str, float, float]]] = {}
     counted = whole_counts(log)
     for joint, fit in velocity_fits(log).items():
         scale = fit.scale
         if abs(fit.correlation) <= _CORRELATION:
             continue
-        known = of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)
-        odds = np.array([_log_density(scale, velocity_ratio(one)) + one.prior for one in known])
+        known = [*of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)]
+        densities = [_log_density(scale, velocity_ratio(mend)) for _, _, mend in known]
+        odds = np.array(densities) + EVERYWHERE
         stands = np.logaddexp(_log_density(scale, 1.0), _odd(scale))
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
         if probability >= LIKELY:
-            one = known[best]
-            shown.setdefault(one.text, []).append((one, joint, scale, probability))
-    found = [_contradiction(group) for group in shown.values()]
+            kind, said, mend = known[best]
+            shown.setdefault((kind, said), []).append((mend, joint, scale, probability))
+    found = [_contradiction(kind, said, group) for (kind, said), group in shown.items()]
     probability, unit = slow_clock(log)
     if probability >= LIKELY and not any(f.kind == "time_unit" for f in found):
         text = (
@@ -325,18 +281,20 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
     return found
 
 
-def _contradiction(group: Sequence[tuple[Reading, str, float, float]]) -> LogFinding:
+def _contradiction(
+    kind: str, said: str, group: Sequence[tuple[Mend, str, float, float]]
+) -> LogFinding:
     """Return what joints show whose velocity differs from the derivative in one way."""
-    mend = together(one.mend for one, _, _, _ in group)
-    columns = listed([f"'{joint}.velocity'" for _, joint, _, _ in group])
+    mends, joints, scales, probabilities = zip(*group, strict=True)
+    mend = together(mends)
+    columns = listed([f"'{joint}.velocity'" for joint in joints])
     text = (
         f"{columns} {'is' if len(group) == 1 else 'are'} "
-        f"{listed([f'{scale:.4g}' for _, _, scale, _ in group])} times the derivative of the "
-        f"position: {group[0][0].text}?"
+        f"{listed([f'{scale:.4g}' for scale in scales])} times the derivative of the "
+        f"position: {said}?"
     )
     column = next(iter(mend.get("columns", {"time": None})))
-    probability = together_likely([one for _, _, _, one in group])
-    return _suspected(group[0][0].kind, column, text, mend, probability)
+    return _suspected(kind, column, text, mend, together_likely(probabilities))
 
 
 def _suspected(kind: str, column: str, text: str, mend: Mend, probability: float) -> LogFinding:
@@ -360,20 +318,15 @@ def slow_clock(log: Log) -> tuple[float, str]:
     From their distance, the length of the log and the speed of its fastest joint. Each alone leaves
     it open: a controller may run at 5 kHz, a log may be long, and a joint may creep.
     """
-    odds = np.array([_usual(log, LOG_UNITS[unit][1]) for unit in ("s", *CLOCKS)])
+    worth, speed = np.array([LOG_UNITS[unit][1] for unit in ("s", *CLOCKS)]), _fastest(log)
+    step = (np.log(worth * log.sample_time) - _USUAL_STEP) / _STEP_SPREAD
+    length = (np.log(worth * log.duration) - _USUAL_LENGTH) / _LENGTH_SPREAD
+    fast = (np.log((speed or _USUAL_SPEED) / worth) - np.log(_USUAL_SPEED)) / _SPEED_SPREAD
+    odds = -0.5 * (step**2 + length**2 + (fast**2 if speed else 0.0))
     odds[1:] += EVERYWHERE
-    likely = int(odds[1:].argmax())
     wrong = np.logaddexp.reduce(odds[1:])
-    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), CLOCKS[likely]
-
-
-def _usual(log: Log, unit: float) -> float:
-    """Return how usual a log's clock, length and speed are, if its time is in a unit [s]."""
-    step = (np.log(unit * log.sample_time) - _USUAL_STEP) / _STEP_SPREAD
-    length = (np.log(unit * log.duration) - _USUAL_LENGTH) / _LENGTH_SPREAD
-    speed = _fastest(log)
-    fast = (np.log(speed / unit) - _USUAL_SPEED) / _SPEED_SPREAD if speed > 0.0 else 0.0
-    return float(-0.5 * (step**2 + length**2 + fast**2))
+    likely = CLOCKS[int(odds[1:].argmax())]
+    return float(np.exp(wrong - np.logaddexp(odds[0], wrong))), likely
 
 
 def _fastest(log: Log) -> float:
@@ -400,20 +353,3 @@ def _odd(scale: float) -> float:
     """Return the log density of a ratio that something else makes."""
     away = np.log(abs(scale)) / _ODD_SPREAD
     return float(_ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
-
-
-def require_plausible_units(log: Log) -> None:
-    """Check that time, position and velocity of each joint agree with each other.
-
-    Raises:
-        SuspiciousLogError: the ratio of velocity to d position / d time is that of a known
-            mistake, or the time stamps are so far apart that they cannot be seconds.
-    """
-    certain = [
-        f
-        for f in (trusted(f, log.source.trusted) for f in motion_findings(log, {}))
-        if f.severity == "error"
-    ]
-    if certain:
-        first = certain[0]
-        raise SuspiciousLogError(f"{log.source.label}: {first.text} {first.way_out}", certain)

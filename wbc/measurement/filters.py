@@ -190,7 +190,6 @@ _BLOCKS = 8
 _BLOCK_ROWS = 40
 _FILTER_SAMPLES = 2.0
 _LONGEST_DELAY = 0.2
-_OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
 
 
 @dataclass(frozen=True)
@@ -338,21 +337,6 @@ def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatA
     width = WINDOW_SAMPLES * log.sample_time
     slope = local_polynomial_operator(log.time, width, derivative=1) @ velocity
     return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))
-
-
-def turns_ratio(joint: FloatArray, motor: FloatArray) -> float:
-    """Return how many times one motion (N,) is another (N,), 0 where they are not the same motion.
-
-    Play, flexible gears and noise leave little of the motor's motion; at 1 % the ratio is off by no
-    more than a hundredth. It is read from the motor, whose encoder turns further and whose noise
-    counts the least.
-    """
-    known = np.isfinite(joint) & np.isfinite(motor)
-    x, y = (values[known] - np.mean(values[known]) for values in (joint, motor))
-    both = float(x @ y)
-    if x.size < 3 or both**2 < (1.0 - _OTHERWISE) * float(x @ x) * float(y @ y) or both == 0.0:
-        return 0.0
-    return float(y @ y) / both
 
 
 def jumps(values: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from csv import writer
 from importlib.util import find_spec
+from io import StringIO
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import BadZipFile, ZipFile
@@ -30,6 +32,7 @@ _FORMATS = (
     ".csv (also .csv.gz, .tsv, .txt, .dat), .parquet, .npz, .mcap, .db3, or the folder of a "
     "rosbag2 recording"
 )
+_WRITTEN = (".csv", ".parquet", ".npz")
 _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
 _MOST_TURNS = 64  # motors of a robot
 
@@ -149,17 +152,13 @@ def _words_of(path: Path) -> list[str]:
 
 
 def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all files below a folder in order of their names."""
-    if len(_files(path)) > 1:
-        whole = "".join(digest(part) for part in _files(path))
-        return hashlib.sha256(whole.encode("ascii")).hexdigest()
-    if path.is_file():
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    total = hashlib.sha256()
-    for part in sorted(p for p in path.rglob("*") if p.is_file()):
-        total.update(digest(part).encode("ascii"))
-    return total.hexdigest()
+    """Return the SHA-256 of a file, or of the digests of all files that a log is read from."""
+    parts = [sorted(p.rglob("*")) if p.is_dir() else [p] for p in _files(path)]
+    each = []
+    for part in (part for own in parts for part in own if part.is_file()):
+        with part.open("rb") as file:
+            each.append(hashlib.file_digest(file, "sha256").hexdigest())
+    return each[0] if path.is_file() else hashlib.sha256("".join(each).encode("ascii")).hexdigest()
 
 
 def _read_parquet(path: Path) -> Table:
@@ -203,7 +202,7 @@ def _read_npz(path: Path) -> Table:
         said = "it holds Python objects; only arrays of numbers are read"
         text = said if "allow_pickle" in str(cause) else str(cause)
         raise LogError(f"cannot read '{path}' as NPZ: {text}.") from cause
-    own = [len(a) for name, a in arrays.items() if a.ndim and (is_column(name) or name == TIME)]
+    own = [len(a) for name, a in arrays.items() if a.ndim and is_column(name)]
     if len(set(own)) > 1:
         listed = ", ".join(f"{name} {len(a)}" for name, a in arrays.items() if a.ndim)
         raise LogError(f"'{path}': the arrays differ in length: {listed}.")
@@ -246,45 +245,32 @@ def save_log(log: Log, path: str | Path) -> Path:
     Raises:
         LogError: another suffix, or the file cannot be written.
     """
-    writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
     suffix = Path(path).suffix.lower()
-    if suffix not in writers:
-        raise LogError(f"'{path}': logs are written as {', '.join(writers)}.")
+    if suffix not in _WRITTEN:
+        raise LogError(f"'{path}': logs are written as {', '.join(_WRITTEN)}.")
+    columns = {TIME: log.time, **log.columns}
     try:
-        return atomic_write(path, lambda file: writers[suffix](log, file))
+        return atomic_write(path, lambda file: _write(columns, suffix, file))
     except OSError as cause:
         raise LogError(f"cannot write '{path}': {cause}.") from cause
 
 
-def _table(log: Log) -> Any:
+def _write(columns: Mapping[str, NDArray[Any]], suffix: str, file: BinaryIO) -> None:
+    if suffix == ".npz":
+        np.savez_compressed(file, allow_pickle=False, **columns)
+        return
     with needs("logs", "writing CSV and Parquet files"):
         import pyarrow as pa
-    return pa.table({TIME: log.time, **log.columns})
-
-
-def _write_csv(log: Log, file: BinaryIO) -> None:
-    table, names = _table(log), [TIME, *log.names]
-    file.write((",".join(_quoted(name) for name in names) + "\n").encode("utf-8"))
-    import pyarrow.csv as pc
-
+        import pyarrow.csv as pc
+        import pyarrow.parquet as pq
+    table = pa.table(columns)
+    if suffix == ".parquet":
+        pq.write_table(table, file)
+        return
+    head = StringIO()  # pyarrow puts every name in quotes
+    writer(head, lineterminator="\n").writerow(columns)
+    file.write(head.getvalue().encode("utf-8"))
     pc.write_csv(table, file, pc.WriteOptions(include_header=False))
-
-
-def _quoted(name: str) -> str:
-    if not any(mark in name for mark in ',"\n'):
-        return name
-    return '"' + name.replace('"', '""') + '"'
-
-
-def _write_parquet(log: Log, file: BinaryIO) -> None:
-    table = _table(log)
-    import pyarrow.parquet as pq
-
-    pq.write_table(table, file)
-
-
-def _write_npz(log: Log, file: BinaryIO) -> None:
-    np.savez_compressed(file, allow_pickle=False, **{TIME: log.time, **log.columns})
 
 
 _TYPE = "sensor_msgs/msg/JointState"
@@ -311,18 +297,19 @@ def read_bag(path: Path, topic: str = "") -> Table:
             f"pip install {' '.join(EXTRAS['rosbags'])}"
         )
     rows: list[list[float]] = []
+    joints: list[str] = []
+    fields: list[str] = []
+    start = 0
     with _opened(path) as bag:
         chosen = _topic(bag, path, topic)
         wanted = [c for c in bag.connections if c.topic == chosen]
-        joints: tuple[str, ...] = ()
-        fields: tuple[str, ...] = ()
-        start = 0
         for connection, received, raw in bag.messages(connections=wanted):
             message = bag.deserialize(raw, connection.msgtype)
-            stamp = _stamp(message) or received
+            own = message.header.stamp
+            stamp = own.sec * 10**9 + own.nanosec or received
             if not rows:
-                start, joints = stamp, tuple(map(str, message.name))
-                fields = tuple(f for f in _FIELDS if len(getattr(message, f)) == len(joints))
+                start, joints = stamp, [*map(str, message.name)]
+                fields = [f for f in _FIELDS if len(getattr(message, f)) == len(joints)]
             seconds = (stamp - start) * 1e-9
             place = {str(name): k for k, name in enumerate(message.name)}
             missing = [joint for joint in joints if joint not in place]
@@ -332,8 +319,8 @@ def read_bag(path: Path, topic: str = "") -> Table:
                     f"{', '.join(missing) or 'values'} of the first message; several publishers "
                     "share the topic? Record them on topics of their own."
                 )
-            order = [place[joint] for joint in joints]
-            rows.append([seconds, *(float(getattr(message, f)[k]) for k in order for f in fields)])
+            values = [getattr(message, f)[place[joint]] for joint in joints for f in fields]
+            rows.append([seconds, *map(float, values)])
     if not rows:
         raise LogError(f"{path}: topic '{chosen}' holds no message.")
     names = (TIME, *(f"{joint}.{field}" for joint in joints for field in fields))
@@ -341,20 +328,17 @@ def read_bag(path: Path, topic: str = "") -> Table:
 
 
 def _topic(bag: Any, path: Path, topic: str) -> str:
-    counts: dict[str, int] = {}
-    for connection in bag.connections:
-        if connection.msgtype == _TYPE:
-            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-    if not counts:
+    topics = list(dict.fromkeys(c.topic for c in bag.connections if c.msgtype == _TYPE))
+    if not topics:
         raise LogError(f"{path}: no topic of type {_TYPE}.")
-    if not topic and len(counts) > 1:
+    if not topic and len(topics) > 1:
         raise LogError(
-            f"{path} has several JointState topics ({', '.join(counts)}); "
-            + say_so({"rows": {"topic": next(iter(counts))}}, "choose one, such as the first,")
+            f"{path} has several JointState topics ({', '.join(topics)}); "
+            + say_so({"rows": {"topic": topics[0]}}, "choose one, such as the first,")
         )
-    chosen = topic or next(iter(counts))
-    if chosen not in counts:
-        raise LogError(f"{path}: " + unknown_name("JointState topic", chosen, counts))
+    chosen = topic or topics[0]
+    if chosen not in topics:
+        raise LogError(f"{path}: " + unknown_name("JointState topic", chosen, topics))
     return chosen
 
 
@@ -377,7 +361,3 @@ def _opened(path: Path) -> Iterator[Any]:
             f"cannot read the bag '{path}': {str(cause) or type(cause).__name__}. Was the "
             "recording cut off? The tools of its format can often repair the index."
         ) from cause
-
-
-def _stamp(message: Any) -> int:
-    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)

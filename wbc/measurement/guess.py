@@ -10,17 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.errors import LogError
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
-from wbc.measurement.column_map import parse_column_map
+from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.column_mistakes import mirrored
-from wbc.measurement.filters import turns_ratio
-from wbc.measurement.findings import Mend, merged
+from wbc.measurement.findings import Mend
 from wbc.measurement.formats import open_table
 from wbc.measurement.names import (
     MOTION,
-    NameGuess,
     asked,
     channels,
     guess_name,
@@ -28,12 +25,8 @@ from wbc.measurement.names import (
     joints_of,
 )
 from wbc.measurement.read import clock_of, split_path
-from wbc.measurement.schema import LOG_UNITS, OLD_NAMES, REPORTED, TIME
+from wbc.measurement.schema import REPORTED, TIME, today
 from wbc.measurement.tables import Table
-
-_DIRECT = 0.1
-"""How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
-it tells no ratio."""
 
 
 @dataclass(frozen=True)
@@ -57,19 +50,6 @@ class MapGuess:
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class RatioGuess:
-    """A gear ratio from the rows of a log.
-
-    Attributes:
-        value: turns of the motor per turn of the joint, without sign.
-        source: the columns that tell it.
-    """
-
-    value: float
-    source: str
-
-
 def guess_names(
     path: str | Path,
     joints: Sequence[str],
@@ -89,7 +69,7 @@ def guess_names(
             clock lost its digits.
     """
     given = dict(start or {})
-    table = _table(path, given)
+    table = guess_table(path, given)
     # What the motor does comes last: where the joint's own motion is there, too, it counts.
     guesses = sorted(guess_names_of(table.names), key=lambda g: g.rotor and g.quantity in MOTION)
     # A motor on a test bench is often recorded by its speed alone.
@@ -117,10 +97,6 @@ def guess_names(
     read = [g for g in guesses if table.holds_numbers(g.name)]
     found = channels(read, whose)
     columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
-    held: dict[str, set[str]] = {joint: set() for joint in whose.values()}
-    for name in found:
-        joint, _, quantity = name.rpartition(".")
-        held[joint].add(OLD_NAMES.get(quantity, quantity))
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     if rate is not None:
         mapped["time"] = {"rate": rate}
@@ -129,8 +105,9 @@ def guess_names(
     mapped = merged(mapped, given)
     if rate is None:
         mapped = merged(mapped, _parts(table, mapped))
-    for name in mapped.get("columns", {}):
-        joint, _, quantity = name.rpartition(".")
+    held: dict[str, set[str]] = {joint: set() for joint in whose.values()}
+    for name in (*found, *mapped.get("columns", {})):
+        joint, _, quantity = today(name).rpartition(".")
         held.setdefault(joint, set()).add(quantity)
     if refused := _unsigned(table, columns, held):
         mapped = merged(mapped, {"columns": dict.fromkeys(refused, False)})
@@ -147,36 +124,6 @@ def guess_names(
     return MapGuess(mapped, tuple(reasons), driven, followed, unseen)
 
 
-def guess_ratios(
-    path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
-) -> Mapping[str, RatioGuess]:
-    """Return the gear ratios of those joints whose motion a log holds on both sides of the gear.
-
-    Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
-    where only one of the two names its unit: then the ratio may be a matter of units.
-
-    Args:
-        path: a log.
-        joints: of the robot, with one degree of freedom.
-        start: a column map that the user gives.
-    """
-    table = _table(path, start or {})
-    guesses = [g for g in guess_names_of(table.names) if g.quantity in MOTION]
-    own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
-    named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
-    found: dict[str, RatioGuess] = {}
-    for quantity in reversed(MOTION):
-        for rotor in guesses:
-            joint = own.get((rotor.owner, quantity))
-            name, _ = named.get(rotor.owner, ("", ""))
-            if not rotor.rotor or rotor.quantity != quantity or joint is None or not name:
-                continue
-            if (value := _ratio(table, rotor, joint)) and name not in found:
-                source = f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
-                found[name] = RatioGuess(value, source)
-    return found
-
-
 def _by_cells(
     table: Table, owners: Sequence[str], joints: Sequence[str]
 ) -> dict[str, tuple[str, str]]:
@@ -186,16 +133,14 @@ def _by_cells(
     """
     said: dict[str, tuple[str, str]] = {}
     for name in table.names:
-        numbers = re.findall(r"\d+", name)
-        cells = set() if not numbers or table.holds_numbers(name) else set(table.texts(name))
+        cells = set() if not _number(name) or table.holds_numbers(name) else set(table.texts(name))
         if len(cells) == 1 and (joint := cells.pop()) in joints:
-            said[numbers[-1]] = (joint, f"by the cells of '{name}'")
-    found = {owner: re.findall(r"\d+", owner) for owner in owners}
-    return {
-        owner: said[numbers[-1]]
-        for owner, numbers in found.items()
-        if numbers and numbers[-1] in said
-    }
+            said[_number(name)] = (joint, f"by the cells of '{name}'")
+    return {owner: said[_number(owner)] for owner in owners if _number(owner) in said}
+
+
+def _number(name: str) -> str:
+    return next(iter(re.findall(r"\d+", name)[::-1]), "")
 
 
 def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[str]]) -> list[str]:
@@ -210,22 +155,10 @@ def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[s
     return names
 
 
-def _table(path: str | Path, start: Mapping[str, Any]) -> Table:
+def guess_table(path: str | Path, start: Mapping[str, Any]) -> Table:
+    """Return the file that a guess is made of, with what a map says of its rows."""
     rows = parse_column_map({"rows": start.get("rows", {})}).rows
     return open_table(split_path(path)[0], rows)
-
-
-def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
-    """Return how many times one column follows the other; 0 where the rows do not tell."""
-    if bool(rotor.unit) != bool(joint.unit):
-        return 0.0
-    ratio = abs(turns_ratio(*(_in_log_units(table, column) for column in (joint, rotor))))
-    return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
-
-
-def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
-    worth = LOG_UNITS[column.unit][1] if column.unit else 1.0
-    return np.asarray(table.numbers(column.name) * worth)
 
 
 def _clock(table: Table) -> dict[str, Any]:

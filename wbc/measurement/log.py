@@ -20,14 +20,14 @@ from wbc.measurement.schema import (
     JOINT_QUANTITIES,
     TIME,
     is_column,
-    known_as,
     likely_meant,
     owners,
+    today,
 )
 from wbc.robot import Robot
 from wbc.transmission import Transmission
 
-_NAMED = 8  # quantities, and joints of each, in a representation
+_NAMED = 8  # columns in a representation
 
 
 @dataclass(frozen=True)
@@ -87,21 +87,12 @@ class Machine:
 
     def of(self, robot: Robot) -> Robot:
         """Return the robot with these drives and loads."""
-        links = loaded(robot.model, self.inertia).inertias
         drives = {name: getattr(self.transmission, name) for name in OF_THE_DRIVE}
-        return robot.with_inertias(dict(enumerate(list(links)[1:], start=1))).with_transmission(
-            robot.transmission.replace(**drives)
-        )
-
-
-def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
-    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
-    result = model.copy()
-    if inertia is not None:
-        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
-            total = model.inertias[k].toDynamicParameters() + more
-            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
-    return result
+        own, make = robot.model.inertias, pin.Inertia.FromDynamicParameters
+        more = enumerate(self.inertia.reshape(-1, 10), start=1)
+        links = {k: make(own[k].toDynamicParameters() + x) for k, x in more}
+        gears = robot.transmission.replace(**drives)
+        return robot.with_inertias(links).with_transmission(gears)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,18 +114,10 @@ class Log:
 
     def __repr__(self) -> str:
         """Return what the log holds in a line or two: its name, size and columns."""
-        quantities: dict[str, list[str]] = {}
-        for name in self.columns:
-            joint, _, quantity = name.partition(".")
-            quantities.setdefault(quantity, []).append(joint)
-        held = "; ".join(
-            f"{quantity} of {', '.join(joints[:_NAMED])}"
-            + (f" and {len(joints) - _NAMED} more" if len(joints) > _NAMED else "")
-            for quantity, joints in list(quantities.items())[:_NAMED]
-        )
-        more = f"; and {len(quantities) - _NAMED} more" if len(quantities) > _NAMED else ""
-        duration = self.time[-1] - self.time[0]
-        return f"Log({self.source.label}: {self.time.size} rows in {duration:.4g} s; {held}{more})"
+        shown = ", ".join(self.names[:_NAMED])
+        more = f" and {len(self.names) - _NAMED} more" if len(self.names) > _NAMED else ""
+        size = f"{self.time.size} rows in {self.duration:.4g} s"
+        return f"Log({self.source.label}: {size}; {shown}{more})"
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Make it anew where it is copied or unpickled."""
@@ -153,7 +136,7 @@ class Log:
         for name, values in self.columns.items():
             if name == TIME or not is_column(name):
                 raise LogError(f"{label}: " + _not_a_column(name))
-            columns[name] = _checked_series(values, name, time.size, label)
+            columns[today(name)] = _checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
 
@@ -168,19 +151,18 @@ class Log:
         Raises:
             LogError: no table, no column `time`, or columns that make no log (see `Log`).
         """
-        if not (hasattr(frame, "keys") or hasattr(frame, "columns")):
+        held = frame.keys() if hasattr(frame, "keys") else getattr(frame, "columns", None)
+        if held is None:
             raise LogError(
                 "Log.from_frame takes a pandas or polars frame, or a dictionary of columns by "
                 f"name, not {type(frame).__name__}; files are read with load_logs([...])."
             )
-        names = [str(name) for name in (frame.keys() if hasattr(frame, "keys") else frame.columns)]
+        names = [str(name) for name in held]
         if TIME not in names:
             raise LogError("log in memory: " + unknown_name("column", TIME, names))
-        known = [name for name in names if name != TIME and is_column(name)]
-        ignored = tuple(name for name in names if name != TIME and name not in known)
-        columns = {name: np.asarray(frame[name]) for name in known}
-        own = LogSource(ignored=ignored) if source is None else source
-        return cls(np.asarray(frame[TIME]), columns, own)
+        columns = {n: np.asarray(frame[n]) for n in names if n != TIME and is_column(n)}
+        ignored = tuple(name for name in names if name != TIME and name not in columns)
+        return cls(np.asarray(frame[TIME]), columns, source or LogSource(ignored=ignored))
 
     def __len__(self) -> int:
         """N, the number of rows."""
@@ -224,7 +206,7 @@ class Log:
 
     def has(self, *names: str) -> bool:
         """Whether all of these channels are there."""
-        return all(name == TIME or any(n in self.columns for n in known_as(name)) for name in names)
+        return all(name == TIME or today(name) in self.columns for name in names)
 
     def recorded(self, name: str) -> bool:
         """Whether the log was recorded with this channel, be it usable or not."""
@@ -232,7 +214,7 @@ class Log:
 
     def with_quantity(self, quantity: str) -> tuple[str, ...]:
         """Return the joints that have a channel of this quantity."""
-        return owners(self.columns, [name[1:] for name in known_as(f".{quantity}")])
+        return owners(self.columns, [today(f".{quantity}")[1:]])
 
     def column(self, name: str) -> FloatArray:
         """Return one channel, (N,), read-only.
@@ -243,13 +225,12 @@ class Log:
         """
         if name == TIME:
             return self.time
-        held = next((known for known in known_as(name) if known in self.columns), None)
-        if held is None:
-            if name in self.source.unusable:
-                raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
-            message = f"{self.source.label}: " + unknown_name("column", name, self.names)
-            raise LogError(f"{message} {unread(self.source.ignored, [name])[0]}".rstrip())
-        return self.columns[held]
+        if (held := self.columns.get(today(name))) is not None:
+            return held
+        if name in self.source.unusable:
+            raise LogError(f"{self.source.label}: {self.source.unusable[name]}")
+        message = f"{self.source.label}: " + unknown_name("column", name, self.names)
+        raise LogError(f"{message} {unread(self.source.ignored, [name])[0]}".rstrip())
 
     def stack(self, quantity: str, owner_names: Sequence[str] | None = None) -> FloatArray:
         """Return one quantity of several joints (or contacts) as columns, (N, n).
@@ -299,10 +280,6 @@ class Log:
         """Return the same log with another provenance."""
         return replace(self, source=source)
 
-    def with_machine(self, machine: Machine) -> Log:
-        """Return the same log of a machine that differs from the robot it is held against."""
-        return replace(self, machine=machine)
-
 
 def _not_a_column(name: str) -> str:
     meant = likely_meant(name)
@@ -326,14 +303,12 @@ def _checked_time(values: ArrayLike, label: str) -> FloatArray:
     steps = np.diff(time)
     bad = np.flatnonzero(steps <= 0.0)
     if bad.size:
-        row = int(bad[0]) + 1
-        back = steps < 0.0
-        kind = "goes back" if back[row - 1] else "repeats"
-        keep = say_so({"time": {"repeated": "first"}}, "keep the first of such rows")
-        way = "Sort the rows." if back.any() else f"Drop them; of a file, {keep}"
+        row, keep = int(bad[0]) + 1, say_so({"time": {"repeated": "first"}}, "keep the first")
+        back = (steps < 0.0).any()
         raise LogError(
-            f"{label}: time {kind} at row {row} ({time[row - 1]:.9g} s, then {time[row]:.9g} s; "
-            f"{bad.size} such rows). {way}"
+            f"{label}: time {'goes back' if steps[row - 1] < 0.0 else 'repeats'} at row {row} "
+            f"({time[row - 1]:.9g} s, then {time[row]:.9g} s; {bad.size} such rows). "
+            + ("Sort the rows." if back else f"Drop them; of a file, {keep}")
         )
     return time
 

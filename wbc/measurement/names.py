@@ -84,7 +84,7 @@ def guess_name(name: str) -> NameGuess:
     quantity, rest = _quantity(left)
     if not quantity and unit:
         quantity = _OF_KINDS.get(LOG_UNITS[unit][0], "")
-    if unit and not _fits(quantity, unit):
+    if unit and LOG_UNITS[unit][0] not in {TIME: ("s",), **JOINT_QUANTITIES}.get(quantity, ()):
         unit = ""  # a word that only looks like one: the v of hip_v
         quantity, rest = _quantity(_words(said))
     if quantity and _OF_OTHERS & set(rest):
@@ -237,11 +237,6 @@ def asked(names: Sequence[str], channels: Sequence[str]) -> str:
         way = f"If {counting[0]} to {counting[-1]} are {channels[0]} and so on along the chain, "
     pairs = zip(channels, counting, strict=False)
     return way + say_so({"columns": {channel: {"from": name} for channel, name in pairs}})
-
-
-def _fits(quantity: str, unit: str) -> bool:
-    kinds = ("s",) if quantity == "time" else JOINT_QUANTITIES.get(quantity, ())
-    return LOG_UNITS[unit][0] in kinds
 
 
 def _words(name: str) -> list[str]:

@@ -21,12 +21,11 @@ from wbc.measurement.column_map import (
     parse_column_map,
     read_column_map,
 )
-from wbc.measurement.column_mistakes import require_plausible_units
 from wbc.measurement.filters import align_velocity
 from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.formats import digest, open_table
 from wbc.measurement.log import Log, LogSource
-from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, known_as, likely_meant
+from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, likely_meant, today
 from wbc.measurement.tables import Table
 
 _EFFORT = ".effort"
@@ -44,7 +43,8 @@ def load_log(
     """Read the one log of a file; the arguments are those of `load_logs`.
 
     Raises:
-        LogError: also when the file holds several logs; the message lists them.
+        LogError: also when the file holds several logs, which the message lists, or none of its
+            columns can be used.
     """
     logs = load_logs([path], columns, gear_ratios)
     if len(logs) != 1:
@@ -53,6 +53,9 @@ def load_log(
             f"'{path}' holds {len(logs)} logs; choose one as '{path}#NAME', or read them all with "
             f"load_logs. There are: {parts}."
         )
+    if not logs[0].columns:
+        why = next(iter(logs[0].source.unusable.values()), "every column is empty.")
+        raise LogError(f"{logs[0].source.label}: {why}")
     return logs[0]
 
 
@@ -76,25 +79,6 @@ def load_logs(
 
     Raises:
         LogError: a file, map or log that cannot be used; the message says which and why.
-    """
-    logs = read_logs(paths, columns, gear_ratios)
-    for log in logs:
-        if not log.columns:
-            why = next(iter(log.source.unusable.values()), "every column is empty.")
-            raise LogError(f"{log.source.label}: {why}")
-        require_plausible_units(log)
-    return logs
-
-
-def read_logs(
-    paths: Iterable[str | Path],
-    columns: str | Path | ColumnMap | None = None,
-    gear_ratios: Mapping[str, float] | None = None,
-) -> tuple[Log, ...]:
-    """Read logs as `load_logs` does, also those whose columns contradict each other.
-
-    Raises:
-        LogError: a file, map or log that cannot be read; the message says which and why.
     """
     if isinstance(columns, str | Path):
         columns = read_column_map(columns, gear_ratios)
@@ -282,14 +266,13 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
     if not wanted and not table.rows:
         raise LogError(f"'{table.path}' is empty: it has columns but no rows.")
     if not wanted:
-        where = ", ".join(f"{column} = {value}" for column, value in choice.where.items())
-        there = (
-            f"There are: {', '.join(found)}."
-            if found
-            else _present({c: keys[c] for c in choice.where})
-        )
+        where = "".join(f" where {column} = {value}" for column, value in choice.where.items())
+        cells = zip(*(keys[name].tolist() for name in choice.where), strict=True)
+        held = [*(found or dict.fromkeys(" with ".join(row) for row in cells))]
+        more = f" and {len(held) - _SHOWN} more" if len(held) > _SHOWN else ""
         raise LogError(
-            f"{table.path}: no log '{pattern or '*'}'{' where ' + where if where else ''}. {there}"
+            f"{table.path}: no log '{pattern or '*'}'{where}. There are: "
+            f"{', '.join(held[:_SHOWN])}{more}."
         )
     return wanted
 
@@ -304,14 +287,6 @@ def _breaks(rows: IntArray, time: FloatArray) -> IntArray:
     usual = float(np.nanmedian(steps))
     apart = interrupted & ~((steps > 0.0) & (steps <= GAP_STEPS * usual))
     return np.union1d(np.flatnonzero(apart) + 1, again).astype(np.int_)
-
-
-def _present(keys: Mapping[str, np.ndarray]) -> str:
-    """Return which values the columns hold of which a map wants others, for a file with no row."""
-    found = dict.fromkeys(zip(*(keys[name].tolist() for name in keys), strict=True))
-    shown = [", ".join(f"{c} = {v}" for c, v in zip(keys, row, strict=True)) for row in found]
-    more = [f"and {len(shown) - _SHOWN} more"] if len(shown) > _SHOWN else []
-    return f"The file holds: {'; '.join([*shown[:_SHOWN], *more]) or 'no rows'}."
 
 
 def _splitting(table: Table, pattern: str) -> str:
@@ -337,10 +312,16 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
         LogError: no clock, no channel, a name that looks misspelt, or a column that the file lacks.
     """
     own, notes = _own_rules(table)
-    stated = [_resolved(rule, own) for rule in rules.rules]
+    # A rule that names no source means the column that its channel has in this file.
+    stated = [
+        replace(rule, sources=own[rule.target].sources)
+        if rule.sources == (rule.target,) and rule.target in own
+        else rule
+        for rule in rules.rules
+    ]
     used = {source for rule in stated for source in rule.sources} | set(rules.rows.keys)
     _require_spelling(table, rules, used)
-    taken = {name for rule in stated for name in known_as(rule.target)} | set(rules.left_out)
+    taken = {rule.target for rule in stated} | set(map(today, rules.left_out))
     passed = [
         rule
         for target, rule in own.items()
@@ -348,7 +329,7 @@ def _patched(rules: ColumnMap, table: Table) -> tuple[ColumnMap, tuple[str, ...]
     ]
     complete = replace(rules, rules=(*passed, *stated))
     _require_clock(complete, table)
-    complete = _for_table(complete, table)
+    _require_columns(complete, table)
     read = {s for rule in complete.rules for s in rule.sources} | {rules.time.source, *used}
     ignored = tuple(n for n in table.names if n not in read and n not in rules.left_out)
     kept = {rule.target for rule in complete.rules}
@@ -364,7 +345,7 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
         if name != TIME and is_column(name):
             kind, factor = LOG_UNITS.get(table.units.get(name, ""), ("", 1.0))
             known = kind in (column_units(name) or ())
-            rules[name] = ColumnRule(name, (name,), (factor if known else 1.0,))
+            rules[today(name)] = ColumnRule(today(name), (name,), (factor if known else 1.0,))
         elif name.endswith(_EFFORT) and is_column(effort) and effort not in table.names:
             rules[effort] = ColumnRule(effort, (name,), (1.0,))
             notes[effort] = _taken(name, effort)
@@ -373,21 +354,11 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
 
 def _taken(name: str, target: str) -> str:
     """Return the note on an effort, with what to say if it is something else."""
-    joint = name.removesuffix(_EFFORT)
-    torque: Mend = {"columns": {f"{joint}.rotor_torque": {"from": name}}}
-    current: Mend = {"columns": {f"{joint}.current": {"from": name}}}
+    rotor: Mend = {"columns": {target.replace("motor_", "rotor_"): {"from": name}}}
     return (
-        f"{name} is taken for {target}. If it is the rotor's torque, {say_so(torque)}\n"
-        f"If it is a current [A], {say_so(current)}"
+        f"{name} is taken for {target}. If it is the rotor's torque (or a current, with current in "
+        f"place of rotor_torque), {say_so(rotor)}"
     )
-
-
-def _resolved(rule: ColumnRule, own: dict[str, ColumnRule]) -> ColumnRule:
-    """Return a rule that names no source with the one that its channel has in this file."""
-    if not rule.implied:
-        return rule
-    held = next((own[name] for name in known_as(rule.target) if name in own), None)
-    return rule if held is None else replace(rule, sources=held.sources)
 
 
 def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
@@ -424,24 +395,14 @@ def _require_clock(rules: ColumnMap, table: Table) -> None:
         )
 
 
-def _for_table(rules: ColumnMap, table: Table) -> ColumnMap:
-    """Return the map without the optional channels that a file lacks.
-
-    Raises:
-        LogError: the file lacks a column that the map needs, or the map leaves no channel.
-    """
-    names = set(table.names)
-    label = rules.path or "column map"
-    needed = [(f"columns.{r.target}", s) for r in rules.rules if not r.optional for s in r.sources]
+def _require_columns(rules: ColumnMap, table: Table) -> None:
+    """Raise where a file lacks a column that the map needs."""
+    needed = [(f"columns.{rule.target}", s) for rule in rules.rules for s in rule.sources]
     needed += [("rows", key) for key in rules.rows.keys]
-    if rules.time.source:
-        needed.append(("time", rules.time.source))
+    needed += [("time", rules.time.source)] if rules.time.source else []
     for key, name in needed:
-        if name not in names:
+        if name not in table.names:
             raise LogError(
-                f"{label}: {key}: " + unknown_name(f"column of '{table.path}'", name, table.names)
+                f"{rules.path or 'column map'}: {key}: "
+                + unknown_name(f"column of '{table.path}'", name, table.names)
             )
-    kept = tuple(rule for rule in rules.rules if names.issuperset(rule.sources))
-    if not kept:
-        raise LogError(f"{label}: '{table.path}' has none of the columns that the map names.")
-    return replace(rules, rules=kept)

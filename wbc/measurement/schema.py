@@ -43,7 +43,7 @@ REPORTED = ("rotor_torque", "motor_torque", "current")
 """Quantities that a drive reports its torque by."""
 
 OLD_NAMES = {"goal_position": "target_position"}
-"""Quantity by its old name -> by its name of today; a log is asked for either."""
+"""Quantity by its old name -> by its name of today."""
 
 FORCE_QUANTITIES: dict[str, tuple[str, ...]] = {f"force.{axis}": ("N",) for axis in "xyz"}
 """Quantity of `<contact>.<quantity>`: force of the ground on the robot, world frame."""
@@ -63,7 +63,7 @@ FREE_VELOCITY: dict[str, tuple[str, ...]] = {
 }
 """The same in the order of v, in the body frame."""
 
-BASE_QUANTITIES = {**FREE_POSE, **FREE_VELOCITY}
+_QUANTITIES = {**JOINT_QUANTITIES, **CONTACT_QUANTITIES, **FREE_POSE, **FREE_VELOCITY}
 
 
 def split_column(name: str) -> tuple[str, str] | None:
@@ -71,23 +71,17 @@ def split_column(name: str) -> tuple[str, str] | None:
 
     The owner is a joint, a contact, `base` or a free body; its name may itself hold dots.
     """
-    for quantity in (*JOINT_QUANTITIES, *CONTACT_QUANTITIES, *BASE_QUANTITIES):
+    for quantity in _QUANTITIES:
         owner = name.removesuffix(f".{quantity}")
-        if owner == name or not owner:
-            continue
-        return owner, quantity
+        if owner not in (name, ""):
+            return owner, quantity
     return None
 
 
 def column_units(name: str) -> tuple[str, ...] | None:
     """Return the SI units a column may have, None for a name that is not in the schema."""
-    if name == TIME:
-        return ("s",)
     parts = split_column(name)
-    if parts is None:
-        return None
-    quantities = {**JOINT_QUANTITIES, **CONTACT_QUANTITIES, **BASE_QUANTITIES}
-    return quantities[parts[1]]
+    return ("s",) if name == TIME else _QUANTITIES[parts[1]] if parts else None
 
 
 def is_column(name: str) -> bool:
@@ -108,24 +102,16 @@ def likely_meant(name: str) -> str | None:
     return f"{owner}.{near[0]}" if near else None
 
 
-def known_as(name: str) -> tuple[str, ...]:
-    """Return the names under which a log may hold a column: its own, and the one it had or has."""
-    for old, new in OLD_NAMES.items():
-        for one, other in ((old, new), (new, old)):
-            if name.endswith(f".{one}"):
-                return name, f"{name.removesuffix(one)}{other}"
-    return (name,)
+def today(name: str) -> str:
+    """Return the name that a column has today: a log is written and asked by its old one, too."""
+    owner, _, quantity = name.rpartition(".")
+    return f"{owner}.{OLD_NAMES[quantity]}" if quantity in OLD_NAMES else name
 
 
 def owners(names: Iterable[str], quantities: Iterable[str]) -> tuple[str, ...]:
     """Return who owns a column of one of `quantities`, in order of first appearance."""
-    wanted = set(quantities)
-    found: dict[str, None] = {}
-    for name in names:
-        parts = split_column(name)
-        if parts is not None and parts[1] in wanted:
-            found.setdefault(parts[0])
-    return tuple(found)
+    parts, wanted = map(split_column, names), set(quantities)
+    return tuple(dict.fromkeys(part[0] for part in parts if part and part[1] in wanted))
 
 
 _TURN = 2.0 * pi

@@ -11,7 +11,7 @@ import gzip
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from csv import reader
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -78,7 +78,7 @@ class Table:
             return values.astype(np.float64)
         if values.dtype.kind == "M":
             return np.asarray((values - values[0]) / np.timedelta64(1, "ns") * 1e-9)
-        cells = [None if cell is None else str(cell).strip() for cell in values]
+        cells = ["" if cell is None else str(cell).strip() for cell in values]
         row = 0
         try:
             numbers = np.full(len(cells), np.nan)
@@ -86,8 +86,7 @@ class Table:
                 if cell:
                     numbers[row] = float(cell)
         except ValueError:
-            seconds = _seconds(cells)
-            if seconds is not None:
+            if (seconds := _seconds(cells)) is not None:
                 return seconds
             raise LogError(
                 f"'{self.path}': column '{name}' holds '{cells[row]}' at row {row} instead of "
@@ -102,7 +101,8 @@ class Table:
     def holds_dates(self, name: str) -> bool:
         """Whether the cells of a column are dates."""
         values = np.asarray(self.columns[name])
-        return bool(values.dtype.kind == "M" or (values.dtype.kind in "OU" and _dates(values)))
+        cells = [str(cell).strip() for cell in values[:2] if values.dtype.kind in "OU"]
+        return values.dtype.kind == "M" or _seconds(cells) is not None
 
     def holds_numbers(self, name: str) -> bool:
         """Whether a column can be read as numbers."""
@@ -137,74 +137,65 @@ def columns_of(arrays: Mapping[str, Any], path: Path) -> dict[str, Any]:
 
 def _with_stamps(columns: dict[str, Any]) -> dict[str, Any]:
     """Return columns in which the seconds and nanoseconds of a stamp are one column of seconds."""
-    for name in list(columns):
-        whole = re.fullmatch(r"(.*\W|.*_|)(secs?)", name)
-        parts = [f"{whole[1]}nano{whole[2]}", f"{whole[1]}n{whole[2]}"] if whole else []
-        rest = next((part for part in parts if part in columns), "")
-        if whole and rest:
-            seconds, nanos = (np.asarray(columns[n], dtype=np.float64) for n in (name, rest))
-            stamp = seconds + 1e-9 * nanos
-            called = name if whole[1] else "stamp"
-            columns = {called if n == name else n: v for n, v in columns.items() if n != rest}
-            columns[called] = stamp
+    for rest in list(columns):
+        part = re.fullmatch(r"(.*\W|.*_|)n(?:ano)?(secs?)", rest)
+        if part and (whole := part[1] + part[2]) in columns:
+            seconds, nanos = (np.asarray(columns[n], dtype=np.float64) for n in (whole, rest))
+            called = whole if part[1] else "stamp"
+            columns = {called if n == whole else n: v for n, v in columns.items() if n != rest}
+            columns[called] = seconds + 1e-9 * nanos
     return columns
-
-
-def _dates(values: NDArray[Any]) -> bool:
-    cells = [str(cell).strip() for cell in values[:2] if cell is not None]
-    return any(any(mark in cell for mark in ":-/") for cell in cells) and (
-        _seconds(cells) is not None
-    )
 
 
 def _parts(name: str, values: Any, path: Path) -> NDArray[Any] | None:
     """Return the lists of a column as (N, n), None for a column without lists."""
     if isinstance(values, np.ndarray) and values.dtype != object:
         return values if values.ndim == 2 else None
-    first = next((cell for cell in _cells(values, 1)), None)
+    first = next(iter(_cells(values[:1])), None)
     if not isinstance(first, list) and not (isinstance(first, str) and first[:1] in "[("):
         return None
     try:
-        rows = [_numbers_in(cell) for cell in _cells(values, len(values))]
+        rows = [_numbers_in(cell) for cell in _cells(values)]
     except ValueError:
         return None
-    size = len(rows[0])
-    odd = next((k for k, row in enumerate(rows) if len(row) != size), None)
+    odd = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
     if odd is not None:
         raise LogError(
-            f"'{path}': column '{name}' holds {size} numbers in row 0 and {len(rows[odd])} in row "
-            f"{odd}. Drop such rows."
+            f"'{path}': column '{name}' holds {len(rows[0])} numbers in row 0 and {len(rows[odd])} "
+            f"in row {odd}. Drop such rows."
         )
     return np.asarray(rows, dtype=np.float64)
 
 
-def _cells(values: Any, count: int) -> Iterator[Any]:
-    held = values[:count]
-    yield from held.to_pylist() if hasattr(held, "to_pylist") else held.tolist()
+def _cells(values: Any) -> list[Any]:
+    return list(values.to_pylist() if hasattr(values, "to_pylist") else values.tolist())
 
 
 def _numbers_in(cell: Any) -> list[float]:
     if isinstance(cell, str):
-        cell = cell.strip(" []()").replace(",", " ").replace(";", " ").split()
+        cell = re.split(r"[\s,;]+", cell.strip(" []()"))
     return [float(number) for number in cell or ()]
 
 
-def _seconds(cells: Sequence[str | None]) -> FloatArray | None:
+def _seconds(cells: Sequence[str]) -> FloatArray | None:
     """Return the seconds (N,) since the first of some dates, None if a cell is none."""
-    first = next((cell for cell in cells if cell), "")
-    for date in (datetime.fromisoformat, *(_dated(f"{d}{h}") for d in _DAYS for h in _HOURS)):
+    first = next(filter(None, cells), "")
+    patterns = [day + hour for day in _DAYS for hour in _HOURS] if re.search("[:/-]", first) else ()
+    for pattern in ("", *patterns) if patterns else ():
         try:
-            start = date(first)
-            return np.array(
-                [(date(cell) - start).total_seconds() if cell else np.nan for cell in cells]
-            )
+            dates = [_date(cell, pattern) if cell else None for cell in cells]
         except ValueError:
             continue
+        start = next(filter(None, dates))
+        return np.array([(date - start).total_seconds() if date else np.nan for date in dates])
     return None
 
 
-def _dated(pattern: str) -> Any:
-    return lambda cell: datetime.strptime(cell.replace(",", "."), pattern)
+def _date(cell: str, pattern: str) -> datetime:
+    """Return the date of a cell, by the ISO where there is no pattern."""
+    if not pattern:
+        return datetime.fromisoformat(cell)
+    return datetime.strptime(cell.replace(",", "."), pattern)
 
 
 def kept_rows(size: int) -> tuple[int, tuple[str, ...]]:
@@ -225,29 +216,28 @@ _MARKS = (",", ";", "\t", "|", " ")
 _COMMENT = ("#", "%")
 _HEAD_LINES = 200
 _SNIFFED = 40  # lines that tell what stands between cells
-_EMPTY = ("", "nan", "null", "na", "n/a", "none")
+_EMPTY = ["", "nan", "NaN", "NAN", "null", "NULL", "NA", "n/a", "None"]
 _GZIP, _UTF_16 = b"\x1f\x8b", (b"\xff\xfe", b"\xfe\xff")
 _LIST = re.compile(r"\s*[\[(]\s*[-+.\d]")
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_DECIMAL_COMMA, _DECIMAL_POINT = r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?", r"[-+]?\d*\.\d+\S*"
+_PASSED_OVER = r"(?m)^(?:[#%].*|[ \t\r]*)(?:\n|\Z)"  # comments and blank lines
 _ZIPPED = 8  # how many times larger a zipped file of numbers becomes
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How a text is laid out: what stands between cells, the decimal sign, cells of its head."""
+    """How a text is laid out: what stands between cells, the decimal sign, its first lines."""
 
     mark: str
     decimal: str
-    first: list[str]
-    below: list[list[str]]
+    rows: list[list[str]]
 
     @cached_property
     def width(self) -> int:
-        return Counter(map(len, self.below)).most_common(1)[0][0] if self.below else len(self.first)
+        return Counter(map(len, self.rows[1:] or self.rows)).most_common(1)[0][0]
 
     def is_number(self, cell: str) -> bool:
-        cell = cell.strip()
-        if cell.lower() in _EMPTY:
+        if cell in _EMPTY:
             return True
         try:
             float(cell.replace(",", ".") if self.decimal == "," else cell)
@@ -255,28 +245,41 @@ class _Layout:
             return False
         return True
 
-    def holds_number(self, cell: str) -> bool:
-        return bool(cell.strip()) and (self.is_number(cell) or bool(_LIST.match(cell)))
-
-    @property
-    def first_is_a_row(self) -> bool:
-        """Whether the first line holds numbers where the next one does."""
-        told = [[self.holds_number(cell) for cell in row] for row in (self.first, *self.below[:1])]
-        return any(told[0]) and told[0] == told[-1]
+    def numbers(self, row: Sequence[str]) -> list[bool]:
+        """Return which cells of a line hold numbers, or lists of them."""
+        return [bool(c) and (self.is_number(c) or bool(_LIST.match(c))) for c in row]
 
     @property
     def score(self) -> float:
-        """How much of the head is numbers in columns of equal length."""
-        rows = [row for row in self.below if len(row) == self.width]
-        cells = [cell for row in rows for cell in row]
-        numbers = sum(not c.strip() or self.holds_number(c) for c in cells)
-        whole = len(rows) / max(len(self.below), 1) * numbers / max(len(cells), 1)
-        likely = (1.0 if self.fits(self.first) else 0.5) * (self.width > 1 or 0.5)
+        """How much of the lines below the first is numbers in columns of equal length."""
+        rows = [row for row in self.rows[1:] if len(row) == self.width]
+        filled = [n for row in rows for c, n in zip(row, self.numbers(row), strict=True) if c]
+        cells = max(sum(map(len, rows)), 1)
+        numbers = (cells - len(filled) + sum(filled)) / cells if rows else 0.0
+        whole = len(rows) / max(len(self.rows) - 1, 1) * numbers
+        likely = (1.0 if self.fits(self.rows[0]) else 0.5) * (self.width > 1 or 0.5)
         return (whole + 1e-6 * self.width) * likely
 
     def fits(self, row: Sequence[str]) -> bool:
         """Whether a line has a cell for each column; a mark may stand at its end."""
         return abs(len(row) - self.width) <= 1
+
+    @cached_property
+    def head(self) -> list[list[str]]:
+        """The lines above the first row, which has numbers where the next one does."""
+        told = [self.numbers(row) for row in self.rows]
+        if all(map(self.is_number, self.rows[0])) or (any(told[0]) and told[0] == told[:2][-1]):
+            return []
+        below = range(1, len(self.rows))
+        return self.rows[: next((k for k in below if self.fits(self.rows[k]) and any(told[k])), 1)]
+
+    @property
+    def units(self) -> list[str]:
+        """Cells of the last line of the head where it names units: half of them known."""
+        given = [cell for cell in self.head[-1] if cell] if len(self.head) > 1 else []
+        known = sum(bool(named_unit(cell)) for cell in given)
+        no_units = any(map(self.is_number, given)) or 2 * known < len(given)
+        return [] if no_units or not given else self.head[-1]
 
 
 def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
@@ -296,26 +299,24 @@ def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
     first = next((k for k, line in enumerate(lines) if _says(line)), len(lines))
     if first == len(lines):
         raise LogError(f"'{path}' is empty; a header line with column names is expected.")
-    layout = _layout([line for line in lines[first:] if _says(line)][:_SNIFFED])
-    names, skipped = _names(path, layout, lines[:first], tuple(header))
-    units: dict[str, str] = {}
-    if _units_line(layout, skipped):
-        cells = [cell.strip() for cell in layout.below[skipped - 2]]
-        units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
-        line = [k for k in range(first, len(lines)) if _says(lines[k])][skipped - 1]
-        notes.append(f"line {line + 1} gives units ({', '.join(c for c in cells if c)}).")
-    if skipped > 1 + bool(units):
-        notes.append(f"names stand in {skipped - bool(units)} lines, one above the other.")
+    layout = _layout([*filter(_says, lines)][:_SNIFFED])
+    names = _names(path, layout, lines[:first], tuple(header))
+    cells = layout.units
+    units = {n: u for n, u in zip(names, map(named_unit, cells), strict=False) if u}
+    if cells:
+        notes.append(f"the line above the rows gives units ({', '.join(filter(None, cells))}).")
+    if (count := len(layout.head) - bool(cells)) > 1:
+        notes.append(f"names stand in {count} lines, one above the other.")
     if layout.mark == " ":
         notes.append("blanks stand between the columns.")
     if layout.decimal == ",":
         notes.append("numbers have decimal commas.")
     if first and any(line.strip() for line in lines[:first]):
         notes.append(f"{first} comment lines above the header were passed over.")
-    table = _parsed(path, text, layout, names, skipped, notes)
+    table = _parsed(path, text, layout, names, notes)
     if every > 1:
-        head = sum(map(_says, lines)) - skipped  # rows that were read one by one
-        table = table.take([*range(0, head, every), *range(head, table.num_rows)])
+        begin = sum(map(_says, lines)) - len(layout.head)  # rows that were read one by one
+        table = table.take([*range(0, begin, every), *range(begin, table.num_rows)])
     columns = columns_of(dict(zip(names, table.columns, strict=True)), path)
     return Table(path, columns, units, tuple(notes))
 
@@ -348,9 +349,12 @@ def _text(path: Path) -> tuple[str, list[str], int]:
 
 
 def _split(line: str, mark: str) -> list[str]:
-    if mark == " ":
-        return line.split()
-    return next(iter(reader([line], delimiter=mark, skipinitialspace=True)), [])
+    cells = (
+        line.split()
+        if mark == " "
+        else next(reader([line], delimiter=mark, skipinitialspace=True), [])
+    )
+    return [cell.strip() for cell in cells]
 
 
 def _layout(lines: Sequence[str]) -> _Layout:
@@ -358,97 +362,64 @@ def _layout(lines: Sequence[str]) -> _Layout:
     found = []
     for mark in _MARKS:
         rows = [_split(line, mark) for line in lines]
-        cells = [cell.strip() for row in rows[1:] for cell in row]
-        commas = sum(bool(_DECIMAL_COMMA.fullmatch(cell)) for cell in cells)
-        points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+\S*", cell)) for cell in cells)
-        found.append(_Layout(mark, "," if commas > points else ".", rows[0], rows[1:]))
+        commas, points = (
+            sum(bool(re.fullmatch(sign, cell)) for row in rows[1:] for cell in row)
+            for sign in (_DECIMAL_COMMA, _DECIMAL_POINT)
+        )
+        found.append(_Layout(mark, "," if commas > points else ".", rows))
     return max(found, key=lambda one: one.score)
 
 
 def _names(
     path: Path, layout: _Layout, above: Sequence[str], given: tuple[str, ...]
-) -> tuple[tuple[str, ...], int]:
-    """Return the names of the columns, and the lines that hold them.
-
-    They are given, in a comment above the rows, or in the first lines.
-    """
-    cells = [cell.strip() for cell in layout.first]
-    named = not (layout.first_is_a_row or all(map(layout.is_number, cells)))
-    if given and len(given) != len(cells):
+) -> tuple[str, ...]:
+    """Return the names of the columns: given, in a comment above the rows, or in the head."""
+    first = layout.rows[0]
+    if given and len(given) != len(first):
         raise LogError(
-            f"'{path}' has {len(cells)} columns, rows.header of the column map names {len(given)}."
+            f"'{path}' has {len(first)} columns, rows.header of the column map names {len(given)}."
         )
     if given:
-        return given, _head_lines(layout) if named else 0
+        return given
     said = above[-1].lstrip("".join(_COMMENT)).strip() if above else ""
-    for mark in dict.fromkeys((layout.mark, *_MARKS)) if layout.first_is_a_row else ():
-        words = [word.strip() for word in _split(said, mark)]
-        if len(words) == len(cells) and len(set(words)) == len(words):
-            return tuple(words), 0
-    if not named:
-        wanted = ["time", *(f"column_{k}" for k in range(2, len(cells) + 1))]
+    for mark in dict.fromkeys((layout.mark, *_MARKS)) if not layout.head else ():
+        words = _split(said, mark)
+        if len(words) == len(first) and len(set(words)) == len(words):
+            return tuple(words)
+    if not layout.head:
+        wanted = ["time", *(f"column_{k}" for k in range(2, len(first) + 1))]
         way = say_so({"rows": {"header": wanted}}, "give their true names")
         raise LogError(
-            f"'{path}' has no header line: its first line is a row ({', '.join(cells)}). "
-            f"Write a line with the names of the {len(cells)} columns above them, or {way}"
+            f"'{path}' has no header line: its first line is a row ({', '.join(first)}). "
+            f"Write a line with the names of the {len(first)} columns above them, or {way}"
         )
-    count = _head_lines(layout)
-    head = [layout.first, *layout.below[: count - 1 - _units_line(layout, count)]]
     # What is not as wide as the rows, tells of the file and not of its columns.
-    cells, *more = [[c.strip() for c in row] for row in filter(layout.fits, head)] or [cells]
+    head = layout.head[: len(layout.head) - bool(layout.units)]
+    cells, *more = [*filter(layout.fits, head)] or [first]
     for row in more:
-        pairs = list(zip_longest(cells, row, fillvalue=""))
-        index = not any(below for _, below in pairs[1:])  # of a table with one: its name alone
-        cells = [above if index else " ".join(filter(None, (above, x))) for above, x in pairs]
-        cells[0] = pairs[0][1] if index else cells[0]
-    if layout.width == len(cells) + 1 and not any(row[-1].strip() for row in layout.below):
+        if any(row[1:]):
+            cells = [" ".join(filter(None, two)) for two in zip_longest(cells, row, fillvalue="")]
+        else:  # of a table with an index, its name alone
+            cells = [row[0], *cells[1:]]
+    if layout.width == len(cells) + 1 and not any(row[-1] for row in layout.rows[1:]):
         cells.append("")
-    return _once(path, [cell or f"column_{k}" for k, cell in enumerate(cells, 1)]), count
-
-
-def _once(path: Path, names: Sequence[str]) -> tuple[str, ...]:
-    """Return names after checking that none stands twice."""
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
+    names = [cell or f"column_{k}" for k, cell in enumerate(cells, 1)]
+    if twice := [name for name in names if names.count(name) > 1]:
         apart = [f"{n}_{k}" if n in twice else n for k, n in enumerate(names, 1)]
         way = say_so({"rows": {"header": apart}}, "Give each a name of its own")
         raise LogError(f"'{path}' has more than one column called '{twice[0]}'. {way}")
     return tuple(names)
 
 
-def _head_lines(layout: _Layout) -> int:
-    """Return how many lines stand above the first one with a number."""
-    empty = [not any(map(str.strip, row)) for row in layout.below]
-    numbers = [layout.fits(row) and any(map(layout.holds_number, row)) for row in layout.below]
-    return next((k for k, row in enumerate(zip(empty, numbers, strict=True), 1) if any(row)), 1)
-
-
-def _units_line(layout: _Layout, count: int) -> bool:
-    """Whether the last of the lines above the numbers names units."""
-    return count > 1 and _are_units(layout.below[count - 2], layout)
-
-
-def _are_units(cells: Sequence[str], layout: _Layout) -> bool:
-    """Whether a line below the header names units: no number, and half of it known."""
-    given = [cell for cell in cells if cell.strip()]
-    known = sum(bool(named_unit(cell.strip())) for cell in given)
-    return bool(given) and not any(map(layout.is_number, given)) and 2 * known >= len(given)
-
-
 def _parsed(
-    path: Path,
-    text: str,
-    layout: _Layout,
-    names: tuple[str, ...],
-    skipped: int,
-    notes: list[str],
+    path: Path, text: str, layout: _Layout, names: tuple[str, ...], notes: list[str]
 ) -> Any:
-    """Return the Arrow table below the header; a last row that was cut off is passed over."""
+    """Return the Arrow table below the head; a last row that was cut off is passed over."""
     with needs("logs", "reading CSV files"):  # pyarrow is no part of a bare installation
         import pyarrow as pa
         import pyarrow.csv as pc
-    if re.search(r"(?m)^(?:[#%]|[ \t\r]*\n)", text):  # comments and blank lines
-        text = re.sub(r"(?m)^(?:[#%].*|[ \t\r]*)(?:\n|\Z)", "", text)
+    if re.search(r"(?m)^(?:[#%]|[ \t\r]*\n)", text):
+        text = re.sub(_PASSED_OVER, "", text)
     if layout.mark == " ":
         text = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+$", "", text))
     last = text.rstrip().rpartition("\n")[2]
@@ -459,26 +430,21 @@ def _parsed(
         notes.append(f"the last row was cut off and passed over: '{row.text[:40]}'.")
         return "skip"
 
-    mark = "\t" if layout.mark == " " else layout.mark
+    skipped, mark = len(layout.head), "\t" if layout.mark == " " else layout.mark
     try:
         return pc.read_csv(
             pa.BufferReader(text.encode()),
             pc.ReadOptions(use_threads=False, column_names=list(names), skip_rows=skipped),
             pc.ParseOptions(delimiter=mark, invalid_row_handler=odd),
             pc.ConvertOptions(
-                null_values=["", "nan", "NaN", "NAN", "null", "NULL", "NA", "n/a", "None"],
-                strings_can_be_null=True,
-                decimal_point=layout.decimal,
+                null_values=_EMPTY, strings_can_be_null=True, decimal_point=layout.decimal
             ),
         )
     except pa.ArrowException as cause:
         if "Empty CSV" in str(cause):
             raise LogError(f"'{path}' is empty: it has columns but no rows.") from cause
-        doubled = layout.mark == "," and layout.width == 2 * len(names)
-        why = (
-            "Rows have twice as many cells as the header: are there decimal commas between commas? "
-            "Export with semicolons between the columns, or with decimal points."
-            if doubled
-            else "Repair that row, or export the file again."
-        )
+        why = "Repair that row, or export the file again."
+        if layout.mark == "," and layout.width == 2 * len(names):
+            why = "Rows have twice as many cells as the header: are there decimal commas between "
+            why += "commas? Export with semicolons between the columns, or with decimal points."
         raise LogError(f"cannot read '{path}' as CSV: {cause}. {why}") from cause

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from wbc.identification import Contestant, OpenLoop
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
+    from wbc.identification.readings import LogQuality
     from wbc.identification.servo import Rollouts
     from wbc.identification.trend import Trend
-    from wbc.measurement import LogQuality
 
 
 def _unit(unit: str) -> str:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wbc.cli import main
-from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_robot, save_robot
+from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_robot
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.readings import with_machine
-from wbc.measurement import Log, save_log
+from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
@@ -80,37 +77,3 @@ def test_what_logs_must_share_is_said() -> None:
         with_machine(log, base, base.with_transmission(gears))
     with pytest.raises(LogError, match=r"differs from .* in coulomb_friction at shaft"):
         with_machine(log, base, base.with_effect(CoulombFriction("shaft", 0.1)))
-
-
-def test_the_command_line_takes_a_robot_file_per_log(tmp_path: Path) -> None:
-    (tmp_path / "servo.toml").write_text(
-        'robot = "xl330_pendulum"\n[gears.shaft]\nduty_gain = { value = 1.5, unit = "1/rad" }\n',
-        encoding="utf-8",
-    )
-    rubs = (
-        '[[effects]]\neffect = "coulomb_friction"\nwhere = "shaft"\n'
-        f'parameters = {{ level = {{ value = {LEVEL}, unit = "N m" }} }}\n'
-    )
-    (tmp_path / "light.toml").write_text(f'robot = "servo.toml"\n{rubs}', encoding="utf-8")
-    (tmp_path / "heavy.toml").write_text(
-        'robot = "servo.toml"\n[gears.shaft]\nduty_gain = { value = 4.0, unit = "1/rad" }\n'
-        f'{rubs}[[effects]]\neffect = "payload_mass"\nwhere = "arm"\n'
-        'parameters = { mass = { value = 0.3, unit = "kg" } }\n',
-        encoding="utf-8",
-    )
-    given = []
-    for name in ("light", "heavy"):
-        path = save_log(runs()[name], tmp_path / f"{name}.csv")
-        given.append(f"{path}@{tmp_path / 'heavy.toml'}" if name == "heavy" else str(path))
-    robot, out = ["--robot", str(tmp_path / "light.toml")], tmp_path / "out.json"
-    assert main(["compare", *given, *robot, "--json", str(out)]) == 0
-    right = json.loads(out.read_text("utf-8"))["outputs"][0]["rms"]
-    plain = [path.partition("@")[0] for path in given]
-    assert main(["compare", *plain, *robot, "--json", str(out)]) == 0
-    assert json.loads(out.read_text("utf-8"))["outputs"][0]["rms"] > 10.0 * right
-    assert main(["check", *given, *robot]) == 0
-    saved = save_robot(
-        load_robot(tmp_path / "servo.toml").with_effect(CoulombFriction("shaft", LEVEL)),
-        tmp_path / "fitted.toml",
-    )
-    assert load_robot(saved).transmission.duty_gain[0] == 1.5

@@ -9,10 +9,11 @@ from scipy.signal import butter, sosfiltfilt
 from tests.recover.plant import recorded
 from wbc.effects import load_robot
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.readings import find_repeats
 from wbc.identification.records.filters import quantisation_level, steady_level, white_level
 from wbc.identification.records.noise import close_repeats, drawn_noise, noise_floor
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log, find_repeats, low_pass
+from wbc.measurement import Log, low_pass
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,11 @@ from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.readings import SuspiciousLogError
 from wbc.identification.records.channels import read_channels
 from wbc.identification.records.filters import Bandwidth, low_passed
 from wbc.identification.records.not_judged import away_from_impacts, reported_torque
-from wbc.measurement import Log, LogSource, SuspiciousLogError, load_logs
+from wbc.measurement import Log, LogSource, load_logs
 from wbc.sim import Plane, Plant, SimState, simulate
 from wbc.sim.excitation import ENCODER, MultiSine
 

@@ -9,8 +9,9 @@ import pytest
 
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
+from wbc.identification.readings import SuspiciousLogError
 from wbc.identification.records.log_checks import moving_bases
-from wbc.measurement import Log, LogSource, SuspiciousLogError
+from wbc.measurement import Log, LogSource
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()

@@ -21,7 +21,7 @@ from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import rubbing_effects
-from wbc.identification.readings import suspicions
+from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.records.folds import (
     ROWS_PER_SAMPLE,
     block_means,
@@ -51,7 +51,7 @@ from wbc.identification.records.not_judged import (
 )
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record, output_gear, output_names
-from wbc.measurement import Log, cut_at_gaps, find_repeats
+from wbc.measurement import Log, cut_at_gaps
 from wbc.robot import Effect, Motion, Robot
 
 # Of 171 generated logs whose answer explains them 92 % leave less than this, of 69 with a cause

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wbc.errors import LogError
+from wbc.identification.readings.first_guess import turns_ratio
 from wbc.identification.readings.mistakes import find_suspicions, motionless, single_ratios
+from wbc.identification.readings.repeats import find_duplicates
 from wbc.identification.readings.robot_checks import check_ranges, check_robot
 from wbc.measurement.channel_checks import (
     check_channels,
@@ -17,14 +19,57 @@ from wbc.measurement.channel_checks import (
     resolution,
     resting_joints,
 )
-from wbc.measurement.checks import check_clock, check_reading, check_set, check_velocities
+from wbc.measurement.checks import check_clock, check_reading, check_velocities
 from wbc.measurement.clocks import cut_at_gaps
-from wbc.measurement.filters import turns_ratio, velocity_fits
-from wbc.measurement.findings import LogFinding, LogQuality, by_severity
+from wbc.measurement.filters import velocity_fits
+from wbc.measurement.findings import LogFinding
 from wbc.measurement.log import Log
 from wbc.robot import Robot
 
+_RATE_RATIO = 1.5
 _SCALE_ERROR = 0.05
+
+
+@dataclass(frozen=True)
+class LogQuality:
+    """Clock, resolution and findings of one log.
+
+    Attributes:
+        label: how messages call the log.
+        rows: N.
+        duration: [s].
+        rate: 1 / median distance of the time stamps [Hz].
+        jitter: standard deviation of the distances over their median.
+        longest_gap: largest distance of two time stamps [s].
+        resolution: channel -> quantisation step, in its unit; 0 where none shows.
+        findings: in order of severity, gravest first.
+    """
+
+    label: str
+    rows: int
+    duration: float
+    rate: float
+    jitter: float
+    longest_gap: float
+    resolution: Mapping[str, float]
+    findings: tuple[LogFinding, ...]
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing was found that makes results wrong."""
+        return all(finding.severity != "error" for finding in self.findings)
+
+    def of_kind(self, kind: str) -> tuple[LogFinding, ...]:
+        """Return the findings of one kind."""
+        return tuple(finding for finding in self.findings if finding.kind == kind)
+
+    def __str__(self) -> str:
+        """Return a few lines for people."""
+        head = (
+            f"{self.label}: {self.rows} rows, {self.duration:.3f} s, {self.rate:.1f} Hz, jitter "
+            f"{100.0 * self.jitter:.1f} %, longest gap {1e3 * self.longest_gap:.1f} ms"
+        )
+        return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
 
 
 def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
@@ -53,7 +98,7 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
     together = check_set(logs)
     if robot is not None and (still := motionless(robot, used)) is not None:
         together.append(still)
-    each[0] = replace(each[0], findings=by_severity([*each[0].findings, *together]))
+    each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *together]))
     return tuple(each)
 
 
@@ -97,7 +142,7 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
         jitter=float(np.std(steps) / np.median(steps)),
         longest_gap=float(steps.max()),
         resolution={name: resolution(values) for name, values in log.columns.items()},
-        findings=by_severity(findings),
+        findings=_gravest_first(findings),
     )
 
 
@@ -124,4 +169,44 @@ def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[LogFind
             )
             way = "Check on which side of the gear both are, and the gear ratio of the robot."
             findings.append(LogFinding("error", "gear_side", name, text, way))
+    return findings
+
+
+def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:
+    order = ("error", "warning", "info")
+    return tuple(sorted(findings, key=lambda finding: order.index(finding.severity)))
+
+
+def check_set(logs: Sequence[Log]) -> list[LogFinding]:
+    """Return findings about duplicates, different joints, channels and rates."""
+    findings = []
+    for group in find_duplicates(logs):
+        labels = ", ".join(logs[k].source.label for k in group)
+        text = f"the same data more than once: {labels}."
+        way = "Give each recording once; a copy is no repeat, it says nothing about noise."
+        findings.append(LogFinding("error", "duplicate", "", text, way))
+    first = logs[0]
+    for log in logs[1:]:
+        if set(log.joints) != set(first.joints):
+            text = (
+                f"{log.source.label} has the joints {', '.join(log.joints)}; "
+                f"{first.source.label} has {', '.join(first.joints)}."
+            )
+            way = "Logs given together must be of one robot."
+            findings.append(LogFinding("error", "joints_differ", "", text, way))
+        elif odd := sorted({*first.names} ^ {*log.names}):
+            text = (
+                f"{log.source.label} and {first.source.label} differ in the channels "
+                f"{', '.join(odd)}."
+            )
+            way = "Only channels that all logs have are used together."
+            findings.append(LogFinding("warning", "channels_differ", "", text, way))
+    slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
+    if slow.sample_time >= _RATE_RATIO * fast.sample_time:
+        text = (
+            f"{slow.source.label} has {1.0 / slow.sample_time:.4g} Hz, {fast.source.label} "
+            f"{1.0 / fast.sample_time:.4g} Hz."
+        )
+        way = "Fine if they were recorded so; otherwise one clock is in another unit."
+        findings.append(LogFinding("warning", "rates_differ", "time", text, way))
     return findings

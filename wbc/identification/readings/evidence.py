@@ -20,9 +20,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.readings.kinds import Reading
 from wbc.identification.readings.log_rows import LogRows, Need
 from wbc.measurement.column_map import ColumnRule, parse_column_map
-from wbc.measurement.column_mistakes import Reading
 
 GAIN_SPREAD = float(np.log(4.0)) / 2.0
 """Standard deviation of ln g. A judgement: drives, losses and loads amount to less than a factor 4
@@ -314,8 +314,6 @@ class Judged(NamedTuple):
     """(parts, m) how far the reports stray from the need in thirds of the log: power of the
     difference over the geometric mean of the powers of both. Nothing is fitted, so no gain,
     friction or inertia can take the place of what the links need."""
-    factor: FloatArray
-    """(m,) by which the reading multiplies the columns of the torques."""
 
 
 class Bench:
@@ -363,7 +361,7 @@ class Bench:
         size = np.sqrt(np.mean(torque**2, axis=0) * np.mean(whole**2, axis=0))
         parts = np.array_split((torque - whole) ** 2, _PARTS)
         powers = np.array([part.mean(axis=0) for part in parts])
-        return Judged(reading, tuple(reports), powers / np.maximum(size, 1e-300), factor)
+        return Judged(reading, tuple(reports), powers / np.maximum(size, 1e-300))
 
 
 def linear(

@@ -5,21 +5,27 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
+from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.files import write_text
 from wbc.identification.readings.mistakes import find_suspicions, single_ratios
 from wbc.identification.readings.robot_checks import check_robot, told_by_rows
-from wbc.measurement.column_map import parse_column_map
-from wbc.measurement.findings import LIKELY, LogFinding, merged
-from wbc.measurement.guess import MapGuess, RatioGuess
+from wbc.measurement.column_map import merged, parse_column_map
+from wbc.measurement.findings import LIKELY, LogFinding
+from wbc.measurement.guess import MapGuess, guess_table
 from wbc.measurement.log import Log
-from wbc.measurement.read import read_logs
+from wbc.measurement.names import MOTION, NameGuess, guess_names_of, joints_of
+from wbc.measurement.read import load_logs
+from wbc.measurement.schema import LOG_UNITS
+from wbc.measurement.tables import Table
 from wbc.robot import Robot
 from wbc.robot.model_file import driven_joints, read_model
 
@@ -37,8 +43,25 @@ _OF_MOTION = (
     "counts",
 )
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
+_OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
+_DIRECT = 0.1
+"""How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
+it tells no ratio."""
 _KP, _KD = 20.0, 0.5  # gains of a small position drive: a start that has to be replaced
 _GUESS = "guess: not in the model file; look it up"
+
+
+@dataclass(frozen=True)
+class RatioGuess:
+    """A gear ratio from the rows of a log.
+
+    Attributes:
+        value: turns of the motor per turn of the joint, without sign.
+        source: the columns that tell it.
+    """
+
+    value: float
+    source: str
 
 
 def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
@@ -100,7 +123,7 @@ def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
 
 def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
     rules = parse_column_map(table, "", single_ratios(robot))
-    return list(read_logs(paths[:_LOGS], rules))[:_LOGS]
+    return list(load_logs(paths[:_LOGS], rules))[:_LOGS]
 
 
 def guessed_numbers(path: str | Path) -> list[str]:
@@ -216,3 +239,61 @@ def _root(path: Path) -> ElementTree.Element:
         return ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
+
+
+def guess_ratios(
+    path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
+) -> Mapping[str, RatioGuess]:
+    """Return the gear ratios of those joints whose motion a log holds on both sides of the gear.
+
+    Names say which column is the motor's (`knee_motor_vel` beside `knee_vel`). Nothing is said
+    where only one of the two names its unit: then the ratio may be a matter of units.
+
+    Args:
+        path: a log.
+        joints: of the robot, with one degree of freedom.
+        start: a column map that the user gives.
+    """
+    table = guess_table(path, start or {})
+    guesses = [g for g in guess_names_of(table.names) if g.quantity in MOTION]
+    own = {(g.owner, g.quantity): g for g in guesses if not g.rotor}
+    named = joints_of(list(dict.fromkeys(owner for owner, _ in own)), joints)
+    found: dict[str, RatioGuess] = {}
+    for quantity in reversed(MOTION):
+        for rotor in guesses:
+            joint = own.get((rotor.owner, quantity))
+            name, _ = named.get(rotor.owner, ("", ""))
+            if not rotor.rotor or rotor.quantity != quantity or joint is None or not name:
+                continue
+            if (value := _ratio(table, rotor, joint)) and name not in found:
+                source = f"from the rows: '{rotor.name}' over '{joint.name}' in the log"
+                found[name] = RatioGuess(value, source)
+    return found
+
+
+def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
+    """Return how many times one column follows the other; 0 where the rows do not tell."""
+    if bool(rotor.unit) != bool(joint.unit):
+        return 0.0
+    ratio = abs(turns_ratio(*(_in_log_units(table, column) for column in (joint, rotor))))
+    return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
+
+
+def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
+    worth = LOG_UNITS[column.unit][1] if column.unit else 1.0
+    return np.asarray(table.numbers(column.name) * worth)
+
+
+def turns_ratio(joint: FloatArray, motor: FloatArray) -> float:
+    """Return how many times one motion (N,) is another (N,), 0 where they are not the same motion.
+
+    Play, flexible gears and noise leave little of the motor's motion; at 1 % the ratio is off by no
+    more than a hundredth. It is read from the motor, whose encoder turns further and whose noise
+    counts the least.
+    """
+    known = np.isfinite(joint) & np.isfinite(motor)
+    x, y = (values[known] - np.mean(values[known]) for values in (joint, motor))
+    both = float(x @ y)
+    if x.size < 3 or both**2 < (1.0 - _OTHERWISE) * float(x @ x) * float(y @ y) or both == 0.0:
+        return 0.0
+    return float(y @ y) / both

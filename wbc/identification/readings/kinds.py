@@ -7,6 +7,7 @@ asks the map what it makes of the columns, so that what is judged is what is pri
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations, product
 from math import degrees, inf
 from math import log as ln
@@ -16,8 +17,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray
 from wbc.identification.readings.log_rows import LogRows
-from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, Reading, whole_counts
-from wbc.measurement.findings import ENCODER_RATES, in_degrees, listed
+from wbc.measurement.column_map import ENCODER_RATES, in_degrees
+from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, whole_counts
+from wbc.measurement.findings import Mend, listed
 from wbc.measurement.log import Log
 from wbc.measurement.schema import LOG_UNITS
 from wbc.robot.coordinates import slides
@@ -31,6 +33,29 @@ Zero: TypeAlias = tuple[int, float, float]
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
 _TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
 _OTHER, _OTHER_SPREAD = 0.1, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way to read the columns of a log; the default changes nothing.
+
+    Attributes:
+        kind: short name for machines, empty for the log as it stands.
+        text: what is wrong, as a clause; empty for the log as it stands.
+        prior: log probability before the rows are seen.
+        mend: the map that reads the log so.
+        weight: share of what gravity needs that the torques hold: 1, 0 without, -1 upside down.
+        rivals: log prior of what is no mistake of a column and needs the same torque.
+        exchanged: driven joints that have each other's columns.
+    """
+
+    kind: str = ""
+    text: str = ""
+    prior: float = ln(0.8)
+    mend: Mend = field(default_factory=dict)
+    weight: float = 1.0
+    rivals: float = -inf
+    exchanged: tuple[int, ...] = ()
 
 
 def readings(

@@ -16,15 +16,15 @@ from wbc.errors import LogError
 from wbc.identification.readings.torque import (
     contact_forces,
     positions,
-    reports_torque,
     rotor_torques,
-    torque_quantity,
+    torque_sources,
     without_position,
 )
 from wbc.measurement.channel_checks import resting_joints
 from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
 from wbc.measurement.log import Log
+from wbc.measurement.schema import REPORTED
 from wbc.robot import Motion, Robot
 
 _ROUNDING = 1e-9  # of a torque, below which one is nothing
@@ -43,7 +43,6 @@ class LogRows:
     """What one log says about a robot.
 
     Attributes:
-        label: of the log.
         robot: without effects that act on torques; bodies and gears are as given.
         position: q (N, nq), smoothed.
         velocity: v (N, nv).
@@ -59,7 +58,6 @@ class LogRows:
             it stands for the need of the links.
     """
 
-    label: str
     robot: Robot
     position: FloatArray
     velocity: FloatArray
@@ -176,7 +174,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         too_short(log)
         or not joints
         or without_position(robot, log)
-        or not all(reports_torque(log, joint) for joint in joints)
+        or not {*(quantities := torque_sources(log, robot.transmission))} <= {*REPORTED}
     ):
         return None
     forces = contact_forces(robot, log)
@@ -214,9 +212,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
         return None
     thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
-    quantities = tuple(torque_quantity(log, joint, robot.transmission) for joint in joints)
     rows = LogRows(
-        label=log.source.label,
         robot=robot.with_acting(()),
         position=q[thin],
         velocity=v[thin],
@@ -224,9 +220,9 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         whole=torque,
         kept=thin,
         rate=rate,
-        conversion=_conversion(robot, quantities),
+        conversion=_conversion(robot, tuple(quantities)),
         forces={name: force[thin] for name, force in held.items()},
-        quantities=quantities,
+        quantities=tuple(quantities),
         samples=np.array([_samples(column) for column in torque[inside].T]),
         sensed=sensed[thin],
     )

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import logsumexp
 
+from wbc.errors import LogError
 from wbc.identification.readings.evidence import (
     GAIN_SPREAD,
     Bench,
@@ -17,14 +18,14 @@ from wbc.identification.readings.evidence import (
     foreign,
     ratio_evidence,
 )
-from wbc.identification.readings.kinds import readings
+from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.lags_and_zeros import other_zeros, shared_lags
 from wbc.identification.readings.log_rows import rows_of
+from wbc.identification.readings.repeats import find_repeats
 from wbc.measurement.channel_checks import resting_joints
-from wbc.measurement.clocks import find_repeats
+from wbc.measurement.column_map import together
 from wbc.measurement.column_mistakes import (
     COUNTS_OF_A_TURN,
-    Reading,
     magnitudes,
     motion_findings,
     stale_rows,
@@ -32,16 +33,7 @@ from wbc.measurement.column_mistakes import (
     whole_counts,
     wraps,
 )
-from wbc.measurement.findings import (
-    CERTAIN,
-    LIKELY,
-    LogFinding,
-    SuspiciousLogError,
-    say_so,
-    severity,
-    together,
-    trusted,
-)
+from wbc.measurement.findings import CERTAIN, LIKELY, LogFinding, say_so, severity
 from wbc.measurement.log import Log
 from wbc.measurement.read import mended
 from wbc.robot import Robot
@@ -63,6 +55,19 @@ _FOREIGN = (
     "robot."
 )
 _MORE = "Record more logs in which every joint moves, and give all of them together."
+
+
+class SuspiciousLogError(LogError):
+    """Columns of logs hold something else than their names say.
+
+    Attributes:
+        findings: the suspicions, those that are certain first.
+    """
+
+    def __init__(self, message: str, findings: Sequence[LogFinding]) -> None:
+        """Keep the findings beside the message."""
+        super().__init__(message)
+        self.findings = tuple(findings)
 
 
 def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[list[LogFinding]]:
@@ -102,7 +107,14 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
                 found[k].append(finding)
     add(counted)
     pairs = zip(logs, found, strict=True)
-    return [[trusted(finding, log.source.trusted) for finding in own] for log, own in pairs]
+    return [[_trusted(finding, log.source.trusted) for finding in own] for log, own in pairs]
+
+
+def _trusted(finding: LogFinding, trusts: bool) -> LogFinding:
+    """Return a finding, as a warning where the user vouches for the columns."""
+    if not trusts or finding.severity != "error":
+        return finding
+    return replace(finding, severity="warning")
 
 
 def _counts(log: Log) -> list[LogFinding]:
@@ -158,24 +170,23 @@ def motionless(robot: Robot, logs: Sequence[Log]) -> LogFinding | None:
     of their sensors, they must at least stand elsewhere in another log.
     """
     way = "Record the robot in motion; if it moved, the columns are not connected."
-    dead = [log for log in logs if log.columns and not any(map(np.ptp, log.columns.values()))]
-    joints = [j for j in robot.single_joints if any(log.has(f"{j}.position") for log in logs)]
     held = [
-        [log.column(f"{j}.position") for log in logs if log.has(f"{j}.position")] for j in joints
+        joint for joint in robot.single_joints if any(log.has(f"{joint}.position") for log in logs)
     ]
-    moves = not joints or any(
-        set(joints) & set(log.with_quantity("position")) - resting_joints(log) for log in logs
-    )
-    apart = [np.ptp([np.mean(v) for v in each]) > 3.0 * max(map(np.ptp, each)) for each in held]
-    if moves or any(apart):
-        if not dead:
-            return None
-        names = ", ".join(log.source.label for log in dead)
-        text = f"{names}: every channel is constant, and no joint moves in this log."
-        return LogFinding("error", "constant_log", "", text, f"Leave it out. {way}")
-    which = "this log" if len(logs) == 1 else "these logs"
-    text = f"no joint moves in {which}: every position is constant, but for noise."
-    return LogFinding("error", "constant_log", "", f"{logs[0].source.label}: {text}", way)
+    moves = any({*held} & {*log.with_quantity("position")} - resting_joints(log) for log in logs)
+    for name in (f"{joint}.position" for joint in held):
+        places = [log.column(name) for log in logs if log.has(name)]
+        moves |= bool(np.ptp([p.mean() for p in places]) > 3.0 * max(map(np.ptp, places)))
+    if held and not moves:
+        which = "this log" if len(logs) == 1 else "these logs"
+        text = f"no joint moves in {which}: every position is constant, but for noise."
+        return LogFinding("error", "constant_log", "", f"{logs[0].source.label}: {text}", way)
+    dead = [log for log in logs if log.columns and not any(map(np.ptp, log.columns.values()))]
+    if not dead:
+        return None
+    names = ", ".join(log.source.label for log in dead)
+    text = f"{names}: every channel is constant, and no joint moves in this log."
+    return LogFinding("error", "constant_log", "", text, f"Leave it out. {way}")
 
 
 def single_ratios(robot: Robot) -> dict[str, float]:
@@ -477,16 +488,12 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
         way = "\n".join((_MORE, *(f"If you know that {r.text}, {_mend_of(r)}" for r in read)))
     if len(judged) < every:
         way = "Give each of these logs a map of its own, LOG@MAP.toml. " + way
-    scale = _scale(table[texts[0]])
-    if scale != 1.0:
-        said += f" The reported torque is {scale:.3g} times what the motion needs."
-    else:
-        now, then = _explained(texts[0], judged)
-        so = "If the first is true" if len(read) > 1 else "So read"
-        said += (
-            f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
-            f"and {100.0 * now:.0f} % as it stands."
-        )
+    now, then = _explained(texts[0], judged)
+    so = "If the first is true" if len(read) > 1 else "So read"
+    said += (
+        f" {so}, the robot explains {100.0 * then:.0f} % of the power of the reported torque, "
+        f"and {100.0 * now:.0f} % as it stands."
+    )
     first, mend = read[0], read[0].mend if len(read) == 1 else {}
     column = next(iter(first.mend.get("columns", [""])))
     found = LogFinding(severity(doubt), first.kind, column, said, way, mend, doubt, first.mend)
@@ -496,16 +503,6 @@ def _told(texts: Sequence[str], judged: _Tables, doubt: float, every: int) -> Fo
 def _mend_of(reading: Reading) -> str:
     """Return what to say in a map, or in robot.toml where no map mends a mistake."""
     return say_so(reading.mend) if reading.mend else _GRAVITY[reading.kind]
-
-
-def _scale(judged: Judged) -> float:
-    """Return how many times too large the torques are that a reading scales, 1 for none."""
-    factor = judged.factor
-    changed = [k for k in range(factor.size) if abs(factor[k]) != 1.0]
-    if not changed:
-        return 1.0
-    gains = [np.log(max(judged.reports[k].gain, 1e-300) / abs(factor[k])) for k in changed]
-    return float(np.exp(np.mean(gains)))
 
 
 def _explained(text: str, judged: _Tables) -> tuple[float, float]:

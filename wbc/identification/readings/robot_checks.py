@@ -14,21 +14,22 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import LogError
 from wbc.identification.readings.evidence import Bench, evidence
+from wbc.identification.readings.kinds import Reading
 from wbc.identification.readings.log_rows import rows_of
 from wbc.identification.readings.torque import (
-    makes_torque,
+    ASKED,
     placeless_joints,
     positions,
-    torque_channels,
+    tells_torque,
     without_position,
 )
 from wbc.measurement.clocks import too_short
-from wbc.measurement.column_mistakes import Reading
-from wbc.measurement.findings import LogFinding, Mend, in_degrees, say_so
+from wbc.measurement.column_map import in_degrees
+from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
-from wbc.measurement.schema import REPORTED
+from wbc.measurement.schema import FREE_POSE, REPORTED
 from wbc.robot import Robot, state_gear
 
 _TORQUES = (*REPORTED, "joint_torque")
@@ -79,15 +80,15 @@ def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
         seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log.columns, [joint])
         if low < lowest or high > highest:
             turns = 2.0 * pi * round((low + high) / (4.0 * pi))
-            said = "read as degrees"
+            said = "; read as degrees it would fit."
             if turns and lowest <= low - turns and high - turns <= highest:
-                mend, said = {"columns": {name: {"offset": -turns}}}, "whole turns away"
+                mend, said = {"columns": {name: {"offset": -turns}}}, "; whole turns away it would "
+                said += "fit."
             elif not (lowest <= np.radians(low) and np.radians(high) <= highest):
-                mend, said = {}, ""
-            text = f"{seen}, the joint allows {lower:.4g} to {upper:.4g}"
-            text += f"; {said} it would fit." if said else "."
+                mend, said = {}, "."
+            text = f"{seen}, the joint allows {lower:.4g} to {upper:.4g}{said}"
+            way = "If so, " + say_so(mend) if mend else "State unit, side and offset in a map."
             far = max(-low, high) > _BEYOND * max(-lower, upper)
-            way = "If so, " + say_so(mend) if said else "State unit, side and offset in a map."
             if far:
                 way = f"If the joint turns on, widen its limits in the URDF. {way}"
             severity = "error" if far else "warning"
@@ -169,19 +170,17 @@ def unknown_base(log: Log, robot: Robot) -> LogFinding | None:
     """Return what to do about a free base without a pose, None where the pose is there."""
     if not robot.has_free_flyer:
         return None
-    needed = {"position": "xyz", "orientation": "xyzw"}
-    names = {kind: [f"base.{kind}.{axis}" for axis in axes] for kind, axes in needed.items()}
-    lost = {kind: [name for name in each if not log.recorded(name)] for kind, each in names.items()}
-    lacking = [name for each in lost.values() for name in each]
+    lacking = [name for q in FREE_POSE if not log.recorded(name := f"base.{q}")]
     if not lacking:
         return None
-    kinds = " and ".join(kind for kind, each in lost.items() if each)
+    kinds = dict.fromkeys(name.split(".")[1] for name in lacking)
     way = (
         "Record where the robot is, from motion capture or a state estimator, as metres and as a "
-        "unit quaternion (body to world). If the base is held, give the robot with its fixed base."
-    )
-    way = f"{way} {unread(log.source.ignored, lacking)[0]}".rstrip()
-    text = f"no {kinds} of the base of '{robot.name}', which is free: {', '.join(lacking)} needed."
+        "unit quaternion (body to world). If the base is held, give the robot with its fixed base. "
+        f"{unread(log.source.ignored, lacking)[0]}"
+    ).rstrip()
+    text = f"no {' and '.join(kinds)} of the base of '{robot.name}', which is free: "
+    text += f"{', '.join(lacking)} needed."
     return LogFinding("error", "no_base_pose", "", text, way)
 
 
@@ -227,47 +226,44 @@ def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | No
 def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
     """Return what to do about drives whose torque nothing tells."""
     gears = robot.transmission if log.machine is None else log.machine.transmission
-    gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
     found: list[LogFinding] = []
-    lacking, silent = [], []
+
+    def add(kind: str, text: str, way: str, mend: Mend | None = None) -> None:
+        found.append(LogFinding("error", kind, "", text, way, mend or {}))
+
     bare = [j for j in robot.sensor_only if not log.recorded(f"{j}.joint_torque")]
     if bare:
         names = ", ".join(f"{joint}.joint_torque" for joint in bare)
         text = f"'{robot.name}' describes no gear of {', '.join(bare)} but a torque sensor, so "
         text += f"{names} {'is' if len(bare) == 1 else 'are'} needed."
         way = "Record it, or describe the gear in robot.toml with gear_ratio and rotor_inertia."
-        found.append(LogFinding("error", "no_torque", "", text, way))
-    for k, (joint, made) in enumerate(zip(gears.joints, makes_torque(log, gears), strict=True)):
+        add("no_torque", text, way)
+    gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
+    lacking, silent = [], []
+    for k, (joint, made) in enumerate(zip(gears.joints, tells_torque(log, gears), strict=True)):
+        told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
         if joint in bare:
             continue
-        told = [name for name in _TORQUES if log.recorded(f"{joint}.{name}")]
         if told == ["current"] and not np.isfinite(gears.torque_constant[k]):
             silent.append(joint)
-        elif told or made:
-            continue
-        elif not (log.recorded(f"{joint}.target_position") and gained[k]):
+        elif not (told or made or (log.recorded(f"{joint}.target_position") and gained[k])):
             lacking.append(joint)
     if lacking and all(log.recorded(f"{joint}.target_position") for joint in lacking):
-        text = (
-            f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
-            "their position drives."
-        )
+        text = f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
         ways = "\n".join(state_gear(joint, "kp", "kd") for joint in lacking)
         way = f"State them (of drives that set the voltage: duty_gain instead of kp and kd): {ways}"
-        found.append(LogFinding("error", "no_drive_gains", "", text, way))
+        add("no_drive_gains", f"{text}their position drives.", way)
     elif lacking:
-        text = (
-            f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current "
-            "and joint_torque is needed, or target_position and the drive's gains kp and kd."
-        )
-        way, mend = unread(log.source.ignored, torque_channels(lacking))
-        if len(mend.get("columns", {})) < len(lacking):
-            way = f"{_NO_TORQUE} {way}".rstrip()
-        found.append(LogFinding("error", "no_torque", "", text, way, mend))
+        text = f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current and "
+        text += "joint_torque is needed, or target_position and the drive's gains kp and kd."
+        sought = [f"{joint}.{quantity}" for joint in lacking for quantity in ASKED]
+        way, mend = unread(log.source.ignored, sought)
+        whole = len(mend.get("columns", {})) == len(lacking)
+        add("no_torque", text, way if whole else f"{_NO_TORQUE} {way}".rstrip(), mend)
     if silent:
         text = f"the log gives currents of {', '.join(silent)}, and the robot no torque constant."
         way = "State it: " + "\n".join(state_gear(joint, "torque_constant") for joint in silent)
-        found.append(LogFinding("error", "no_torque_constant", "", text, way))
+        add("no_torque_constant", text, way)
     return found
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +21,9 @@ from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY, REPORTED
 from wbc.robot import Robot, state_gear
 from wbc.transmission import Transmission
 
-_QUANTITIES = (*REPORTED, "duty", "target_position")
+_SOURCES = (*REPORTED, "duty", "target_position")
+ASKED = ("motor_torque", *REPORTED)
+"""What a column of torque that nobody named is taken for: most drives report that of the motor."""
 _STATES = 4  # drawn at random; one that does not show a dependence has measure zero
 _SAME = 1e-9  # of the torque, what rounding makes
 
@@ -51,17 +53,17 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     Raises:
         LogError: as `rotor_torques`.
     """
-    joint = transmission.joints[row]
-    quantity = torque_quantity(log, joint, transmission)
-    if quantity == "duty":
-        duty = log.column(f"{joint}.duty")
-        return _winding_law(log, transmission, row, duty, 0.0)
-    if quantity == "target_position":
+    joint, source = transmission.joints[row], torque_sources(log, transmission)[row]
+    if not source:
+        _no_torque(log, transmission, joint)
+    if source == "target_position":
         return target_law(log, transmission, row)
-    told = log.column(f"{joint}.{quantity}")
-    if quantity == "motor_torque":
+    told = log.column(f"{joint}.{source}")
+    if source == "duty":
+        return _winding_law(log, transmission, row, told, 0.0)
+    if source == "motor_torque":
         told = told / transmission.gear_ratio[row]
-    elif quantity == "current":
+    elif source == "current":
         told = told * known_number(transmission, row, "torque_constant")
     nothing, unbounded = np.zeros(len(log)), np.full(len(log), np.inf)
     return DriveLaw(told, nothing, nothing, unbounded, np.inf)
@@ -73,79 +75,44 @@ def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
     A target comes late over a bus; the drive's own measurement does not. What is left when this
     part is taken away follows the target. None where all drives report their torque.
     """
-    joints = transmission.joints
-    if all(torque_quantity(log, joint, transmission) in REPORTED for joint in joints):
+    if set(torque_sources(log, transmission)) <= set(REPORTED):
         return None
-    laws = [drive_law(log, transmission, k) for k in range(len(joints))]
+    laws = [drive_law(log, transmission, k) for k in range(transmission.size)]
     made = [made_torque(log, transmission, k, law).feedback for k, law in enumerate(laws)]
     return frozen(np.stack(made, axis=1))
 
 
-def torque_channels(joints: Sequence[str]) -> list[str]:
-    """Return the channels by which drives of these joints may report their torque.
+def torque_sources(log: Log, transmission: Transmission) -> list[str]:
+    """Return (m,) the quantity that tells the torque of each drive, empty where none does.
 
-    A torque after the reduction comes first: most drives report that.
+    What a drive reports comes first, then its duty, then its target. A duty counts where the gear
+    states a resistance: else nothing says what torque it makes.
     """
-    return [f"{joint}.{name}" for joint in joints for name in ("motor_torque", *REPORTED)]
+    resists = np.isfinite(transmission.resistance)
+    pairs = zip(transmission.joints, resists, strict=True)
+    held = [[q for q in _SOURCES if log.has(f"{j}.{q}") and (q != "duty" or r)] for j, r in pairs]
+    return [next(iter(each), "") for each in held]
 
 
-def reports_torque(log: Log, joint: str) -> bool:
-    """Whether a log holds what the drive of a joint reports, in any of the three ways."""
-    return any(log.has(f"{joint}.{quantity}") for quantity in REPORTED)
+def tells_torque(log: Log, transmission: Transmission) -> BoolArray:
+    """Return (m,) whether a log and the numbers of a drive tell its torque."""
+    gained = np.isfinite(transmission.position_gain) | np.isfinite(transmission.duty_gain)
+    sources = np.array(torque_sources(log, transmission), dtype=np.str_)
+    return np.asarray((sources != "") & ((sources != "target_position") | gained))
 
 
-def reports_current(log: Log, transmission: Transmission) -> BoolArray:
-    """Return (m,) whether the torque of a joint is read from the current that its drive reports."""
-    told = [_told_by(log, transmission, k) for k in range(transmission.size)]
-    return np.array([quantity == "current" for quantity in told], dtype=bool)
-
-
-def makes_torque(log: Log, transmission: Transmission) -> BoolArray:
-    """Whether (m,) a log and the numbers of a drive make a torque that nothing reported."""
-    known = [
-        (log.has(f"{joint}.duty") and np.isfinite(transmission.resistance[k]))
-        or (
-            log.has(f"{joint}.target_position")
-            and np.isfinite([transmission.position_gain[k], transmission.duty_gain[k]]).any()
-        )
-        for k, joint in enumerate(transmission.joints)
-    ]
-    return np.array(known, dtype=bool)
-
-
-def torque_quantity(log: Log, joint: str, transmission: Transmission) -> str:
-    """Return which quantity the torque of a joint is read from, see `rotor_torques`.
-
-    A duty counts where the gear states a resistance: else nothing says what torque it makes.
-
-    Raises:
-        LogError: the joint has none of them.
-    """
-    held = _told_by(log, transmission, transmission.joints.index(joint))
-    if held:
-        return held
-    for quantity in _QUANTITIES:
+def _no_torque(log: Log, transmission: Transmission, joint: str) -> NoReturn:
+    for quantity in _SOURCES:
         if f"{joint}.{quantity}" in log.source.unusable:
-            raise LogError(f"{log.source.label}: " + log.source.unusable[f"{joint}.{quantity}"])
-    ways = ", ".join(f"{joint}.{quantity}" for quantity in REPORTED)
-    lacking = [
-        one
-        for one in transmission.joints
-        if not any(log.recorded(f"{one}.{quantity}") for quantity in _QUANTITIES)
-    ]
-    hint = unread(log.source.ignored, torque_channels(lacking))[0]
+            log.column(f"{joint}.{quantity}")  # raises: it says why
+    joints = transmission.joints
+    lacking = [j for j in joints if not any(log.recorded(f"{j}.{q}") for q in _SOURCES)]
+    hint = unread(log.source.ignored, [f"{j}.{q}" for j in lacking for q in ASKED])[0]
     raise LogError(
-        f"{log.source.label}: no torque of joint '{joint}': one of {ways} is needed, or "
-        f"{joint}.target_position and the gains of its drive. "
-        f"There are: {', '.join(log.names)}. {hint}".rstrip()
+        f"{log.source.label}: no torque of joint '{joint}': one of "
+        f"{', '.join(f'{joint}.{q}' for q in REPORTED)} is needed, or {joint}.target_position and "
+        f"the gains of its drive. There are: {', '.join(log.names)}. {hint}".rstrip()
     )
-
-
-def _told_by(log: Log, transmission: Transmission, row: int) -> str:
-    """Return the first quantity that tells the torque of a drive, empty where none does."""
-    joint, resists = transmission.joints[row], np.isfinite(transmission.resistance[row])
-    told = [q for q in _QUANTITIES if log.has(f"{joint}.{q}") and (q != "duty" or resists)]
-    return told[0] if told else ""
 
 
 def joint_position(log: Log, joint: str) -> FloatArray:
@@ -211,16 +178,13 @@ def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
         if field.name not in OF_THE_DRIVE
         and not _same(getattr(theirs, field.name), getattr(ours, field.name))
     ]
-    placements = [
-        (one.jointPlacements, one.names, one.gravity.linear) for one in (own.model, robot.model)
-    ]
-    same_joints = list(placements[0][1]) == list(placements[1][1])
-    if not same_joints or not all(
-        a.isApprox(b) for a, b in zip(placements[0][0], placements[1][0], strict=True)
-    ):
-        different.append("joints")
-    elif not np.array_equal(placements[0][2], placements[1][2]):
-        different.append("gravity")
+    one, other = own.model, robot.model
+    same = list(one.names) == list(other.names) and np.array_equal(
+        one.gravity.linear, other.gravity.linear
+    )
+    places = zip(one.jointPlacements, other.jointPlacements, strict=False)
+    if not same or not all(a.isApprox(b) for a, b in places):
+        different.append("joints or gravity")
     known = {(e.name, e.where, tuple(e.values.items())) for e in robot.effects}
     different += [
         f"{e.name} at {e.where}"
@@ -234,7 +198,17 @@ def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
             "gains, supply voltage and torque limit of the drives and in the inertia of the links."
         )
     inertia = inertial_parameters(own) - inertial_parameters(robot)
-    return log.with_machine(Machine(theirs, frozen(inertia)))
+    return replace(log, machine=Machine(theirs, frozen(inertia)))
+
+
+def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
+    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
+    result = model.copy()
+    if inertia is not None:
+        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
+            total = model.inertias[k].toDynamicParameters() + more
+            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+    return result
 
 
 def _same(one: object, other: object) -> bool:

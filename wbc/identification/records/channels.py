@@ -10,10 +10,9 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 from wbc.identification.readings import (
     feedback_torques,
-    makes_torque,
-    reports_current,
-    reports_torque,
     rotor_torques,
+    tells_torque,
+    torque_sources,
     without_position,
 )
 from wbc.identification.readings.torque import contact_forces, positions, velocities
@@ -102,7 +101,7 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         torque=on_grid(torque),
         feedback=None if feedback is None else on_grid(feedback),
         reported=reported,
-        currents=reports_current(log, robot.transmission) & reported,
+        currents=(np.array(torque_sources(log, robot.transmission)) == "current") & reported,
         sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
         forces=forces,
         active=active,
@@ -125,8 +124,7 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     if log.machine is not None:
         times = {name: getattr(gears, name) for name in DRIVE_TIMES}
         gears = log.machine.transmission.replace(**times)
-    reported = np.array([reports_torque(log, joint) for joint in gears.joints], dtype=bool)
-    reported |= makes_torque(log, gears)
+    reported = tells_torque(log, gears)
     reported |= [joint not in robot.torque_sensors for joint in gears.joints]
     reported &= [joint not in robot.sensor_only for joint in gears.joints]
     nothing = {

@@ -10,7 +10,7 @@ from scipy.signal import welch
 from scipy.signal.windows import hann
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.measurement import WINDOW_SAMPLES, unsmooth
+from wbc.measurement.filters import WINDOW_SAMPLES, unsmooth
 
 _LOWEST, _HIGHEST = 3.0, 15.0
 _MOVES = 4.0  # times the noise of the smoothed speed

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from wbc.errors import IdentificationError
-from wbc.identification.readings import refusal
+from wbc.identification.readings import SuspiciousLogError, find_duplicates, refusal
 from wbc.identification.records.record import Record
-from wbc.measurement import Log, SuspiciousLogError, find_duplicates
+from wbc.measurement import Log
 from wbc.robot import Robot
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise

@@ -214,7 +214,7 @@ def close_repeats(
 
     Args:
         records: the logs.
-        groups: indices of logs of the same excitation, as of `wbc.measurement.find_repeats`.
+        groups: indices of logs of the same excitation, as of `find_repeats`.
     """
     return tuple(
         (i, j)

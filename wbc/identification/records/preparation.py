@@ -11,6 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
+from wbc.identification.readings.torque import loaded
 from wbc.identification.records.channels import Channels, read_channels
 from wbc.identification.records.filters import (
     Bandwidth,
@@ -25,7 +26,7 @@ from wbc.identification.records.filters import (
 from wbc.identification.records.noise import load_bands, synthetic_noise
 from wbc.identification.records.not_judged import away_from_impacts, not_judged_at_rest, rubbing
 from wbc.identification.records.record import Record, output_count
-from wbc.measurement import Log, derivative, differentiate, loaded, low_pass
+from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read

@@ -25,10 +25,11 @@ from wbc.dynamics import (
     inertial_regressor,
     link_torque,
 )
+from wbc.identification.readings.torque import loaded
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
 from wbc.links import LinkResponse
-from wbc.measurement import loaded, low_pass
+from wbc.measurement import low_pass
 from wbc.robot import ContactForces, Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
