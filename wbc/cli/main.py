@@ -6,9 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
 
-from wbc.cli.options import COMMANDS, OPTIONS, build_parser
+from wbc.cli.options import COMMANDS, build_parser
 from wbc.errors import WbcError
 from wbc.extras import needs
 
@@ -48,8 +47,7 @@ def _run(options: argparse.Namespace) -> int:
         from wbc.cli.outputs import require_outputs, write_json
 
         command = import_module(f"wbc.cli.{module}")
-    endings = [OPTIONS[key]["metavar"] for key in entry.options.split() if key.startswith("--out/")]
-    require_outputs(options, *(Path(ending).suffix for ending in endings))
+    require_outputs(options, entry.options.split())
     target = getattr(options, "json", None)
     console = Console(markup=False, quiet=target == "-")
     code, content = getattr(command, function)(options, console)

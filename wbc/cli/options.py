@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -16,20 +17,12 @@ and simulate the answer takes 40 s of it for a recorded six-axis arm (AIRBOT).""
 
 def limit(text: str) -> tuple[float, str]:
     """Return (size, unit) of --fail-above; the unit is empty for noise floors."""
-    number, unit = text.strip(), ""
-    for ending, name in (("floors", ""), ("floor", ""), ("Nm", "Nm"), ("N m", "Nm"), ("N", "N")):
-        if number.endswith(ending):
-            number, unit = number.removesuffix(ending), name
-            break
-    try:
-        size = float(number)
-    except ValueError:
-        size = 0.0
-    if not 0.0 < size < inf:
+    told = re.fullmatch(r"\s*(\d*\.?\d+(?:e[-+]?\d+)?)\s*(N ?m|N|floors?|)\s*", text)
+    if told is None or not 0.0 < float(told[1]) < inf:
         raise argparse.ArgumentTypeError(
             f"'{text}' is no limit; give 0.5Nm (or N), or a number of noise floors such as 3"
         )
-    return size, unit
+    return float(told[1]), told[2].replace(" ", "") if told[2].startswith("N") else ""
 
 
 def _option(metavar: str | None, text: str, **more: Any) -> dict[str, Any]:
@@ -90,13 +83,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
     "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
-    "--html/look": _option("FILE", "the page (default look.html)", default="look.html"),
+    "--html/look": _option("FILE.html", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
-    "--html": _option("FILE", "write the page"),
-    "--png": _option("FILE", "write a picture"),
+    "--html": _option("FILE.html", "write the page"),
+    "--png": _option("FILE.png", "write a picture"),
     "--at": _option("T", "time [s] of the picture, where the page waits", type=float),
-    "--gif": _option("FILE", "write an animation"),
+    "--gif": _option("FILE.gif", "write an animation"),
     "--from": _option("T", "start of the animation [s]", dest="start", type=float),
     "--to": _option("T", "end of the animation [s]", dest="stop", type=float),
     "--speed/shown": _option("X", "0.1 shows it ten times slower", type=float, default=1.0),

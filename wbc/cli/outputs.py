@@ -7,37 +7,28 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
+from wbc.cli.options import OPTIONS
 from wbc.errors import WbcError
 from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
 _INPUTS = ("run_file", "robot", "columns", "ghost", "index")
-_ENDINGS = {
-    "html": (".html", ".htm"),
-    "report": (".html", ".htm"),
-    "png": (".png",),
-    "gif": (".gif",),
-    "save": (".toml",),
-    "out": (),  # each command says which
-    "file": (),  # each format has one
-    "fix": (".toml",),
-    "json": (),
-}
+_OUTPUTS = ("--html", "--report", "--png", "--gif", "--save", "--out", "--file", "--fix", "--json")
 
 
-def require_outputs(options: argparse.Namespace, out: str = "") -> None:
+def require_outputs(options: argparse.Namespace, keys: Sequence[str]) -> None:
     """Check that every file that the options name can be written.
 
     Args:
-        options: of the command; those that name files are looked at where it has them.
-        out: how the name of --out must end.
+        options: of the command.
+        keys: those of its options in `OPTIONS`, where the name of each file has its ending.
 
     Raises:
         WbcError: a wrong ending, a folder in the place of a file, a file in the place of a folder,
@@ -46,19 +37,20 @@ def require_outputs(options: argparse.Namespace, out: str = "") -> None:
     named = [getattr(options, option, None) for option in _INPUTS]
     inputs = [name for name in [*named, *getattr(options, "logs", [])] if name]
     taken = {Path(name).resolve(): f"the input '{name}'" for name in inputs}
-    for option, endings in {**_ENDINGS, "out": (out,) if out else ()}.items():
-        name = getattr(options, option, None)
-        if name is None or (option == "json" and name == "-"):
+    for key in keys:
+        option = key.partition("/")[0]
+        name = getattr(options, option.removeprefix("--"), None)
+        if option not in _OUTPUTS or name is None or (option == "--json" and name == "-"):
             continue
-        path = Path(name)
-        if endings and path.suffix.lower() not in endings:
-            raise WbcError(f"--{option} '{name}': the name must end in {' or '.join(endings)}.")
+        path, ending = Path(name), Path(OPTIONS[key]["metavar"]).suffix
+        if ending and path.suffix.lower() != ending:
+            raise WbcError(f"{option} '{name}': the name must end in {ending}.")
         if path.is_dir():
-            raise WbcError(f"--{option} '{name}' is a folder; name a file in it.")
+            raise WbcError(f"{option} '{name}' is a folder; name a file in it.")
         if path.resolve() in taken:
-            raise WbcError(f"--{option} would overwrite {taken[path.resolve()]}; choose another.")
-        taken[path.resolve()] = f"what --{option} writes"
-        _require_folder(path.parent, f"--{option} '{name}'")
+            raise WbcError(f"{option} would overwrite {taken[path.resolve()]}; choose another.")
+        taken[path.resolve()] = f"what {option} writes"
+        _require_folder(path.parent, f"{option} '{name}'")
     if getattr(options, "figures", None):
         _require_folder(Path(options.figures), f"--figures '{options.figures}'")
 

@@ -148,7 +148,7 @@ def run_export(options: argparse.Namespace, console: Console) -> Outcome:
     options.file = options.file or f"{robot.name}{ending}"
     if Path(options.file).suffix.lower() != ending:
         raise WbcError(f"--file '{options.file}': {options.to} wants a name that ends in {ending}.")
-    require_outputs(options)
+    require_outputs(options, ["--file", "--json"])
     exported = export_robot(robot, options.to)
     path = exported.write(options.file)
     for title, texts in (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import webbrowser
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -141,33 +141,23 @@ def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntA
     known = np.isfinite(values)
     if np.count_nonzero(known) < 2:
         return ""
-    start, span = float(place[0]), max(float(place[-1] - place[0]), 1e-300)
     low, high = float(np.min(values[known])), float(np.max(values[known]))
-    scale = (_HEIGHT - 6.0) / max(high - low, 1e-300)
-
-    def x(at: Sequence[float] | FloatArray) -> FloatArray:
-        return (np.asarray(at) - start) / span * _WIDTH
-
-    def y(value: FloatArray) -> FloatArray:
-        return np.asarray(_HEIGHT - 3.0 - (value - low) * scale)
-
-    bins = np.minimum((x(place[known]) / _WIDTH * _BINS).astype(int), _BINS - 1)
+    x = (place - place[0]) / max(float(place[-1] - place[0]), 1e-300) * _WIDTH
+    y = _HEIGHT - 3.0 - (values - low) * ((_HEIGHT - 6.0) / max(high - low, 1e-300))
+    bins = np.minimum((x[known] / _WIDTH * _BINS).astype(int), _BINS - 1)
     first = np.flatnonzero(np.diff(bins, prepend=-1))
-    upper = np.maximum.reduceat(values[known], first)
-    lower = np.minimum.reduceat(values[known], first)
     across = (bins[first] + 0.5) * _WIDTH / _BINS
-    ring = [*zip(across, y(upper), strict=True), *zip(across[::-1], y(lower)[::-1], strict=True)]
+    upper, lower = (way.reduceat(y[known], first) for way in (np.minimum, np.maximum))
+    ring = [*zip(across, upper, strict=True), *zip(across[::-1], lower[::-1], strict=True)]
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in ring)
     marks = ""
-    if not again.size:
-        for left, right in zip(x(place[holes]), x(place[holes + 1]), strict=True):
-            width = max(right - left, 1.5)
-            marks += f"<rect class='gap' x='{left:.1f}' width='{width:.1f}' height='{_HEIGHT}'/>"
-    for at in x(place[again]):
+    for left, right in zip(x[holes], x[holes + 1], strict=True) if not again.size else ():
+        width = max(right - left, 1.5)
+        marks += f"<rect class='gap' x='{left:.1f}' width='{width:.1f}' height='{_HEIGHT}'/>"
+    for at in x[again]:
         marks += f"<line class='again' x1='{at:.1f}' x2='{at:.1f}' y2='{_HEIGHT}'/>"
-    rows = np.flatnonzero(known)[jumps(values[known])[0]][:_BINS]
-    for a, b in zip(x(place[rows]), y(values[rows]), strict=True):
-        marks += f"<circle class='mark' cx='{a:.1f}' cy='{b:.1f}' r='2'/>"
+    for row in np.flatnonzero(known)[jumps(values[known])[0]][:_BINS]:
+        marks += f"<circle class='mark' cx='{x[row]:.1f}' cy='{y[row]:.1f}' r='2'/>"
     line = f"<polygon class='line' points='{points}'/>"
     return f"<svg viewBox='0 0 {_WIDTH} {_HEIGHT}'>{marks}{line}</svg>"
 
