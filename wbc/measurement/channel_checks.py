@@ -74,7 +74,7 @@ def resting_joints(log: Log) -> frozenset[str]:
     """Return the joints that neither their position nor their velocity shows to move.
 
     A position flickers by its noise and by the count of its encoder; the integral of a velocity
-    strays by a constant offset and by the random walk of its noise.
+    strays by a constant offset, by the random walk of its noise and by its rounding.
     """
     return frozenset(
         joint
@@ -119,7 +119,12 @@ def _velocity_moves(time: FloatArray, velocity: FloatArray, position: FloatArray
     strays = float(np.std(integral - line(time)))
     step = float(np.median(np.diff(time)))
     walk = residual_noise(time, velocity) * step * np.sqrt(_WALK * time.size)
-    return bool(strays > _MOVES * np.hypot(walk, _uncertainty(time, position)))
+    # A value that is held is off by the same rounding all the while.
+    ends = np.flatnonzero(np.diff(velocity))
+    held = np.diff(time[np.concatenate([[0], ends, [time.size - 1]])])
+    rounded = _rounding(velocity) * float(np.linalg.norm(held))
+    unsure = np.hypot(np.hypot(walk, rounded), _uncertainty(time, position))
+    return bool(strays > _MOVES * unsure)
 
 
 def _uncertainty(time: FloatArray, position: FloatArray) -> float:

@@ -20,11 +20,12 @@ from wbc.identification import compare, diagnose
 from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.readings import SuspiciousLogError
+from wbc.identification.readings import SuspiciousLogError, find_suspicions
 from wbc.identification.records.channels import read_channels
 from wbc.identification.records.filters import Bandwidth, low_passed
 from wbc.identification.records.not_judged import away_from_impacts, reported_torque
 from wbc.measurement import Log, LogSource, load_logs
+from wbc.measurement.channel_checks import resting_joints
 from wbc.sim import Plane, Plant, SimState, simulate
 from wbc.sim.excitation import ENCODER, MultiSine
 
@@ -319,3 +320,24 @@ def test_logs_that_say_nothing_are_refused(runs: list[Log]) -> None:
     base = {f"base_{axis}.position": np.zeros(len(runs[0])) for axis in ("x", "z", "pitch")}
     with pytest.raises(IdentificationError, match="contact forces"):
         compare(free, [runs[0].with_columns(base)])
+
+
+def test_a_joint_at_rest_whose_sensors_flicker_is_accused_of_nothing(logs: list[Log]) -> None:
+    """Of a recorded arm each joint moved in a log of its own, and the last digits of the others.
+
+    One count of an encoder was a jump that refused the log, the torque of a joint at rest followed
+    no need, and one had a current limit of 2 mN m (99 %).
+    """
+    hip = logs[0]
+    blinks = np.random.default_rng(4).random((3, len(hip))) < 0.02
+    count = {"knee.position": 4e-4, "knee.velocity": 0.011, "knee.rotor_torque": 7e-4}
+    last = {name: size * blink for (name, size), blink in zip(count.items(), blinks, strict=True)}
+    # The velocity stays at a count for longer, and then at another.
+    late = hip.time > 0.7 * hip.time[-1]
+    last["knee.velocity"] = count["knee.velocity"] * (late.astype(float) + blinks[1] - 1.0)
+    last["knee.position"] = last["knee.position"] + hip.column("knee.position")[0]
+    held = hip.with_columns(last)
+    assert resting_joints(held) == {"knee"}
+    assert find_suspicions([held], ROBOT) == [[]]
+    found = diagnose(ROBOT, [held])
+    assert {f.effect.where for f in found.findings} == {"hip"}

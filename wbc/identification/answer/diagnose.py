@@ -45,7 +45,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings.first_guess import guessed_numbers
-from wbc.identification.records.log_checks import still_joints, without_copies
+from wbc.identification.records.log_checks import without_copies
 from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.record import output_names, output_units
@@ -110,7 +110,7 @@ def diagnose(
     begun = time.monotonic()
     different, warnings = without_copies(logs)
     problem = EstimationProblem.from_logs(robot, different)
-    still = still_joints(problem.records)
+    still = problem.still
     nothing_moves = len(still) == robot.transmission.size
     all_silent = bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
     warnings += [

@@ -18,7 +18,6 @@ from wbc.effects.link_inertias import LinkInertia, LinkInertias
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.records.log_checks import still_joints
 from wbc.robot import Effect
 
 FRICTION: tuple[type[Effect], ...] = (
@@ -86,7 +85,7 @@ def plain_models(
 def at_all_joints(problem: EstimationProblem, kinds: Sequence[type[Effect]]) -> tuple[Effect, ...]:
     """Return effects that change nothing yet, at every judged joint that moves."""
     robot = problem.robot
-    moving = np.setdiff1d(problem.judged_joints, still_joints(problem.records)).tolist()
+    moving = np.setdiff1d(problem.judged_joints, problem.still).tolist()
     return tuple(
         kind.at(where, kind.null_values(robot, where))
         for kind in kinds

@@ -52,6 +52,7 @@ from wbc.identification.records.not_judged import (
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record, output_gear, output_names
 from wbc.measurement import Log, cut_at_gaps
+from wbc.measurement.channel_checks import resting_joints
 from wbc.robot import Effect, Motion, Robot
 
 # Of 171 generated logs whose answer explains them 92 % leave less than this, of 69 with a cause
@@ -78,6 +79,8 @@ class EstimationProblem:
         mistimed: (2, m + b) mean squares in floors that the times of the drives may leave: what all
             drives miss alike, and each by itself, see `missed_by_times`.
         warnings: about the logs.
+        silent: joints whose drive reports no torque of the motion.
+        still: driven joints that move in no log: stiction carries an unknown part of their load.
     """
 
     robot: Robot
@@ -89,6 +92,7 @@ class EstimationProblem:
     mistimed: FloatArray
     warnings: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
 
     @classmethod
     def from_logs(cls, robot: Robot, logs: Sequence[Log]) -> EstimationProblem:
@@ -134,9 +138,11 @@ class EstimationProblem:
         parts = [condensed_residual(links, [record]) for record in records]
         floor = noise_floor(records, parts, drawn, repeats)
         silent = silent_drives(records, parts, floor.values)
+        driven = robot.transmission.joints
+        still = frozenset.intersection(*map(resting_joints, logs))
         # Without any drive nothing would be left to judge.
         known = silent if len(silent) < np.count_nonzero(records[0].reported) else ()
-        aside = tuple(robot.transmission.joints.index(joint) for joint in known)
+        aside = tuple(driven.index(joint) for joint in known)
         aside += not_judged(records)
         floor = replace(floor, aside=aside)
         believed = tuple(record.believing(robot) for record in records)
@@ -150,6 +156,7 @@ class EstimationProblem:
             mistimed=missed_by_times(robot, records) / floor.values**2,
             warnings=tuple(warnings),
             silent=silent,
+            still=tuple(joint for joint in driven if joint in still),
         )
 
     @property

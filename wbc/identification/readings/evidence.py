@@ -81,7 +81,7 @@ class Report(NamedTuple):
     target: FloatArray
     """(R,) the report in the same coordinates, over its size."""
     samples: float
-    """Independent samples that count."""
+    """Independent samples that count; 0 of a report that tells nothing."""
     size: float
     """Root of the sum of squares of the report about its mean [N m]."""
     heavy: float
@@ -113,7 +113,7 @@ def report(
             the rotor, 0 for torque behind the gear.
     """
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
-    if size <= 0.0:
+    if size <= 0.0 or samples <= 0.0:
         nothing = np.zeros((1, _CAUSES))
         flat = np.zeros(GAINS.size)
         return Report(
@@ -189,13 +189,15 @@ def foreign(logs: Sequence[Sequence[Report]]) -> FloatArray:
     """Return (m,) the probability that no report of a joint follows what the links need.
 
     That is what neither an idle drive explains nor the need with a gain that machines have; or all
-    reports, where none follows its need in any log: those of another robot, or of another run.
+    reports, where none follows its need in any log: those of another robot, or of another run. Of
+    a report that tells nothing nobody is accused.
     """
     total, strange = _at_gains(logs)
-    left = np.min([[one.left for one in reports] for reports in logs], axis=0)
+    tells = np.any([[one.samples > 0.0 for one in reports] for reports in logs], axis=0)
+    left = np.min([[one.left for one in reports] for reports in logs], axis=0)[tells]
     if np.all(left > _LOST):
         odds = _STRANGE - left.size * float(np.log(_RARELY_LOST))
-        return np.full(left.size, 1.0 / (1.0 + np.exp(-odds)))
+        return np.where(tells, 1.0 / (1.0 + np.exp(-odds)), 0.0)
     whole = np.logaddexp(logsumexp(GAIN_PRIOR + total, axis=1), strange)
     heavy = np.sum([[one.heavy for one in reports] for reports in logs], axis=0)
     usual = np.logaddexp(logsumexp((GAIN_PRIOR + total)[:, _USUAL], axis=1), heavy)

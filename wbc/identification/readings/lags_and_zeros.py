@@ -119,7 +119,8 @@ def _lag(rows: LogRows, need: Need, lag: float, joint: int, part: IntArray) -> t
     size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     scaled, rest = nnls(table / size, reported)
     found = scaled / size
-    samples = min(float(rows.samples[joint]), MOST_SAMPLES)
+    # A report that tells nothing has none.
+    samples = min(max(float(rows.samples[joint]), 1e-12), MOST_SAMPLES)
     others = table[:, :-2] / size[:-2]
     alone = slope - others @ np.linalg.lstsq(others, slope, rcond=ROUNDING)[0]
     # Errors of the model repeat themselves: only independent samples count.

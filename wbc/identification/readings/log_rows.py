@@ -187,7 +187,8 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     except LogError:
         return None
     grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
-    if resting_joints(log) >= set(robot.single_joints):
+    resting = resting_joints(log)
+    if resting >= set(robot.single_joints):
         return None
     position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
     cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
@@ -223,7 +224,13 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         conversion=_conversion(robot, tuple(quantities)),
         forces={name: force[thin] for name, force in held.items()},
         quantities=tuple(quantities),
-        samples=np.array([_samples(column) for column in torque[inside].T]),
+        # What holds a joint at rest is stiction, too: its torque may be any within it.
+        samples=np.array(
+            [
+                0.0 if joint in resting else _samples(column)
+                for joint, column in zip(joints, torque[inside].T, strict=True)
+            ]
+        ),
         sensed=sensed[thin],
     )
     need = rows.need().links

@@ -95,16 +95,6 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     return [log for k, log in enumerate(logs) if k not in dropped], warnings
 
 
-def still_joints(records: Sequence[Record]) -> tuple[str, ...]:
-    """Return the driven joints that move in no log by more than their sensors' noise."""
-    robot = records[0].robot
-    moving = np.zeros(robot.transmission.size, dtype=bool)
-    for record in records:
-        moves = record.noise.moving(record.motion.velocity, record.bandwidth)
-        moving |= moves[robot.actuated]
-    return tuple(n for n, yes in zip(robot.transmission.joints, moving, strict=True) if not yes)
-
-
 def low_passed_torques(records: Sequence[Record]) -> list[str]:
     """Return a warning where a low-pass took the noise of torques away, empty where none did."""
     joints = np.array(records[0].robot.transmission.joints)
