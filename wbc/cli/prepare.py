@@ -25,7 +25,6 @@ from wbc.identification.readings.first_guess import (
     guess_ratios,
     guessed_numbers,
     model_joints,
-    not_found,
     write_robot,
 )
 from wbc.identification.readings.robot_checks import told_by_rows
@@ -165,7 +164,7 @@ def run_init(options: argparse.Namespace, console: Console) -> Outcome:
             f"explain {100.0 * share:.0f} % of its torque"
         )
     console.print(f"wrote {path}")
-    for finding in not_found(robot, options.logs, guess.table):
+    for finding in guess.lacking:
         place = f"{finding.column}: " if finding.column else ""
         console.print(Spoken(f"not found: {place}{finding.text} {finding.way_out}"))
     check = ["wbc", "check", *options.logs, "--robot", str(name), "--columns", str(path)]

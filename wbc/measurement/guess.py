@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,6 @@ class MapGuess:
         driven: joints of the robot with a column of torque or current.
         targets: joints with a column of target positions and none of torque.
         unseen: joints without a column of positions; of velocities where no joint has positions.
-        told: how well the rows tell the columns of each joint, see `told_by_rows`.
     """
 
     table: Mapping[str, Any]
@@ -47,7 +46,6 @@ class MapGuess:
     driven: tuple[str, ...]
     targets: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
-    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def guess_names(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,7 +21,6 @@ from wbc.identification.readings.robot_checks import check_robot, told_by_rows
 from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.findings import LIKELY, LogFinding
 from wbc.measurement.guess import MapGuess, guess_table
-from wbc.measurement.log import Log
 from wbc.measurement.names import MOTION, NameGuess, guess_names_of, joints_of
 from wbc.measurement.read import load_logs
 from wbc.measurement.schema import LOG_UNITS
@@ -64,7 +63,20 @@ class RatioGuess:
     source: str
 
 
-def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> MapGuess:
+class RowGuess(NamedTuple):
+    """A guessed column map after the rows were held against the robot."""
+
+    table: Mapping[str, Any]
+    """The map."""
+    reasons: tuple[str, ...]
+    """Why its lines say what they say."""
+    told: Mapping[str, tuple[float, float]]
+    """How well the rows tell the columns of each joint, see `told_by_rows`."""
+    lacking: tuple[LogFinding, ...]
+    """What the logs lack that a diagnosis needs, and columns that are refused."""
+
+
+def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> RowGuess:
     """Return a guess corrected by what the rows say against the robot.
 
     Joints by motion and torque, units by derivative, sides by ratio, signs by gravity.
@@ -75,55 +87,37 @@ def guess_map(robot: Robot, paths: Sequence[str | Path], start: MapGuess) -> Map
         start: from the names.
     """
     table, reasons = dict(start.table), list(start.reasons)
-    for _ in range(_ROUNDS):
-        logs = _read(paths, table, robot)
+    for left in reversed(range(_ROUNDS + 1)):
+        logs = load_logs(paths[:_LOGS], parse_column_map(table, "", single_ratios(robot)))[:_LOGS]
+        found = [finding for own in find_suspicions(logs, robot) for finding in own]
+        lacks = [check_robot(log, robot) for log in logs]
         doubts = [
             finding
-            for own in [*find_suspicions(logs, robot), *(check_robot(log, robot) for log in logs)]
-            for finding in own
+            for finding in (*found, *(one for own in lacks for one in own))
             if finding.mend
             and not finding.alone
             and finding.kind not in _LACKS
             and finding.probability >= LIKELY
             and not _denied(finding, table)
         ]
+        if not doubts or not left:
+            break
         # What contradicts itself within a log comes before what the torques say.
         inner = [f for f in doubts if f.kind in _OF_MOTION]
-        if not doubts:
-            break
         said = {repr(f.mend): f for f in reversed(inner or doubts)}
         for finding in reversed(said.values()):
             table = merged(table, finding.mend)
             reasons.append(f"{finding.text} (probability {finding.probability:.2f})")
-    told = told_by_rows(robot, _read(paths, table, robot))
-    return replace(start, table=table, reasons=tuple(dict.fromkeys(reasons)), told=told)
-
-
-def not_found(
-    robot: Robot, paths: Sequence[str | Path], table: Mapping[str, Any]
-) -> list[LogFinding]:
-    """Return what logs lack that the diagnosis of a robot needs, and columns that are refused.
-
-    Args:
-        robot: whose logs they are.
-        paths: the logs.
-        table: the map that reads them.
-    """
-    logs = _read(paths, table, robot)
-    refused = [f for own in find_suspicions(logs, robot) for f in own if f.severity == "error"]
-    lacks = check_robot(logs[0], robot)
-    return list({finding.text: finding for finding in [*lacks, *refused]}.values())
+    refused = [finding for finding in found if finding.severity == "error"]
+    lacking = {finding.text: finding for finding in [*lacks[0], *refused]}
+    told = told_by_rows(robot, logs)
+    return RowGuess(table, tuple(dict.fromkeys(reasons)), told, tuple(lacking.values()))
 
 
 def _denied(finding: LogFinding, table: Mapping[str, Any]) -> bool:
     """Whether the names say what a finding doubts: angles in rad."""
     entries = [table.get("columns", {}).get(name, {}) for name in finding.mend.get("columns", {})]
     return finding.kind == "degrees" and any(entry.get("unit") == "rad" for entry in entries)
-
-
-def _read(paths: Sequence[str | Path], table: Mapping[str, Any], robot: Robot) -> list[Log]:
-    rules = parse_column_map(table, "", single_ratios(robot))
-    return list(load_logs(paths[:_LOGS], rules))[:_LOGS]
 
 
 def guessed_numbers(path: str | Path) -> list[str]:
