@@ -124,12 +124,9 @@ def report(
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
     limit = _INERTIA * inertia / size
     count = min(samples, MOST_SAMPLES)
-    gains, left = _likelihoods(reduced, GAINS / size, rotor, limit, count)
-    ratios, heavy = np.zeros(_RATIOS.size), -inf
-    if rotor <= 0.0:
-        turned = _likelihoods(reduced, GAINS[_USUAL] / size, 0.0, inf, count)[0]
-        heavy = float(logsumexp(GAIN_PRIOR[_USUAL] + turned))
-    else:
+    gains, left, heavy = _likelihoods(reduced, GAINS / size, rotor, limit, count)
+    ratios = np.zeros(_RATIOS.size)
+    if rotor > 0.0:
         inertias = rotor / size * _RATIOS ** (power + 2.0)
         ratios = log_likelihood(_held(reduced, _RATIOS**power / size, inertias), count)
     best = int(np.argmax(gains))
@@ -247,20 +244,22 @@ def need_columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
 
 def _likelihoods(
     reduced: FloatArray, gains: FloatArray, rotor: float, limit: float, count: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the log likelihood at each gain, and the share of power left there.
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the log likelihood at each gain, the share of power left there, and `heavy`.
 
     A rotor unlike its data sheet has its price.
     """
-    left, inertia = _misfits(reduced, gains, limit)
-    free = log_likelihood(left, count)
+    free, found = _positive(reduced[:, :-2], reduced[:, -1:] - gains * reduced[:, -2:-1])
+    left, inertia, over = free.copy(), np.minimum(found[-1], limit), found[-1] > limit
+    left[over] = _held(reduced, gains[over], inertia[over])
+    likelihood = log_likelihood(left, count)
     if rotor <= 0.0:
-        return free, left
+        turned = log_likelihood(free[_USUAL], count)
+        return likelihood, left, float(logsumexp(GAIN_PRIOR[_USUAL] + turned))
     size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
     price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    return np.maximum(
-        free + price, log_likelihood(_held(reduced, gains, gains * rotor), count)
-    ), left
+    held = log_likelihood(_held(reduced, gains, gains * rotor), count)
+    return np.maximum(likelihood + price, held), left, -inf
 
 
 def log_likelihood(left: FloatArray, count: FloatArray | float) -> FloatArray:
@@ -272,15 +271,6 @@ def _held(reduced: FloatArray, gains: FloatArray, inertias: FloatArray) -> Float
     """Return the share of power left at each gain and coefficient of the acceleration."""
     targets = reduced[:, -1:] - gains * reduced[:, -2:-1] - inertias * reduced[:, -3:-2]
     return _positive(reduced[:, :-3], targets)[0]
-
-
-def _misfits(reduced: FloatArray, gains: FloatArray, limit: float) -> tuple[FloatArray, FloatArray]:
-    """Return (share of power left, coefficient of the acceleration) at each gain."""
-    left, found = _positive(reduced[:, :-2], reduced[:, -1:] - gains * reduced[:, -2:-1])
-    inertia = np.minimum(found[-1], limit)
-    over = found[-1] > limit
-    left[over] = _held(reduced, gains[over], inertia[over])
-    return left, inertia
 
 
 def _positive(causes: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
