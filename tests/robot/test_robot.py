@@ -16,7 +16,7 @@ from wbc.errors import RobotError, TransmissionError
 from wbc.identification import compare
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot, robot_names, robots_directory
-from wbc.robot.dc_drive import DcDrive
+from wbc.robot.dc_drive import DcDrive, winding_current
 from wbc.transmission import Transmission
 
 
@@ -194,16 +194,11 @@ def test_a_continuous_joint_counts_its_turns(tmp_path, limit, base) -> None:
 
 
 def test_mean_voltage_balances_around_the_winding() -> None:
-    drive = DcDrive(supply_voltage=12.0, source_resistance=0.5)
     duty, back_emf, resistance = 0.6, 2.0, 3.0
-    current = float(drive.current(duty, back_emf, resistance))
+    current = float(winding_current(duty, back_emf, resistance, 12.0, 0.5, np.inf))
     assert duty * (12.0 - 0.5 * current) == pytest.approx(resistance * current + back_emf)
-
-
-def test_limits_hold() -> None:
-    drive = DcDrive(12.0, current_limit=1.0, duty_limit=0.9)
-    assert drive.current([1.0, -1.0], [0.0, 0.0], 2.0) == pytest.approx([1.0, -1.0])
-    assert drive.duty(10.0, [0.05, 1.0, -1.0]) == pytest.approx([0.5, 0.9, -0.9])
+    limited = winding_current([1.0, -1.0], [0.0, 0.0], 2.0, 12.0, 0.0, 1.0)
+    assert limited == pytest.approx([1.0, -1.0])
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from wbc.effects import CoulombFriction
 from wbc.errors import SimulationError
 from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
+from wbc.sim.step.impact import LEFT
 
 
 def _with_gears(robot: Robot, **changes) -> Robot:
@@ -170,7 +171,8 @@ def test_ends_that_miss_laws_are_counted_and_named() -> None:
     result = plant.step(state, np.zeros(plant.robot.transmission.size), 1e-3)
     assert result.impacts
     assert result.unsettled == 0
-    missed = replace(result, impacts=tuple(replace(i, missed=0.25) for i in result.impacts))
+    numbers = np.where(np.arange(8) == LEFT, 0.25, result.impacts[0].numbers)
+    missed = replace(result, impacts=tuple(replace(i, numbers=numbers) for i in result.impacts))
     assert missed.unsettled == len(result.impacts)
     assert ("unsettled", 0.25) in [(event.kind, event.size) for event in missed.events]
 

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import DynamicsError, TransmissionError, unknown_name
 from wbc.robot import Robot
-from wbc.transmission import wedge_backward_efficiency
-from wbc.transmission.transmission import GEAR_RULES
+from wbc.transmission import GEAR_NUMBERS, wedge_backward_efficiency
 
 GEAR_FIELDS = (
     "gear_ratio",
@@ -225,7 +224,7 @@ def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray
 
 def _check_gears(gears: Mapping[str, FloatArray]) -> None:
     for name, values in gears.items():
-        for holds, rule in GEAR_RULES[name]:
+        for holds, rule in GEAR_NUMBERS[name].rules:
             wrong = np.argwhere(~holds(values))
             if len(wrong):
                 row, column = (int(i) for i in wrong[0])

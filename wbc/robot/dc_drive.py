@@ -60,28 +60,6 @@ class DcDrive:
             if not good:
                 raise RobotError(f"DC drive: {name} = {getattr(self, name)} is out of range.")
 
-    def duty(self, gain: ArrayLike, error: ArrayLike) -> FloatArray:
-        """Return the duty (-1 to 1) for a position error [rad]; `gain` is in 1/rad."""
-        wanted = np.asarray(gain, dtype=np.float64) * np.asarray(error, dtype=np.float64)
-        return np.clip(wanted, -self.duty_limit, self.duty_limit)
-
-    def current(self, duty: ArrayLike, back_emf: ArrayLike, resistance: ArrayLike) -> FloatArray:
-        """Return the current through the winding [A].
-
-        Args:
-            duty: share of the supply voltage, any shape.
-            back_emf: torque constant times rotor speed [V], same shape.
-            resistance: of the winding as warm as it is [ohm], broadcast.
-        """
-        return winding_current(
-            duty,
-            back_emf,
-            resistance,
-            self.supply_voltage,
-            self.source_resistance,
-            self.current_limit,
-        )
-
 
 def winding_current(
     duty: ArrayLike,

@@ -19,33 +19,13 @@ from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.model_file import closed_loops, driven_joints, read_model
 from wbc.robot.robot import Robot, RobotSource
 from wbc.robot.table import check_keys, flag_in, number_in, numbers_in, table_in
-from wbc.transmission import Transmission, wedge_backward_efficiency
-
-GEAR_UNITS = {
-    "gear_ratio": "1",
-    "rotor_inertia": "kg m^2",
-    "forward_efficiency": "1",
-    "backward_efficiency": "1",
-    "rotor_coulomb_friction": "N m",
-    "rotor_viscous_friction": "N m s/rad",
-    "torque_limit": "N m",
-    "speed_limit": "rad/s",
-    "torque_constant": "N m/A",
-    "resistance": "ohm",
-    "kp": "N m/rad",
-    "kd": "N m s/rad",
-    "duty_gain": "1/rad",
-    "supply_voltage": "V",
-    "target_delay": "s",
-    "feedback_delay": "s",
-    "velocity_lag": "s",
-    "stiffness": "N m/rad",
-    "damping": "N m s/rad",
-    "backlash": "rad",
-}
-"""Key of [gears.JOINT] -> unit."""
+from wbc.transmission import GEAR_NUMBERS, Transmission, wedge_backward_efficiency
 
 _FIELDS = {"kp": "position_gain", "kd": "velocity_gain"}
+_KEYS = {field: key for key, field in _FIELDS.items()}
+GEAR_UNITS = {_KEYS.get(name, name): number.unit for name, number in GEAR_NUMBERS.items()}
+"""Key of [gears.JOINT] -> unit."""
+
 _TOP_LEVEL = (
     "name",
     "model",

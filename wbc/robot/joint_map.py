@@ -117,21 +117,6 @@ class JointMap:
             base = BaseState.of(data.qpos[:3], quaternion, data.qvel[:3], data.qvel[3:6])
         return self.motion(data.qpos, data.qvel, base)
 
-    def motion_of_joint_state(self, message: Any, base: BaseState | None = None) -> Motion:
-        """Return the state of a ROS `sensor_msgs/JointState`, whose names may change their order.
-
-        Raises:
-            RobotError: names, positions and velocities of other lengths, or a joint is missing.
-        """
-        names = tuple(message.name)
-        if not len(names) == len(message.position) == len(message.velocity):
-            raise RobotError(
-                f"the joint state has {len(names)} names, {len(message.position)} positions and "
-                f"{len(message.velocity)} velocities."
-            )
-        own = self if names == self.names else JointMap.of(self.robot, names)
-        return own.motion(message.position, message.velocity, base)
-
     def torques(self, rotor_torque: ArrayLike, size: int | None = None) -> FloatArray:
         """Return joint torques in the foreign order, N tau_phi behind D, zero for other joints.
 

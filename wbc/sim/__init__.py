@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.state import SimState
-    from wbc.sim.step.course import Impact
+    from wbc.sim.step.impacts import Impact
     from wbc.sim.step.program import StepProgram, StepSolution, solve_program
 
 __all__ = [
@@ -68,7 +68,7 @@ _HOMES = {
         "TorqueLag",
         "with_wrong_efficiencies",
     ),
-    "step.course": ("Impact",),
+    "step.impacts": ("Impact",),
     "energy": ("EnergyAudit", "EnergyFlow"),
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),

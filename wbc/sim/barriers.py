@@ -28,7 +28,7 @@ class Barriers:
         contacts: c contact barriers, all points for the first of s solids first, then the pairs'.
         bodies: the pairs as arrays.
         size: 2 j + c.
-        planar: whether no contact point can leave its x-z plane.
+        tangents: per contact, one where no contact point can leave its x-z plane, else two.
         asked: whether only Python knows how far some of the ground is.
         names: of the barriers (2 j + c).
     """
@@ -62,7 +62,7 @@ class Barriers:
         both, pairs = pairs_of(hulls, robot.surface, terrain)
         self.bodies = tables_of(both, pairs, robot.surface, tree, len(robot.contacts))
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
-        self.planar = _moves_in_plane(space) and not pairs
+        self.tangents = 1 if _moves_in_plane(space) and not pairs else 2
         self.limits, self.points = 2 * len(single), len(robot.contacts)
         self.contacts = self.points * len(terrain.solids) + len(self.bodies.slots)
         self.size = self.limits + self.contacts

@@ -126,7 +126,7 @@ def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
 def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
     """Return what `survey` finds in a state."""
     setup.tell_coupling(state.position, state.velocity)
-    setup.core.tell_motion(state)
+    setup.tell_motion(state)
     q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    found: tuple[float, float, int] = survey(setup.core.plant, q, v)
+    found: tuple[float, float, int] = survey(setup.plant, q, v)
     return found

@@ -16,7 +16,7 @@ from wbc.robot import BodySurface, ContactPoint, Hull, Robot, body_surfaces
 from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
-from wbc.sim.setup import Setup, prepare
+from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.course import Course
 from wbc.sim.step.pairs import FAR
@@ -116,12 +116,11 @@ class Plant:
         if not self.return_speed > 0.0:
             raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
         soft = (0.0, 0.0) if self.compliance is None else self.compliance.numbers
-        setup = prepare(touching, self.terrain, self.restitution, self.return_speed, hulls, soft)
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
-            setup = replace(setup, temperature=warm)
             object.__setattr__(self, "temperature", warm)
-        object.__setattr__(self, "_setup", setup)
+        given = self.terrain, self.restitution, self.return_speed, hulls, soft, self.temperature
+        object.__setattr__(self, "_setup", Setup(touching, *given))
 
     def _surfaces(self) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
         """Return points and hulls of the links, none of feet alone.
@@ -238,9 +237,8 @@ class Plant:
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
-        barriers, core = self._setup.barriers, self._setup.core
-        core.gaps(state.position)  # which places the points, too
-        points = core.plant.obstacles
+        barriers, points = self._setup.barriers, self._setup.plant.obstacles
+        self._setup.gaps(state.position)  # which places the points, too
         if not len(points.points):
             return np.zeros(0)
         return barriers.gaps_of(points.points) - points.contacts[:, 3]
@@ -257,7 +255,7 @@ class Plant:
         and edge of two solids that are apart may be nearer.
         """
         barriers = self._setup.barriers
-        gap = self._setup.core.gaps(state.position)
+        gap = self._setup.gaps(state.position)
         gap = np.where(gap < FAR, gap, np.inf)[barriers.size - len(barriers.bodies.slots) :]
         found = np.full(len(self.pairs), np.inf)
         np.minimum.at(found, barriers.bodies.slots[:, 0], gap)
@@ -273,7 +271,7 @@ class Plant:
         """
         barriers, stiff = self._setup.barriers, np.zeros(self.robot.model.nv)
         stiff[self.robot.actuated] = 1.0
-        done, q, gap = self._setup.core.lift(barriers.within_limits(position), stiff)
+        done, q, gap = self._setup.lift(barriers.within_limits(position), stiff)
         if not done:
             place = int(np.argmin(gap))
             raise SimulationError(
@@ -294,7 +292,7 @@ class Plant:
                 f"rotors: {', '.join(gears.joints)}."
             )
         if self.motor_bounds is None:
-            low, high = self._setup.least, gears.torque_limit
+            low, high = -gears.torque_limit, gears.torque_limit
         else:
             speed = gears.gear_ratio * self._setup.drive.motion(state)[1]
             bounds = self.motor_bounds(self.robot, speed)

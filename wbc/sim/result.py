@@ -15,8 +15,8 @@ from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.course import Impact
 from wbc.sim.step.flow import Flow
+from wbc.sim.step.impacts import Impact
 from wbc.sim.step.passive import MADE
 from wbc.sim.step.program import StepSolution
 
@@ -227,7 +227,7 @@ def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEve
         last: its last part.
         gap, lowest: of the deepest body, as far as loops know the ground.
     """
-    state, tree = last.state, setup.core.tree
+    state, tree = last.state, setup.tree
     if not setup.flies or not setup.robot.contacts:
         return
     if setup.barriers.asked:

@@ -1,73 +1,215 @@
-"""What a plant prepares once: memory and the parts of the equations that never change."""
+"""What a plant prepares once: the parts of the equations that never change, and working memory."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import ctypes
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import BoolArray, FloatArray, frozen
+from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.dynamics import RotorCoupling, Terms, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
-from wbc.mechanics.tree import tree_of
+from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Hull, Motion, Robot
-from wbc.sim.barriers import Barriers
+from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import Terrain
-from wbc.sim.step.core import Core
-from wbc.sim.step.forces import PlantEffects
+from wbc.sim.state import SimState
+from wbc.sim.step.arrival import DRIFT, lift
+from wbc.sim.step.contacts import FIELD
+from wbc.sim.step.field import AHEAD
+from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
+from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
-from wbc.sim.step.program import NOT_POSITIVE
-from wbc.sim.step.tables import BACKWARD, INVERSE
+from wbc.sim.step.program import NOT_POSITIVE, TOLERANCE
+from wbc.sim.step.tables import (
+    BACKWARD,
+    INVERSE,
+    Ending,
+    Flight,
+    Forces,
+    Hit,
+    Obstacles,
+    Opened,
+    PlacedTree,
+)
+from wbc.structures import stored
+
+_Answer = ctypes.CFUNCTYPE(None)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Setup:
-    """A robot on a terrain, prepared for stepping.
+    """A robot on a terrain, prepared for stepping, with the memory of the compiled loops.
 
     Attributes:
         robot: what moves.
-        space: memory for its kinematics.
-        drive: its gears.
-        barriers: its limits and contacts.
+        terrain: what it stands on.
         restitution: normal speed after over before an impact.
         return_speed: at which an overlap is taken back at most [m/s, rad/s].
+        temperature: (m,) of the motors [deg C], None where it was not given.
+        space: memory for its kinematics.
+        tree: of its bodies.
+        drive: its gears.
+        barriers: its limits and contacts.
         effects: of the robot.
         still: (nv,) zeros, the forces of no effects.
         none: (2 j + c,) no barrier.
-        least: (m,) [N m] least rotor torque, by the robot's torque limits.
+        yielding: (2 j + c,) barriers that are compliant.
         gravity: its size [m/s^2].
-        core: the compiled loops.
-        temperature: (m,) of the motors [deg C], None where it was not given.
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle: for effects that no table holds, for
             efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
-        yielding: (2 j + c,) barriers that are compliant.
+        plant: numbers and memory of the loops, which Python reads and writes between them, too.
+        out, cuts: `plant.end` as one array, and where it is cut.
     """
 
-    robot: Robot
-    space: Workspace
-    drive: Drivetrain
-    barriers: Barriers
-    restitution: float
-    return_speed: float
-    effects: PlantEffects
-    still: FloatArray
-    none: BoolArray
-    least: FloatArray
-    gravity: float
-    core: Core
-    temperature: FloatArray | None = None
-    varying: bool = False
-    meshed: bool = False
-    flies: bool = False
-    waits: bool = False
-    yielding: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
+    def __init__(
+        self,
+        robot: Robot,
+        terrain: Terrain,
+        restitution: float,
+        return_speed: float,
+        hulls: tuple[Hull, ...] = (),
+        compliance: tuple[float, float] = (0.0, 0.0),
+        temperature: FloatArray | None = None,
+    ) -> None:
+        """Prepare `robot` on `terrain`.
+
+        Args:
+            robot, terrain, restitution, return_speed, temperature: see `Plant`.
+            hulls: of its links that meet edges, and each other.
+            compliance: K and a of compliant contacts, zero for rigid ones.
+
+        Raises:
+            SimulationError: a robot with a body without mass that moves freely, with a joint of a
+                kind that the plant does not know, or with rotors that spin too much inertia.
+        """
+        self.robot, self.terrain, self.temperature = robot, terrain, temperature
+        self.restitution, self.return_speed = restitution, return_speed
+        self.space = Workspace(robot)
+        inertia = pin.crba(self.space.model, self.space.data, robot.neutral())
+        if lapack.dpotrf(inertia)[1] != 0:
+            raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
+        self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
+        self.barriers = Barriers(robot, terrain, self.space, self.tree, hulls)
+        self.effects, size = PlantEffects.of(robot), self.barriers.size
+        self.varying = bool(robot.varying_gears.any())
+        self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
+        self.waits = bool(self.effects.hooks) or self.varying or robot.rotors_turn_with_links
+        self.still = frozen(np.zeros(robot.model.nv))
+        self.none: BoolArray = frozen(np.zeros(size), bool)
+        contact = np.arange(size) >= self.barriers.limits
+        self.yielding: BoolArray = frozen(contact & (compliance[0] > 0.0), bool)
+        self.gravity = float(np.linalg.norm(robot.model.gravity.linear))
+        bases = free_bases(robot)
+        self.flies, self._pushed = bool(len(bases)), False
+        self._error: BaseException | None = None
+        self.plant = self._opened(bases, (return_speed, TOLERANCE, DRIFT, TOUCH, *compliance))
+        self._check_rotors()
+
+    def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> Opened:
+        """Return numbers and memory as the structure that compiled loops read and write."""
+        barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.size
+        nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
+        kept = m + nv + size + d * barriers.contacts
+        pushes = 3 * (barriers.points + len(barriers.pairs))
+        sizes = nq, nv, m, kept, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, nq
+        ends = np.cumsum(sizes).tolist()
+        self.cuts = tuple(map(slice, [0, *ends], ends))
+        self.out = np.zeros(ends[-1])
+        room = map(np.zeros, (nv, pushes, m + size * (1 + d), size, 8))
+        laws = self.effects.table
+        told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
+        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+        return stored(
+            Opened(
+                stored(self.tree),
+                stored(Flight(bases, np.zeros((b, 10)), np.zeros((b, 12)))),
+                stored(self._obstacles()),
+                stored(self.drive.tables(self.robot.rotors_turn_with_links)),
+                stored(PlacedTree(*map(np.zeros, shapes))),
+                stored(barriers.bodies),
+                stored(Forces(*told, np.zeros(m), np.zeros(nv), np.zeros(nv))),
+                stored(Ending._make([*(self.out[cut] for cut in self.cuts), np.zeros(size, bool)])),
+                stored(Hit._make([*room, np.zeros(size, bool), np.zeros(size, bool)])),
+                np.array([*bounds, AHEAD]),
+            )
+        )
+
+    def _obstacles(self) -> Obstacles:
+        """Return limits, contact points and what they meet as loops know it."""
+        barriers, solids = self.barriers, [solid.numbers() for solid in self.terrain.solids]
+        known = [numbers for numbers in solids if numbers is not None]
+        asked = 0
+        if barriers.asked:
+            self._answer = _Answer(self._ask_ground)
+            asked = int(ctypes.cast(self._answer, ctypes.c_void_p).value or 0)
+        table = np.zeros((len(known), max(map(len, known), default=0)))
+        for own, numbers in zip(table, known, strict=True):
+            own[: len(numbers)] = numbers
+        return Obstacles(
+            *barriers.tables(self.tree),
+            table,
+            np.zeros((barriers.points, 3)),
+            np.full(self.robot.model.nq, np.nan),
+            np.zeros((barriers.contacts, 7)),
+            barriers.tangents,
+            any(numbers[0] == FIELD for numbers in known) and not barriers.asked,
+            asked,
+        )
+
+    def _ask_ground(self) -> None:
+        """Fill gaps and normals of ground that only Python knows."""
+        told = self.plant.obstacles
+        count = len(told.points)
+        try:
+            for number, solid in enumerate(self.terrain.solids):
+                own = slice(number * count, (number + 1) * count)
+                told.touch[own, 0], told.touch[own, 1:4] = solid.gap(told.points)
+        except BaseException as error:
+            self._error, told.touch[:] = error, np.nan
+
+    def heard(self) -> None:
+        """Raise what the ground raised."""
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def gaps(self, position: FloatArray) -> FloatArray:
+        """Return all gaps (2 j + c,) at q (nq,)."""
+        gap = np.empty(self.barriers.size)
+        gaps_of(self.plant, np.ascontiguousarray(position), gap)
+        self.heard()
+        return gap
+
+    def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
+        """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""
+        q, gap = np.array(position), np.empty(self.barriers.size)
+        done = lift(self.plant, stiff, q, gap)
+        self.heard()
+        return done, q, gap
+
+    def tell_motion(self, state: SimState) -> None:
+        """Give the loops the motion of loose motor outputs."""
+        if self.drive.any_loose:
+            deflection, speed = self.drive.motion(state)
+            self.plant.gears.motion[:, 0], self.plant.gears.motion[:, 1] = deflection, speed
+
+    def tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
+        """Give the loops what acts, beside what stays and what they evaluate."""
+        told = self.plant.forces
+        told.torque[:] = forces.rotor
+        if forces.friction is not None:
+            told.friction[:] = forces.friction
+            told.outer[:] = forces.joint if external is None else forces.joint + external
+        elif external is not None or self._pushed:
+            told.outer[:] = 0.0 if external is None else external
+            self._pushed = external is not None
 
     def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
@@ -89,7 +231,7 @@ class Setup:
             self._write(self.drive.forward, self.drive.backward)
 
     def _write(self, forward: FloatArray, backward: FloatArray) -> None:
-        numbers = self.core.plant.gears.numbers
+        numbers = self.plant.gears.numbers
         numbers[:, INVERSE], numbers[:, BACKWARD] = 1.0 / forward, backward
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
@@ -107,35 +249,46 @@ class Setup:
         """Give the loops the inertial coupling at (q, v), at the motor outputs."""
         found = self.coupling(position, velocity)
         if found is not None:
-            told, ratio, nv = self.core.plant.gears, self.drive.ratio, len(velocity)
+            told, ratio, nv = self.plant.gears, self.drive.ratio, len(velocity)
             told.coupling[:] = ratio[:, None] * found.inertia
             told.gyration[0, :nv] = found.link_bias
             told.gyration[0, nv:] = ratio * found.rotor_bias
 
+    def _check_rotors(self) -> None:
+        """Refuse rotors that spin more inertia than the links that carry them have.
 
-def prepare(
-    robot: Robot,
-    terrain: Terrain,
-    restitution: float,
-    return_speed: float,
-    hulls: tuple[Hull, ...] = (),
-    compliance: tuple[float, float] = (0.0, 0.0),
-) -> Setup:
-    """Return the setup of `robot` on `terrain`.
+        The links' inertia holds that of their rotors at standstill. Without it, H - C' I_r^-1 C
+        with the rows C of the coupling, nothing negative may be left: the kinetic energy would be.
 
-    Args:
-        robot, terrain, restitution, return_speed: see `Plant`.
-        hulls: of its links that meet edges, and each other.
-        compliance: K and a of compliant contacts, zero for rigid ones.
+        Raises:
+            SimulationError: the kinetic energy can be negative; it names the heaviest rotor.
+        """
+        robot, at_rest = self.robot, np.zeros(self.space.model.nv)
+        found = self.coupling(robot.neutral(), at_rest)
+        if found is None:
+            return
+        spin = robot.transmission.rotor_inertia
+        turning = found.inertia[spin > 0.0] / np.sqrt(spin[spin > 0.0])[:, None]
+        inertia = pin.crba(self.space.model, self.space.data, robot.neutral())
+        shares = turning @ np.linalg.solve(np.triu(inertia) + np.triu(inertia, 1).T, turning.T)
+        if np.linalg.eigvalsh(shares).max(initial=0.0) >= 1.0:
+            names = [j for j, own in zip(robot.transmission.joints, spin, strict=True) if own > 0.0]
+            worst = int(np.argmax(np.diag(shares)))
+            raise SimulationError(
+                f"'{robot.name}': the rotor of '{names[worst]}' has {shares[worst, worst]:.3g} "
+                "times the inertia that its housing has about the rotor's axis, all rotors "
+                "together more than their housings: the kinetic energy can be negative. Links "
+                "contain the inertia of their rotors at standstill: give the links more, or the "
+                "rotors less."
+            )
+
+
+def _known_tree(robot: Robot) -> Tree:
+    """Return the tree of a robot.
 
     Raises:
-        SimulationError: a robot with a body without mass that moves freely, or with a joint of a
-            kind that the plant does not know.
+        SimulationError: it has a joint of a kind that the plant does not know.
     """
-    space = Workspace(robot)
-    inertia = pin.crba(space.model, space.data, robot.neutral())
-    if lapack.dpotrf(inertia)[1] != 0:
-        raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
     tree = tree_of(robot.model)
     if tree is None:
         kinds = sorted({joint.shortname() for joint in list(robot.model.joints)[1:]})
@@ -143,56 +296,4 @@ def prepare(
             f"'{robot.name}' has a joint of a kind that the plant does not know, among "
             f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
         )
-    barriers, drive = Barriers(robot, terrain, space, tree, hulls), Drivetrain.of(robot)
-    effects, varying = PlantEffects.of(robot), bool(robot.varying_gears.any())
-    waits = bool(effects.hooks) or varying or robot.rotors_turn_with_links
-    laws = None if waits else effects.table
-    setup = Setup(
-        robot,
-        space,
-        drive,
-        barriers,
-        restitution,
-        return_speed,
-        effects,
-        frozen(np.zeros(space.model.nv)),
-        frozen(np.zeros(barriers.size), bool),
-        -robot.transmission.torque_limit,
-        float(np.linalg.norm(space.model.gravity.linear)),
-        Core(robot, terrain, tree, drive, barriers, return_speed, compliance, laws),
-        yielding=frozen(np.arange(barriers.size) >= barriers.limits, bool) & (compliance[0] > 0.0),
-        varying=varying,
-        meshed=any("meshed" in effect.acts_by for effect in robot.effects),
-        flies=bool(len(free_bases(robot))),
-        waits=waits,
-    )
-    _check_rotors(setup)
-    return setup
-
-
-def _check_rotors(setup: Setup) -> None:
-    """Refuse rotors that spin more inertia than the links that carry them have.
-
-    The links' inertia holds that of their rotors at standstill. Without it, H - C' I_r^-1 C with
-    the rows C of the coupling, nothing negative may be left: the kinetic energy would be.
-
-    Raises:
-        SimulationError: the kinetic energy can be negative; it names the heaviest rotor.
-    """
-    robot, at_rest = setup.robot, np.zeros(setup.space.model.nv)
-    found = setup.coupling(robot.neutral(), at_rest)
-    if found is None:
-        return
-    spin = robot.transmission.rotor_inertia
-    turning = found.inertia[spin > 0.0] / np.sqrt(spin[spin > 0.0])[:, None]
-    inertia = pin.crba(setup.space.model, setup.space.data, robot.neutral())
-    shares = turning @ np.linalg.solve(np.triu(inertia) + np.triu(inertia, 1).T, turning.T)
-    if np.linalg.eigvalsh(shares).max(initial=0.0) >= 1.0:
-        names = [j for j, own in zip(robot.transmission.joints, spin, strict=True) if own > 0.0]
-        worst = int(np.argmax(np.diag(shares)))
-        raise SimulationError(
-            f"'{robot.name}': the rotor of '{names[worst]}' has {shares[worst, worst]:.3g} times "
-            "the inertia that its housing has about the rotor's axis, all rotors together more "
-            "than their housings: the kinetic energy can be negative. Links contain the inertia "
-            "of their rotors at standstill: give the links more, or the rotors less."
-        )
+    return tree

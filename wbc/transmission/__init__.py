@@ -11,11 +11,12 @@ from wbc.transmission.mesh import (
     wedge_backward_efficiency,
 )
 from wbc.transmission.planetary import CompoundPlanetaryGear
-from wbc.transmission.transmission import DRIVE_TIMES, Transmission
+from wbc.transmission.transmission import DRIVE_TIMES, GEAR_NUMBERS, Transmission
 from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
     "DRIVE_TIMES",
+    "GEAR_NUMBERS",
     "CompoundPlanetaryGear",
     "Direction",
     "Flanks",

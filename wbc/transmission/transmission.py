@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,46 +15,58 @@ from wbc.errors import TransmissionError, unknown_name
 from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
-_POSITIVE_INFINITY_ALLOWED = ("torque_limit", "speed_limit", "stiffness")
-_UNKNOWN_ALLOWED = (
-    "torque_constant",
-    "resistance",
-    "position_gain",
-    "duty_gain",
-    "supply_voltage",
-)
-
 DRIVE_TIMES = ("target_delay", "feedback_delay", "velocity_lag")
 """Fields that say how late a drive follows its target and sees its own motion."""
 
 _Rule = tuple[Callable[[FloatArray], NDArray[np.bool_]], str]
-_POSITIVE: tuple[_Rule, ...] = ((lambda x: x > 0.0, "> 0"),)
-_NOT_NEGATIVE: tuple[_Rule, ...] = ((lambda x: x >= 0.0, ">= 0"),)
-_POSITIVE_OR_UNKNOWN: tuple[_Rule, ...] = ((lambda x: ~(x <= 0.0), "> 0, or NaN where unknown"),)
-_NOT_NEGATIVE_OR_UNKNOWN: tuple[_Rule, ...] = (
-    (lambda x: ~(x < 0.0), ">= 0, or NaN where unknown"),
-)
+
+
+class GearNumber(NamedTuple):
+    """What is known of a number that every gear has.
+
+    Attributes:
+        unit: SI unit, "1" for a pure number.
+        default: where it is left out; NaN where it may be unknown, None where there is none.
+        rules: what must hold of it, and that in words.
+    """
+
+    unit: str
+    default: float | None
+    rules: tuple[_Rule, ...]
+
+
+def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> GearNumber:
+    unknown = default is not None and np.isnan(default)
+    text = f"{'>=' if zero else '>'} 0{', or NaN where unknown' if unknown else ''}"
+    return GearNumber(unit, default, ((lambda x: ~(x < 0.0) if zero else ~(x <= 0.0), text),))
+
+
 _NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
-GEAR_RULES: Mapping[str, tuple[_Rule, ...]] = {
-    "forward_efficiency": (*_POSITIVE, (lambda x: x <= 1.0, "<= 1")),
-    "backward_efficiency": ((lambda x: x <= 1.0, _NO_POWER),),
-    "gear_ratio": ((lambda x: x != 0.0, "other than 0"),),
-    **dict.fromkeys(
-        (
-            "rotor_inertia",
-            "rotor_coulomb_friction",
-            "rotor_viscous_friction",
-            "damping",
-            "backlash",
-            "velocity_gain",
-        ),
-        _NOT_NEGATIVE,
+GEAR_NUMBERS: Mapping[str, GearNumber] = {
+    "gear_ratio": GearNumber("1", None, ((lambda x: x != 0.0, "other than 0"),)),
+    "rotor_inertia": _above_zero("kg m^2", None, zero=True),
+    "forward_efficiency": GearNumber(
+        "1", 1.0, ((lambda x: x > 0.0, "> 0"), (lambda x: x <= 1.0, "<= 1"))
     ),
-    **dict.fromkeys(_POSITIVE_INFINITY_ALLOWED, _POSITIVE),
-    **dict.fromkeys(_UNKNOWN_ALLOWED, _POSITIVE_OR_UNKNOWN),
-    **dict.fromkeys(DRIVE_TIMES, _NOT_NEGATIVE_OR_UNKNOWN),
+    "backward_efficiency": GearNumber("1", None, ((lambda x: x <= 1.0, _NO_POWER),)),
+    "rotor_coulomb_friction": _above_zero("N m", 0.0, zero=True),
+    "rotor_viscous_friction": _above_zero("N m s/rad", 0.0, zero=True),
+    "torque_limit": _above_zero("N m", np.inf),
+    "speed_limit": _above_zero("rad/s", np.inf),
+    "torque_constant": _above_zero("N m/A", np.nan),
+    "resistance": _above_zero("ohm", np.nan),
+    "position_gain": _above_zero("N m/rad", np.nan),
+    "velocity_gain": _above_zero("N m s/rad", 0.0, zero=True),
+    "duty_gain": _above_zero("1/rad", np.nan),
+    "supply_voltage": _above_zero("V", np.nan),
+    "target_delay": _above_zero("s", np.nan, zero=True),
+    "feedback_delay": _above_zero("s", np.nan, zero=True),
+    "velocity_lag": _above_zero("s", np.nan, zero=True),
+    "stiffness": _above_zero("N m/rad", np.inf),
+    "damping": _above_zero("N m s/rad", 0.0, zero=True),
+    "backlash": _above_zero("rad", 0.0, zero=True),
 }
-"""What must hold of every field with one number per gear."""
+"""The fields of a transmission with one number per gear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,33 +147,11 @@ class Transmission:
         object.__setattr__(self, "housings", tuple(self.housings))
         if len(self.housings) not in (0, m):
             raise TransmissionError(f"{len(self.housings)} housings for {m} motors.")
-        eta_f = np.ones(m) if self.forward_efficiency is None else self.forward_efficiency
-        self._store("forward_efficiency", eta_f)
-        eta_b = self.backward_efficiency
-        if eta_b is None:
-            eta_b = wedge_backward_efficiency(self.forward_efficiency)
-        self._store("backward_efficiency", eta_b)
-        defaults: dict[str, ArrayLike] = {
-            "gear_ratio": self.gear_ratio,
-            "rotor_inertia": self.rotor_inertia,
-            "rotor_coulomb_friction": np.zeros(m),
-            "rotor_viscous_friction": np.zeros(m),
-            "torque_limit": np.full(m, np.inf),
-            "speed_limit": np.full(m, np.inf),
-            "torque_constant": np.full(m, np.nan),
-            "resistance": np.full(m, np.nan),
-            "position_gain": np.full(m, np.nan),
-            "velocity_gain": np.zeros(m),
-            "duty_gain": np.full(m, np.nan),
-            "supply_voltage": np.full(m, np.nan),
-            **{name: np.full(m, np.nan) for name in DRIVE_TIMES},
-            "stiffness": np.full(m, np.inf),
-            "damping": np.zeros(m),
-            "backlash": np.zeros(m),
-        }
-        for name, default in defaults.items():
+        for name, number in GEAR_NUMBERS.items():
             given = getattr(self, name)
-            self._store(name, default if given is None else given)
+            if given is None and number.default is None:  # `forward_efficiency` is known by now
+                given = wedge_backward_efficiency(self.forward_efficiency)
+            self._store(name, np.full(m, number.default) if given is None else given)
         topology = np.eye(m) if self.topology is None else self.topology
         object.__setattr__(
             self, "topology", checked(topology, (m, m), "topology D", TransmissionError)
@@ -172,15 +162,19 @@ class Transmission:
     def _store(self, name: str, values: ArrayLike) -> None:
         """Freeze and check the numbers of a field that has one per gear."""
         label, m = f"transmission {name}", len(self.joints)
-        array = np.asarray(values, dtype=np.float64)
-        if name in (*_POSITIVE_INFINITY_ALLOWED, *_UNKNOWN_ALLOWED, *DRIVE_TIMES):
-            if array.shape != (m,):
-                raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
-            object.__setattr__(self, name, frozen(array))
-        else:
-            object.__setattr__(self, name, checked(array, (m,), label, TransmissionError))
-        for holds, rule in GEAR_RULES[name]:
-            _require(self, name, holds(getattr(self, name)), rule)
+        array, number = np.asarray(values, dtype=np.float64), GEAR_NUMBERS[name]
+        if number.default is None or np.isfinite(number.default):
+            array = checked(array, (m,), label, TransmissionError)
+        elif array.shape != (m,):
+            raise TransmissionError(f"{label} has shape {array.shape}, expected ({m},).")
+        object.__setattr__(self, name, frozen(array))
+        for holds, rule in number.rules:
+            bad = np.flatnonzero(~holds(array))
+            if bad.size:
+                raise TransmissionError(
+                    f"{name} of joint '{self.joints[int(bad[0])]}' is {array[bad[0]]:g}; it must "
+                    f"be {rule}."
+                )
 
     @property
     def size(self) -> int:
@@ -238,7 +232,7 @@ class Transmission:
 
         A search for causes asks for a hundred thousand copies that differ in one number.
         """
-        if not changes.keys() <= GEAR_RULES.keys() or any(v is None for v in changes.values()):
+        if not changes.keys() <= GEAR_NUMBERS.keys() or any(v is None for v in changes.values()):
             return replace(self, **changes)
         copy: Transmission = object.__new__(type(self))
         for one in fields(self):
@@ -269,11 +263,3 @@ class Transmission:
             rotor_coulomb_friction=zero,
             rotor_viscous_friction=zero,
         )
-
-
-def _require(transmission: Transmission, name: str, holds: NDArray[np.bool_], rule: str) -> None:
-    bad = np.flatnonzero(~np.asarray(holds))
-    if bad.size:
-        joint = transmission.joints[int(bad[0])]
-        value = float(np.asarray(getattr(transmission, name))[int(bad[0])])
-        raise TransmissionError(f"{name} of joint '{joint}' is {value:g}; it must be {rule}.")

@@ -2,59 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import Flags, OutFlags, OutRow, Row, compiled
-from wbc.errors import SimulationError
 from wbc.sim.barriers import TOUCH
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.core import Struck
 from wbc.sim.step.flow import Flow, PartInput, flow
-from wbc.sim.step.impact import APART, CONTACT, ENERGY, LEFT, MESH, RESTING, SHARE
-from wbc.sim.step.program import StepSolution
+from wbc.sim.step.impacts import Impact, settle
 
 _TRIES = 40
-
-
-@dataclass(frozen=True, eq=False)
-class Impact:
-    """One impact.
-
-    Attributes:
-        time: [s].
-        before: v (nv,) just before.
-        after: v (nv,) just after.
-        contact_impulse: (k, 3) [N s] on the robot, world axes.
-        mesh_loss: energy lost in the gears [J].
-        contact_loss: energy lost in the contacts [J].
-        restitution: normal speed after over before; the plant's, or as much less as friction
-            would otherwise have made energy.
-        details: returns the solution of the impact's program; called when asked for.
-        kinetic: energy before [J], of rotors included.
-        missed: speed [m/s, rad/s] by which a passive end misses the laws, else zero.
-    """
-
-    time: float
-    before: FloatArray
-    after: FloatArray
-    contact_impulse: FloatArray
-    mesh_loss: float
-    contact_loss: float
-    restitution: float
-    details: Callable[[], StepSolution]
-    kinetic: float = 0.0
-    missed: float = 0.0
-
-    @cached_property
-    def solution(self) -> StepSolution:
-        """Of the impact's program."""
-        return self.details()
 
 
 class Course:
@@ -114,7 +72,7 @@ class Course:
         while part.landed:
             landing, start = (
                 np.empty_like(self.kept),
-                self._setup.core.gaps(self.state.position),
+                self._setup.gaps(self.state.position),
             )
             if self._lands_slowly(part, start, landing):
                 self.slow = self.slow | landing
@@ -206,106 +164,6 @@ class Course:
                 late = trial
                 ahead, gap_late = gap_late, ahead
         return before, gap_late < 0.0
-
-
-def settle(
-    setup: Setup,
-    state: SimState,
-    left: float,
-    springy: BoolArray | None = None,
-    kept: BoolArray | None = None,
-) -> tuple[SimState, Impact | None, BoolArray]:
-    """Take the impact on barriers that have just been reached.
-
-    A barrier counts as reached where its gap is closed and the state does not know it to be. After
-    the impact those stay closed that part so slowly that gravity would bring them back within what
-    is left of the step: their rows let them open, and spare them an impact and a part of their own.
-
-    A kept barrier is a row of the rest of the step, and the row acts from the middle on. An impact
-    elsewhere must not drive the robot through it before: where it closes faster than 2 gap/left it
-    takes part in the impact, and then closes at that speed.
-
-    Args:
-        setup: the plant's.
-        state: where the robot is.
-        left: of the step [s].
-        springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
-        kept: (2 j + c,) barriers that are rows of what is left of the step, None for none.
-
-    Returns:
-        the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
-
-    Raises:
-        SimulationError: a state whose closed barriers are not known starts inside the ground or
-            beyond a joint limit.
-    """
-    closed, ahead = state.closed, setup.none if kept is None else kept
-    if len(closed) != setup.barriers.size:
-        gap = setup.core.gaps(state.position)
-        check_outside(setup, np.where(setup.yielding, np.inf, gap))
-        closed = setup.none
-    back = np.full(len(closed), setup.restitution)
-    if springy is not None:
-        back[~springy] = 0.0
-    setup.tell_coupling(state.position, state.velocity)
-    struck = setup.core.impact(state, closed, ahead, back, left)
-    if struck.kind == APART:
-        return _with(state, state.velocity, closed), None, struck.fresh
-    if struck.kind == RESTING:
-        return _with(state, state.velocity, struck.closed), None, struck.fresh
-    found, together = struck.found, closed | struck.fresh | ahead
-    impact = Impact(
-        state.time,
-        state.velocity,
-        struck.after,
-        struck.contact_impulse,
-        float(found[MESH]),
-        float(found[CONTACT]),
-        float(found[SHARE]) * setup.restitution,
-        lambda: _impact_solution(setup, state, together, struck),
-        float(found[ENERGY]),
-        float(found[LEFT]),
-    )
-    return _with(state, struck.after, struck.closed), impact, struck.fresh
-
-
-def _impact_solution(
-    setup: Setup, state: SimState, together: BoolArray, struck: Struck
-) -> StepSolution:
-    setup.tell_coupling(state.position, state.velocity)
-    return setup.core.impact_solution(state, together, struck)
-
-
-def _with(state: SimState, velocity: FloatArray, closed: BoolArray) -> SimState:
-    """Return a state with another velocity and other closed barriers (faster than `replace`)."""
-    return SimState(
-        state.position, velocity, state.time, closed, state.impulse, state.deflection,
-        state.motor_velocity, state.memory,
-    )  # fmt: skip
-
-
-def check_outside(setup: Setup, gap: FloatArray) -> None:
-    """Refuse a start inside the ground or beyond a joint limit.
-
-    Args:
-        setup: the plant's.
-        gap: (2 j + c,).
-
-    Raises:
-        SimulationError: an overlap beyond TOUCH; it names the place and the depth.
-    """
-    depth = -float(gap.min(initial=0.0))
-    if depth <= TOUCH:
-        return
-    place = int(np.argmin(gap))
-    where = setup.barriers.names[place]
-    beyond = f"{depth:.3g} rad (m) beyond its stop"
-    inside = f"{1e3 * depth:.3g} mm inside the ground"
-    raise SimulationError(
-        f"the start of '{setup.robot.name}' overlaps: {where} is "
-        f"{beyond if place < setup.barriers.limits else inside}. Place the robot outside, or "
-        "let the plant do it: plant.state(position, lifted=True)."
-    )
 
 
 FAST, SLOW = range(2)

@@ -31,6 +31,7 @@ from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import UNSOLVED, WAYS, distance, look_at, solve_system, velocity_after
 from wbc.mechanics.rows import RowSystem, system_of
+from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.self_locking import falling_rows, solve_in_ranges, undecided_rows
 
 TOLERANCE = 1e-10
@@ -72,6 +73,12 @@ class StepProgram:
     targets: FloatArray
     frictions: FloatArray
     tangents: int
+
+    @classmethod
+    def of(cls, rows: PartRows, system: RowSystem, inertia: FloatArray) -> StepProgram:
+        """Return the program of a part or an impact."""
+        given = rows.matrix, system.laws, rows.targets, rows.frictions
+        return cls(inertia, rows.free, *given, system.tangents)
 
     def system(self) -> tuple[RowSystem, FloatArray]:
         """Return what the step is to its rows, and L (n, n) with L' L = H_l.

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutFlags, OutRow, OutTable, Table, compiled
-from wbc.effects.tables import EffectTable
 from wbc.mechanics.tree import Tree
-from wbc.structures import stored, structured
+from wbc.structures import structured
 
 
 @structured
@@ -261,42 +258,6 @@ JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
 
 RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH = range(7)
-
-
-def opened(
-    tree: Tree,
-    bases: IntArray,
-    obstacles: Obstacles,
-    gears: Gears,
-    bodies: Bodies,
-    bounds: tuple[float, ...],
-    laws: EffectTable | None,
-    ending: dict[str, Any],
-    hit: dict[str, Any],
-) -> Opened:
-    """Return a plant's numbers and memory as the structure that compiled loops read and write.
-
-    The effects of `laws` are evaluated within the loops.
-    """
-    n, nv, b, m = len(tree.joints), len(tree.rows), len(bases), len(gears.numbers)
-    shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
-    joints, numbers = np.zeros((0, 3), np.int64), np.zeros((0, 3))
-    if laws is not None:
-        joints, numbers = laws.joints, laws.numbers
-    return stored(
-        Opened(
-            stored(tree),
-            stored(Flight(bases, np.zeros((b, 10)), np.zeros((b, 12)))),
-            stored(obstacles),
-            stored(gears),
-            stored(PlacedTree(*map(np.zeros, shapes))),
-            stored(bodies),
-            stored(Forces(joints, numbers, np.zeros(m), np.zeros(nv), np.zeros(nv))),
-            stored(Ending(**ending)),
-            stored(Hit(**hit)),
-            np.array(bounds),
-        )
-    )
 
 
 @compiled
