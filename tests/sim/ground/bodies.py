@@ -1,14 +1,16 @@
-"""Single free bodies with contact points or balls, for the textbook's tests."""
+"""Free bodies with contact points, balls or collision geometry, and runs that watch them."""
 
 from __future__ import annotations
 
 from itertools import product
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from wbc import Robot
-from wbc.robot import ContactPoint
+from wbc.robot import ContactPoint, FreeBody, bare_robot
+from wbc.sim import Plant, SimState, Terrain
 from wbc.transmission import Transmission
 
 
@@ -39,3 +41,51 @@ def ball(radius: float, friction: float, mass: float = 1.0) -> Robot:
     """A ball that touches with its surface."""
     contact = ContactPoint("surface", "body", np.zeros(3), friction, radius)
     return free_body(pin.Inertia.FromSphere(mass, radius), (contact,))
+
+
+def free(*bodies: FreeBody, pairs: tuple[tuple[str, str], ...] = ()) -> Robot:
+    return bare_robot(pin.Model()).with_free_bodies(*bodies, pairs=pairs)
+
+
+def solid(shape: coal.CollisionGeometry, terrain: Terrain, mass: float = 2.0) -> Plant:
+    """One free solid on a ground."""
+    return Plant(free(FreeBody("body", shape, mass)), terrain)
+
+
+def hull_of(points: np.ndarray) -> coal.CollisionGeometry:
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(points) // 3, len(points))
+    mesh.addVertices(points)
+    mesh.endModel()
+    mesh.buildConvexHull(True, "Qt")
+    return mesh.convex
+
+
+def placed(*places: tuple[list[float], list[float]]) -> np.ndarray:
+    """Return q of free bodies at places, turned by roll, pitch, yaw."""
+    turns = [pin.Quaternion(pin.rpy.rpyToMatrix(*turn)).coeffs() for _, turn in places]
+    return np.concatenate([np.r_[p, t] for (p, _), t in zip(places, turns, strict=True)])
+
+
+def watched(
+    plant: Plant, state: SimState, duration: float, gain: float = 1e-5, said: tuple = ("coarse",)
+) -> tuple[SimState, float]:
+    """Run a plant without torques until it rests; return the end, and how deep it was.
+
+    No step makes more than the share `gain` of the first energy, the step's own error: turning is
+    of second order. Events are of the kinds `said`.
+    """
+    deepest, torque = 0.0, np.zeros(plant.robot.transmission.size)
+    energy = total = plant.mechanical_energy(state)
+    for _ in range(round(duration / 1e-3)):
+        result = plant.step(state, torque, 1e-3)
+        state, after = result.state, plant.mechanical_energy(result.state)
+        assert after < energy + gain * abs(total) + 1e-12
+        assert {event.kind for event in result.events} <= set(said)
+        assert len(result.parts) <= 5  # no chatter
+        energy = after
+        gaps = [plant.gaps(state).min(initial=0.0), plant.pair_gaps(state).min(initial=0.0)]
+        deepest = min(deepest, *gaps)
+        if np.abs(state.velocity).max() < 1e-9:
+            break
+    return state, deepest

@@ -11,11 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.sim.ground.bodies import hull_of, placed, watched
 from wbc import Robot, load_robot
 from wbc.effects import PayloadMass, save_robot
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, bare_robot, body_contacts
-from wbc.sim import Plane, Plant, Stairs, Terrain
+from wbc.sim import Plane, Plant, SimState, Stairs, Terrain
 
 _STEP = 1e-3  # [s]
 _MASS = 2.0  # [kg]
@@ -45,28 +46,16 @@ def touching(robot: Robot, solids: pin.GeometryModel | None = None) -> Robot:
     return replace(robot, contacts=body_contacts(robot, solids=solids))
 
 
-def thrown(robot: Robot, attitude: list[float], terrain: Terrain | None = None) -> list:
-    """Let a body fall from 0.1 m above the ground; return the states until it rests."""
-    plant = Plant(robot, terrain or Plane())
-    turn = pin.Quaternion(pin.rpy.rpyToMatrix(*attitude)).coeffs()
-    q = np.concatenate(([0.0, 0.0, 0.0], turn, robot.neutral()[7:]))
+def thrown(robot: Robot, attitude: list[float], terrain: Terrain) -> tuple[np.ndarray, SimState]:
+    """Let a body fall from 0.1 m above the ground; return where it starts, and where it rests."""
+    plant, q = Plant(robot, terrain), placed(([0.0, 0.0, 0.0], attitude))
     q[2] += 0.1 - plant.gaps(plant.state(q)).min()
-    states = [plant.state(q)]
-    energy = total = plant.mechanical_energy(states[0])
-    for _ in range(4000):
-        result = plant.step(states[-1], np.zeros(robot.transmission.size), _STEP)
-        states.append(result.state)
-        after = plant.mechanical_energy(result.state)
-        assert after < energy + 1e-5 * total  # the step's own error: turning is of second order
-        energy = after
-        assert result.events == ()
-        assert plant.gaps(result.state).min() > -1e-5
-        if np.abs(result.state.velocity).max() < 1e-9:
-            break
-    return states
+    end, deepest = watched(plant, plant.state(q), 4.0, said=())
+    assert deepest > -1e-5
+    return q, end
 
 
-def height_in_mujoco(geom: str, states: list) -> float:
+def height_in_mujoco(geom: str, start: np.ndarray) -> float:
     """Return how high the centre of the same body lies in MuJoCo once it rests [m]."""
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="5 5 1"
@@ -75,7 +64,7 @@ def height_in_mujoco(geom: str, states: list) -> float:
     )
     model.body_inertia[1] = pin.Inertia.FromBox(_MASS, 0.4, 0.3, 0.2).inertia.diagonal()
     data = mujoco.MjData(model)
-    data.qpos[:] = states[0].position[[0, 1, 2, 6, 3, 4, 5]]
+    data.qpos[:] = start[[0, 1, 2, 6, 3, 4, 5]]
     mujoco.mj_step(model, data, 6000)
     return float(data.qpos[2])
 
@@ -85,51 +74,37 @@ def height_in_mujoco(geom: str, states: list) -> float:
 def test_a_thrown_body_comes_to_rest_as_high_as_in_mujoco(name: str, attitude: list) -> None:
     shape, geom = SHAPES[name]
     robot, solids = body(shape)
-    states = thrown(touching(robot, solids), attitude)
-    lower = states[-1].position[2]
+    start, end = thrown(touching(robot, solids), attitude, Plane())
     # MuJoCo's ground is soft: it sinks by up to 0.2 mm under 2 kg.
-    assert 0.0 <= lower - height_in_mujoco(geom, states) < 3e-4
+    assert 0.0 <= end.position[2] - height_in_mujoco(geom, start) < 3e-4
     if name in ("box", "disc"):  # round ones roll on
-        assert np.abs(states[-1].velocity).max() < 1e-9
+        assert np.abs(end.velocity).max() < 1e-9
 
 
 def test_a_box_slides_down_a_slope_and_lies_on_a_stair() -> None:
     robot, solids = body(SHAPES["box"][0])
     for terrain in (Plane.slope(0.3), Stairs(edges=np.array([0.6]), heights=np.array([0.0, 0.1]))):
-        states = thrown(touching(robot, solids), ATTITUDES["on a corner"], terrain)
-        assert np.abs(states[-1].velocity).max() < 1e-9  # friction 0.7 holds it
-
-
-def switched_off(plant: Plant, duration: float) -> tuple[np.ndarray, set[str], float]:
-    """Return where a quadruped ends, what its steps said, and the energy it made [J]."""
-    q = plant.robot.pose()
-    q[2] -= plant.gaps(plant.state(q)).min()
-    state, said, made = plant.state(q), set(), 0.0
-    energy = plant.mechanical_energy(state)
-    for _ in range(round(duration / _STEP)):
-        result = plant.step(state, np.zeros(plant.robot.transmission.size), _STEP)
-        state = result.state
-        said |= {event.kind for event in result.events}
-        made = max(made, plant.mechanical_energy(state) - energy)
-        energy = plant.mechanical_energy(state)
-    return np.concatenate((state.position, state.velocity)), said, made
+        _, end = thrown(touching(robot, solids), ATTITUDES["on a corner"], terrain)
+        assert np.abs(end.velocity).max() < 1e-9  # friction 0.7 holds it
 
 
 def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
     """On its feet alone its trunk sank to 0.1 m under the ground, without a word."""
     robot = load_robot("solo12")
-    end, said, _ = switched_off(Plant(robot, bodies="feet"), 1.0)
-    assert end[2] < -0.05
+    plant, said = Plant(robot, bodies="feet"), set()
+    state = plant.state(robot.pose(), lifted=True)
+    for _ in range(1000):
+        result = plant.step(state, np.zeros(12), _STEP)
+        state, said = result.state, said | {event.kind for event in result.events}
+    assert state.position[2] < -0.05
     assert said == {"sunk"}
     plant = Plant(robot)
-    end, said, made = switched_off(plant, 1.2)
-    assert 0.01 < end[2] < 0.06
-    assert said <= {"coarse"}  # three steps, 1e-6 J each
-    assert made < 1e-9
-    assert np.abs(end[robot.model.nq :]).max() < 1e-9
+    end, _ = watched(plant, plant.state(robot.pose(), lifted=True), 1.2, gain=1e-10)
+    assert 0.01 < end.position[2] < 0.06
+    assert np.abs(end.velocity).max() < 1e-9
     # Meshes sink between their points by the depth that the robot's description allows.
     data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, end[: robot.model.nq])
+    pin.forwardKinematics(robot.model, data, end.position)
     lowest = min(placement.translation[2] for placement in list(data.oMi)[1:])
     assert lowest > -robot.surface.depth
 
@@ -137,12 +112,7 @@ def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
 def test_the_points_of_a_mesh_hold_all_of_it_but_the_depth_that_is_asked_for() -> None:
     random = np.random.default_rng(0)
     cloud = random.normal(size=(400, 3)) * [0.2, 0.1, 0.05]
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(cloud) // 3, len(cloud))
-    mesh.addVertices(cloud)
-    mesh.endModel()
-    mesh.buildConvexHull(False, "Qt")
-    robot, solids = body(mesh.convex)
+    robot, solids = body(hull_of(cloud))
     ways = random.normal(size=(2000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     counts = []

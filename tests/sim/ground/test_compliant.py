@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from tests.sim.ground.bodies import free
 from wbc import load_robot
 from wbc.errors import SimulationError
-from wbc.robot import FreeBody, bare_robot
+from wbc.robot import FreeBody
 from wbc.sim import HuntCrossley, Plane, Plant, Stairs
 
 _K = 1e6  # [N/m^(3/2)]
@@ -20,10 +18,8 @@ _MASS, _RADIUS = 1.0, 0.1
 
 def bounce(dissipation: float, speed: float, step: float) -> tuple[float, float]:
     """Return speed after over before, and the peak force [N], of a ball without gravity."""
-    robot = bare_robot(pin.Model()).with_free_bodies(FreeBody("ball", coal.Sphere(_RADIUS), _MASS))
-    model = robot.model.copy()
-    model.gravity.linear = np.zeros(3)
-    plant = Plant(replace(robot, model=model), compliance=HuntCrossley(_K, dissipation))
+    robot = free(FreeBody("ball", coal.Sphere(_RADIUS), _MASS)).with_gravity(np.zeros(3))
+    plant = Plant(robot, compliance=HuntCrossley(_K, dissipation))
     state, peak = plant.state([0, 0, _RADIUS, 0, 0, 0, 1], [0, 0, -speed, 0, 0, 0]), 0.0
     energy = plant.mechanical_energy(state)
     for _ in range(round(0.2 / step)):
@@ -70,9 +66,7 @@ def test_the_loss_is_that_of_the_law_in_fine_steps() -> None:
 
 def test_a_quadruped_and_a_plank_stand_on_compliant_ground() -> None:
     soft = HuntCrossley(1e6, 1.0)
-    plank = bare_robot(pin.Model()).with_free_bodies(
-        FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)
-    )
+    plank = free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0))
     stair = Stairs(edges=np.array([0.0]), heights=np.array([0.0, 0.1]))
     plant = Plant(plank, stair, compliance=soft)
     state = plant.state([-0.05, 0.0, 0.35, 0.0, 0.0, 0.0, 1.0])

@@ -12,11 +12,11 @@ import pinocchio as pin
 import pytest
 
 from sims import bodies
-from wbc import Robot
+from tests.sim.ground.bodies import free, hull_of, placed, solid, watched
 from wbc.errors import RobotError, SimulationError
 from wbc.measurement import load_log, save_log
-from wbc.robot import FreeBody, bare_robot
-from wbc.sim import Plane, Plant, Recorder, SimState, Sphere, Stairs, Together
+from wbc.robot import FreeBody
+from wbc.sim import Plane, Plant, Recorder, Sphere, Stairs, Together
 from wbc.view.channels import configuration
 from wbc.view.channels import velocity as measured_velocity
 
@@ -24,48 +24,12 @@ _STEP = 1e-3  # [s]
 _FAR = Plane(height=-50.0)
 
 
-def cloud(points: np.ndarray) -> coal.CollisionGeometry:
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(points) // 3, len(points))
-    mesh.addVertices(points)
-    mesh.endModel()
-    mesh.buildConvexHull(True, "Qt")
-    return mesh.convex
-
-
 SHAPES = {
     "sphere": coal.Sphere(0.06),
     "capsule": coal.Capsule(0.04, 0.2),
     "box": coal.Box(0.2, 0.14, 0.1),
-    "mesh": cloud(np.random.default_rng(3).normal(size=(18, 3)) * [0.1, 0.07, 0.05]),
+    "mesh": hull_of(np.random.default_rng(3).normal(size=(18, 3)) * [0.1, 0.07, 0.05]),
 }
-
-
-def free(*bodies: FreeBody, pairs: tuple[tuple[str, str], ...] = ()) -> Robot:
-    return bare_robot(pin.Model()).with_free_bodies(*bodies, pairs=pairs)
-
-
-def placed(*places: tuple[list[float], list[float]]) -> np.ndarray:
-    """Return q of free bodies at places, turned by roll, pitch, yaw."""
-    turns = [pin.Quaternion(pin.rpy.rpyToMatrix(*turn)).coeffs() for _, turn in places]
-    return np.concatenate([np.r_[p, t] for (p, _), t in zip(places, turns, strict=True)])
-
-
-def watched(plant: Plant, q: np.ndarray, duration: float) -> tuple[SimState, float]:
-    """Run a plant until it rests, at most for `duration`; return the end, and how deep it was."""
-    state, deepest = plant.state(q), 0.0
-    energy = total = plant.mechanical_energy(state)
-    for _ in range(round(duration / _STEP)):
-        result = plant.step(state, np.zeros(plant.robot.transmission.size), _STEP)
-        state, after = result.state, plant.mechanical_energy(result.state)
-        assert after < energy + 1e-5 * total  # the step's own error: turning is of second order
-        assert {event.kind for event in result.events} <= {"coarse"}
-        energy = after
-        gaps = [plant.gaps(state).min(initial=0.0), plant.pair_gaps(state).min(initial=0.0)]
-        deepest = min(deepest, *gaps)
-        if np.abs(state.velocity).max() < 1e-9:
-            break
-    return state, deepest
 
 
 @pytest.mark.parametrize("kinds", list(combinations_with_replacement(SHAPES, 2)), ids="-".join)
@@ -108,8 +72,8 @@ def test_distances_are_those_of_coal(kinds: tuple[str, str]) -> None:
 def test_a_plank_lies_on_the_edge_of_a_stair(turn: list[float]) -> None:
     """Its corners touch the treads; the edge was 42 mm inside it."""
     stair = Stairs(edges=np.array([0.0]), heights=np.array([0.0, 0.1]))
-    plant = Plant(free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0)), stair)
-    state, deepest = watched(plant, placed(([-0.05, 0.0, 0.45], turn)), 3.0)
+    plant = solid(coal.Box(0.6, 0.4, 0.1), stair)
+    state, deepest = watched(plant, plant.state(placed(([-0.05, 0.0, 0.45], turn))), 3.0)
     assert np.abs(state.velocity).max() < 1e-9
     assert deepest > -1e-6
     rotation = pin.Quaternion(state.position[3:]).matrix()
@@ -123,8 +87,8 @@ def test_a_plank_lies_on_a_ball_and_on_the_plane_beside_it() -> None:
     """Only its corners met the ball, which went through the plank."""
     center, radius = np.array([0.1, 0.05, 0.0]), 0.1
     ground = Together((Plane(), Sphere(center, radius)))
-    plant = Plant(free(FreeBody("plank", coal.Box(0.6, 0.4, 0.05), 2.0)), ground)
-    state, deepest = watched(plant, placed(([0.02, 0.01, 0.2], [0.0] * 3)), 3.0)
+    plant = solid(coal.Box(0.6, 0.4, 0.05), ground)
+    state, deepest = watched(plant, plant.state(placed(([0.02, 0.01, 0.2], [0.0] * 3))), 3.0)
     assert np.abs(state.velocity).max() < 1e-9
     assert deepest > -1e-6
     own = pin.Quaternion(state.position[3:]).matrix().T @ (center - state.position[:3])
@@ -135,8 +99,7 @@ def test_a_plank_lies_on_a_ball_and_on_the_plane_beside_it() -> None:
 def test_a_plank_on_a_ball_rocks_as_a_rolling_body_does() -> None:
     """Nothing in Coulomb's law stops rolling: it neither comes to rest nor gains energy."""
     radius, half, tilt = 0.1, 0.025, 0.1
-    plank = FreeBody("plank", coal.Box(0.6, 0.4, 2.0 * half), 2.0)
-    plant = Plant(free(plank), Sphere(np.zeros(3), radius))
+    plant = solid(coal.Box(0.6, 0.4, 2.0 * half), Sphere(np.zeros(3), radius))
     out, along = np.array([[np.sin(tilt), 0, np.cos(tilt)], [np.cos(tilt), 0, -np.sin(tilt)]])
     place = (radius + half) * out - radius * tilt * along
     state = plant.state(placed((place.tolist(), [0.0, tilt, 0.0])))
@@ -191,7 +154,7 @@ def test_a_box_dropped_on_a_box_rests_on_it_or_topples_off() -> None:
     beside = ([0.12, 0.01, 0.301], [0.0, 0.0, 0.4])
     for place, height in ((on_it, 0.3), (beside, 0.1)):
         plant, q = boxes(([0.0, 0.0, 0.1], [0.0] * 3), place)
-        state, deepest = watched(plant, q, 2.0)
+        state, deepest = watched(plant, plant.state(q), 2.0)
         assert np.abs(state.velocity).max() < 1e-9
         assert state.position[9] == pytest.approx(height, abs=1e-6)
         assert deepest > -2e-6
