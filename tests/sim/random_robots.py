@@ -101,5 +101,11 @@ def softened(rng: np.random.Generator, robot: Robot) -> Robot:
     damping = np.where(rng.random(m) < 0.7, 10.0 ** rng.uniform(-2.0, 1.5, m), 0.0)
     stiffness = np.where(firm, np.inf, 10.0 ** rng.uniform(1.0, 4.0, m))
     damping = np.where(firm, 0.0, damping)
-    gears = robot.transmission.replace(stiffness=stiffness, damping=damping, backlash=play)
-    return robot.with_transmission(gears)
+    return geared(robot, stiffness=stiffness, damping=damping, backlash=play)
+
+
+def geared(robot: Robot, **numbers) -> Robot:
+    """Return the robot with other numbers of its gears, one for all or one for each."""
+    m = robot.transmission.size
+    arrays = {name: np.broadcast_to(value, (m,)) for name, value in numbers.items()}
+    return robot.with_transmission(robot.transmission.replace(**arrays))

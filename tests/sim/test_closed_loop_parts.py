@@ -31,9 +31,9 @@ class Damper:
         return Torque(0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity)
 
 
-def played(noise=None, lag=None, substeps=1, ticks=50):
+def played(noise=None, lag=None, ticks=50):
     plant, control = Plant(LEG, AIR), Damper()
-    loop = ClosedLoop(plant, control, noise=noise, lag=lag, substeps=substeps)
+    loop = ClosedLoop(plant, control, noise=noise, lag=lag)
     state, torques = plant.state([0.3, 0.4]), []
     for _ in range(ticks):
         tick = loop.step(state)
@@ -130,7 +130,6 @@ def test_controllers_see_the_encoders_of_loose_gears():
         (lambda: TorqueLag(bandwidth=np.nan), "bandwidth"),
         (lambda: TorqueLag()(np.zeros(2), 0.0), "next command"),
         (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), period=0.0), "period"),
-        (lambda: ClosedLoop(Plant(LEG, AIR), Damper(), substeps=0), "plant step"),
         (lambda: with_wrong_efficiencies(LEG, -1.0), "off by -1"),
         (lambda: with_wrong_efficiencies(LEG, np.nan), "off by nan"),
     ],

@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose, with_gears
-from tests.sim.random_robots import random_robot, softened
+from tests.sim.random_robots import geared, random_robot, softened
 from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, ViscousFriction
 from wbc.robot import Robot
@@ -39,9 +39,7 @@ def _standing(robot: Robot, terrain=None, lift: float = 0.0, **plant) -> tuple[P
 
 def _leg(lift: float = 0.0, **changes) -> tuple[Plant, SimState]:
     leg = load_robot("planar_leg_strong")
-    gears = leg.transmission
-    many = {name: np.full(gears.size, value) for name, value in changes.items()}
-    plant = Plant(leg.with_transmission(gears.replace(**many)))
+    plant = Plant(geared(leg, **changes))
     return plant, plant.state(balanced_pose(leg, lift), lifted=True)
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose
-from tests.sim.random_robots import BASES, random_robot, softened
+from tests.sim.random_robots import BASES, geared, random_robot, softened
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate, redundant_model
 from wbc.effects import CoulombFriction
@@ -17,22 +17,14 @@ from wbc.errors import SimulationError
 from wbc.sim import Plane, Plant
 
 
-def _arm(**changes) -> Robot:
+def _arm(**numbers) -> Robot:
+    """Return an arm without weight."""
     robot = replace(load_robot("planar_leg_fixed").lossless(), contacts=())
-    gears = robot.transmission
-    return robot.with_transmission(
-        gears.replace(**{name: np.full(2, value) for name, value in changes.items()})
-    )
-
-
-def _weightless(robot: Robot) -> Robot:
-    model = robot.model.copy()
-    model.gravity.linear = np.zeros(3)
-    return replace(robot, model=model)
+    return geared(robot.with_gravity(np.zeros(3)), **numbers)
 
 
 def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
-    robot = _weightless(_arm(stiffness=80.0))
+    robot = _arm(stiffness=80.0)
     locked = robot.with_effects(CoulombFriction("knee", 1e4))
     plant = Plant(locked)
     q = np.array([0.0, 0.3])
@@ -51,10 +43,8 @@ def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
 
 def test_play_leaves_the_joint_alone_until_it_is_crossed() -> None:
     play = 0.04
-    arm = _weightless(_arm())
-    gears = arm.transmission
-    robot = arm.with_transmission(gears.replace(backlash=np.array([play, 0.0])))
-    plant = Plant(robot)
+    robot = _arm(backlash=[play, 0.0])
+    plant, gears = Plant(robot), robot.transmission
     state = plant.state([0.2, 0.3])
     torque = np.array([0.05, 0.0])
     acceleration = gears.gear_ratio[0] * torque[0] / gears.reflected_inertia[0]
@@ -92,9 +82,7 @@ def test_coupled_rotors_move_as_the_redundant_model_says() -> None:
 def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) -> None:
     """What passes the gear in a short step is `Flanks.torque`, pushing and let go of."""
     robot = load_robot("planar_leg_fixed").lossless()
-    gears = robot.transmission
-    loose = {"stiffness": [np.inf, 800.0], "damping": [0.0, 3.0], "backlash": [0.0, play]}
-    robot = robot.with_transmission(gears.replace(**{k: np.array(v) for k, v in loose.items()}))
+    robot = geared(robot, stiffness=[np.inf, 800.0], damping=[0.0, 3.0], backlash=[0.0, play])
     plant, law, seen = Plant(robot, Plane(height=-9.0)), robot.transmission.flanks("knee"), set()
     for ahead in (-0.02, -0.006, -0.002, 0.003, 0.0052, 0.03):
         for rate in (-20.0, -0.5, 0.0, 0.5, 20.0):
@@ -113,10 +101,8 @@ def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) 
 
 def _loose_knee(stiffness: float, damping: float = 0.0) -> Robot:
     """Return an arm without weight whose hip is held and whose knee has play on soft flanks."""
-    robot = _weightless(_arm()).with_effects(CoulombFriction("hip", 1e4))
     knee = {"stiffness": [np.inf, stiffness], "damping": [0.0, damping], "backlash": [0.0, 0.02]}
-    gears = robot.transmission.replace(**{name: np.array(two) for name, two in knee.items()})
-    return robot.with_transmission(gears)
+    return _arm(**knee).with_effects(CoulombFriction("hip", 1e4))
 
 
 @pytest.mark.parametrize("stiffness", [80.0, 800.0, 8000.0])
@@ -168,10 +154,7 @@ def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
     Written as the compliance 4 / (h^2 k) of its row it set the scale of the floor of all other
     rows and of the accepted error, and parts below a nanosecond made energy.
     """
-    leg = load_robot("planar_leg")
-    two = {"stiffness": [np.inf, 900.0], "backlash": [0.0, play]}
-    gears = leg.transmission.replace(**{name: np.array(value) for name, value in two.items()})
-    leg = leg.with_transmission(gears)
+    leg = geared(load_robot("planar_leg"), stiffness=[np.inf, 900.0], backlash=[0.0, play])
     plant, rates = Plant(leg), []
     q = balanced_pose(leg)
     for dt in (1e-6, 1e-8, 1e-10, 1e-12):
@@ -213,13 +196,8 @@ def test_impacts_of_heavy_rotors_behind_lossy_gears_have_a_solution(seed):
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, BASES[(2, 1, 0)[seed % 3]], 0.05, 0.1, 1.0, True)
     gears = robot.transmission
-    heavy = gears.replace(
-        gear_ratio=gears.gear_ratio / 10.0,
-        rotor_inertia=30.0 * gears.rotor_inertia,
-        forward_efficiency=np.full(gears.size, 0.05),
-        backward_efficiency=np.full(gears.size, 0.3),
-    )
-    plant = Plant(robot.with_transmission(heavy))
+    heavy = {"gear_ratio": gears.gear_ratio / 10.0, "rotor_inertia": 30.0 * gears.rotor_inertia}
+    plant = Plant(geared(robot, **heavy, forward_efficiency=0.05, backward_efficiency=0.3))
     q = pin.integrate(robot.model, robot.neutral(), 0.4 * rng.normal(size=robot.model.nv))
     state = plant.state(q, 3.0 * rng.normal(size=robot.model.nv), lifted=True)
     for _ in range(60):
@@ -232,7 +210,7 @@ def test_a_rotor_with_more_inertia_than_its_housing_is_refused_by_name():
     """Its kinetic energy could be negative: no solver helps."""
     solo = load_robot("solo12")
     gears, many = solo.transmission, np.where(np.arange(12) == 4, 1e5, 1.0)
-    heavy = gears.replace(rotor_inertia=many * gears.rotor_inertia)
+    heavy = geared(solo, rotor_inertia=many * gears.rotor_inertia)
     with pytest.raises(SimulationError, match=rf"rotor of '{gears.joints[4]}'.*be negative"):
-        Plant(replace(solo.with_transmission(heavy), rotors_turn_with_links=True))
+        Plant(replace(heavy, rotors_turn_with_links=True))
     Plant(replace(solo, rotors_turn_with_links=True))

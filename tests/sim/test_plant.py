@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sims.leg import balanced_pose
+from tests.sim.random_robots import geared
 from wbc import Robot, load_robot
 from wbc.control import RotorTorqueLimit
 from wbc.effects import CoulombFriction
@@ -17,12 +18,6 @@ from wbc.errors import SimulationError
 from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
 from wbc.sim.step.impact import LEFT
-
-
-def _with_gears(robot: Robot, **changes) -> Robot:
-    m = robot.transmission.size
-    arrays = {name: np.broadcast_to(value, (m,)) for name, value in changes.items()}
-    return robot.with_transmission(robot.transmission.replace(**arrays))
 
 
 def _slippery(robot: Robot, friction: float) -> Robot:
@@ -61,12 +56,12 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
 
 @pytest.mark.parametrize("eta_f", [0.55, 0.6, 0.7, 0.8, 0.9, 1.0])
 def test_impact_mitigation_is_what_the_metric_predicts(eta_f: float) -> None:
-    robot = _with_gears(
+    robot = geared(
         _slippery(load_robot("planar_leg"), 0.0),
         forward_efficiency=eta_f,
         backward_efficiency=2.0 - 1.0 / eta_f,
     )
-    blocked = _with_gears(robot, rotor_inertia=1e9)
+    blocked = geared(robot, rotor_inertia=1e9)
     q = robot.configuration(hip=np.pi / 6, knee=-np.pi / 3)
     q[1] -= Plant(robot).gaps(Plant(robot).state(q))[0] - 0.05
 
@@ -85,7 +80,7 @@ def test_impact_mitigation_is_what_the_metric_predicts(eta_f: float) -> None:
 
 def test_a_passive_robot_on_self_locking_gears_stands_for_ever() -> None:
     robot = load_robot("solo12")
-    robot = _with_gears(robot, forward_efficiency=0.45, backward_efficiency=2.0 - 1.0 / 0.45)
+    robot = geared(robot, forward_efficiency=0.45, backward_efficiency=2.0 - 1.0 / 0.45)
     pose = next(iter(robot.poses.values()))
     plant = Plant(robot)
     state = plant.state(pose)
@@ -222,7 +217,7 @@ def test_restitution_with_friction_never_makes_energy() -> None:
 
 def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:
     leg = load_robot("planar_leg_fixed").lossless().with_gravity([0.0, 0.0, 0.0])
-    robot = _with_gears(leg, torque_limit=1.0, speed_limit=100.0)
+    robot = geared(leg, torque_limit=1.0, speed_limit=100.0)
     curve = RotorTorqueLimit(knee=0.5)
     plant = Plant(robot, Plane(height=-9.0), motor_bounds=curve.bounds)
     model = robot.model.copy()

@@ -65,7 +65,6 @@ def test_a_recording_is_a_log_of_true_values() -> None:
     smooth = log.column("foot.force.z")[:-1] == 0.0
     assert np.allclose(np.diff(q)[smooth], 5e-4 * (v[1:] + v[:-1])[smooth], atol=1e-12)
     assert run.unsettled == 0
-    assert run.unsettled == 0
     assert str(run.audit).count("J") >= 10
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, ScaledDrive
-from wbc.robot import Evidence, Memory, Motion, Parameter, Robot, Screen, SearchOffer, Usual
+from wbc.robot import Evidence, Memory, Motion, Robot, Screen, SearchOffer, Usual, number
 
 # Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
 _USUAL = Usual(1.0, 1.0, 0.2, factor=True)
@@ -24,10 +24,9 @@ class TorqueConstant(ScaledDrive):
         factor: delivered / reported torque.
     """
 
-    factor: float
+    factor: float = field(metadata=number("1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL))
 
     name = "torque_constant"
-    parameters = (Parameter("factor", "1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL),)
     explanation = (
         "The torque constant in the drive is wrong, or the motor saturates: every torque is "
         "off by the same factor, in both directions of power."
@@ -51,10 +50,9 @@ class TorqueOffset(JointEffect):
         offset: delivered minus reported, on the motor output side [N m].
     """
 
-    offset: float
+    offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
     name = "torque_offset"
-    parameters = (Parameter("offset", "N m", 0.0, -10000.0, 10000.0, 0.2),)
     explanation = (
         "A current sensor has a zero error, or a constant load such as a tensioned cable is "
         "not in the model."
@@ -79,11 +77,10 @@ class RotorInertia(GearNumbers):
         reflected_inertia: N^2 I_r [kg m^2] at the motor output; replaces the robot's value.
     """
 
-    reflected_inertia: float
+    reflected_inertia: float = field(metadata=number("kg m^2", 0.0, 0.0, 10000.0, 0.02))
 
     name = "rotor_inertia"
     numbers = (("reflected_inertia", "rotor_inertia", 2),)
-    parameters = (Parameter("reflected_inertia", "kg m^2", 0.0, 0.0, 10000.0, 0.02),)
     explanation = (
         "The spinning rotor, amplified by the square of the gear ratio, is heavier than the "
         "model says."
@@ -145,10 +142,9 @@ class CurrentLimit(JointEffect):
         limit: largest torque delivered, at the motor output [N m].
     """
 
-    limit: float
+    limit: float = field(metadata=number("N m", 1e6, 1e-3, 1e6, 1.0))
 
     name = "current_limit"
-    parameters = (Parameter("limit", "N m", 1e6, 1e-3, 1e6, 1.0),)
     explanation = (
         "The drive limits its current, or the motor saturates: beyond a certain torque the "
         "motor gives less than the log says."
@@ -188,10 +184,9 @@ class ActuationDelay(JointEffect):
         delay: [s].
     """
 
-    delay: float
+    delay: float = field(metadata=number("s", 0.0, 0.0, 0.2, 0.005))
 
     name = "actuation_delay"
-    parameters = (Parameter("delay", "s", 0.0, 0.0, 0.2, 0.005),)
     explanation = (
         "Bus, filter and current loop take time: the motor follows the torque that was asked "
         "for a moment ago."

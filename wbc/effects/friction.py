@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 
 def viscous(v: FloatArray, coefficient: float) -> FloatArray:
@@ -29,11 +29,10 @@ class ViscousFriction(JointEffect):
         coefficient: [N m s/rad], at the joint.
     """
 
-    coefficient: float
+    coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
     needs_drive = False
     name = "viscous_friction"
-    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
     explanation = (
         "Lubricant is sheared in bearings and gears: the loss grows in proportion to speed."
     )
@@ -73,14 +72,10 @@ class DirectionalViscousFriction(JointEffect):
         positive_direction, negative_direction: [N m s/rad], at the joint.
     """
 
-    positive_direction: float
-    negative_direction: float
+    positive_direction: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
+    negative_direction: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
     name = "directional_viscous_friction"
-    parameters = (
-        Parameter("positive_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-        Parameter("negative_direction", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-    )
     explanation = (
         "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
         "motion than in the other."
@@ -136,14 +131,10 @@ class ThermalViscousFriction(JointEffect):
         rate: share of the friction lost per kelvin [1/K].
     """
 
-    coefficient: float
-    rate: float
+    coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
+    rate: float = field(metadata=number("1/K", 0.03, 0.0, 0.3, 0.01, shape=True))
 
     name = "thermal_viscous_friction"
-    parameters = (
-        Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),
-        Parameter("rate", "1/K", 0.03, 0.0, 0.3, 0.01, shape=True),
-    )
     explanation = (
         "Cold lubricant is thick: its drag falls as the gear warms up, by half within about "
         "twenty kelvins."
@@ -181,10 +172,9 @@ class QuadraticDrag(JointEffect):
         coefficient: [N m s^2/rad^2], at the joint.
     """
 
-    coefficient: float
+    coefficient: float = field(metadata=number("N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05))
 
     name = "quadratic_drag"
-    parameters = (Parameter("coefficient", "N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05),)
     explanation = "Air or churned oil is thrown aside: the loss grows with the square of speed."
     experiment = (
         "Move the joint at several constant speeds up to the fastest: torque over speed rises "
@@ -206,11 +196,10 @@ class CoulombFriction(JointEffect):
         level: [N m], at the joint.
     """
 
-    level: float
+    level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
 
     needs_drive = False
     name = "coulomb_friction"
-    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
     explanation = (
         "Surfaces rub in bearings and seals: a torque of constant size opposes any motion, "
         "and holds the joint at rest."
@@ -262,14 +251,10 @@ class StribeckFriction(JointEffect):
         speed: Stribeck speed [rad/s].
     """
 
-    level: float
-    speed: float
+    level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
+    speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
     name = "stribeck_friction"
-    parameters = (
-        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
-        Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
-    )
     explanation = (
         "At low speed the lubricant film breaks and metal touches metal: friction falls as "
         "the joint picks up speed."
@@ -325,11 +310,10 @@ class RotorViscousFriction(CoupledRotorNumber):
             robot's value.
     """
 
-    coefficient: float
+    coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
     name = "rotor_viscous_friction"
     numbers = (("coefficient", "rotor_viscous_friction", 2),)
-    parameters = (Parameter("coefficient", "N m s/rad", 0.0, 0.0, 10000.0, 0.1),)
     explanation = (
         "Grease is sheared on the motor's side of a coupled gear: a torque grows with the speed of "
         "the motor, which several joints make together."
@@ -350,11 +334,10 @@ class RotorCoulombFriction(CoupledRotorNumber):
         level: [N m], at the motor output (N times that on the rotor); replaces the robot's value.
     """
 
-    level: float
+    level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
 
     name = "rotor_coulomb_friction"
     numbers = (("level", "rotor_coulomb_friction", 1),)
-    parameters = (Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),)
     explanation = (
         "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
         "sign with the speed of the motor, which several joints make together."

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, with_gear
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer, Usual
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
@@ -61,17 +61,13 @@ class TransmissionEfficiency(GearNumbers):
             the gear would yield more than it takes.
     """
 
-    forward_efficiency: float
-    backward_efficiency: float
+    forward_efficiency: float = field(metadata=number("1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD))
+    backward_efficiency: float = field(metadata=number("1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD))
 
     name = "transmission_efficiency"
     numbers = (
         ("forward_efficiency", "forward_efficiency", 0),
         ("backward_efficiency", "backward_efficiency", 0),
-    )
-    parameters = (
-        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
-        Parameter("backward_efficiency", "1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD),
     )
     explanation = (
         "Sliding teeth lose a share of the power they carry; driving the joint from the motor "
@@ -114,10 +110,9 @@ class LoadFriction(JointEffect):
         coefficient: c, between 0 and 1.
     """
 
-    coefficient: float
+    coefficient: float = field(metadata=number("1", 0.0, 0.0, 0.95, 0.1))
 
     name = "load_friction"
-    parameters = (Parameter("coefficient", "1", 0.0, 0.0, 0.95, 0.1),)
     explanation = (
         "Bearings and teeth pressed by the load rub in proportion to it: the loss grows with "
         "the torque carried, equally in both directions."
@@ -189,14 +184,10 @@ class LoadStribeckFriction(JointEffect):
         speed: Stribeck speed [rad/s] at the gear's output.
     """
 
-    coefficient: float
-    speed: float
+    coefficient: float = field(metadata=number("1", 0.0, 0.0, _MOST, 0.1))
+    speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
     name = "load_stribeck_friction"
-    parameters = (
-        Parameter("coefficient", "1", 0.0, 0.0, _MOST, 0.1),
-        Parameter("speed", "rad/s", 0.1, 0.001, 20.0, 0.1, shape=True),
-    )
     explanation = (
         "Loaded teeth and bearings rub more while the film of grease between them is broken: the "
         "loss grows with the torque carried and falls as the joint picks up speed."

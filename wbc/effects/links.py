@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.effects.link_inertias import USUAL, heavy_bodies, mass_left
 from wbc.errors import EffectError
-from wbc.robot import Effect, Motion, Parameter, Robot, SearchOffer
+from wbc.robot import Effect, Motion, Robot, SearchOffer, number
 
 
 def _payload_remarks(effect: PayloadMass, robot: Robot) -> tuple[str, ...]:
@@ -32,10 +32,9 @@ class PayloadMass(Effect):
         mass: [kg]; negative takes away.
     """
 
-    mass: float
+    mass: float = field(metadata=number("kg", 0.0, -1000.0, 1000.0, 0.3))
 
     name = "payload_mass"
-    parameters = (Parameter("mass", "kg", 0.0, -1000.0, 1000.0, 0.3),)
     explanation = (
         "Something was mounted, filled or left out: a body is heavier or lighter than in the "
         "CAD model."
@@ -101,16 +100,11 @@ class CenterOfMass(Effect):
         z: likewise.
     """
 
-    x: float
-    y: float
-    z: float
+    x: float = field(metadata=number("m", 0.0, -10.0, 10.0, 0.02))
+    y: float = field(metadata=number("m", 0.0, -10.0, 10.0, 0.02))
+    z: float = field(metadata=number("m", 0.0, -10.0, 10.0, 0.02))
 
     name = "center_of_mass"
-    parameters = (
-        Parameter("x", "m", 0.0, -10.0, 10.0, 0.02),
-        Parameter("y", "m", 0.0, -10.0, 10.0, 0.02),
-        Parameter("z", "m", 0.0, -10.0, 10.0, 0.02),
-    )
     explanation = (
         "Cables, covers or a battery sit elsewhere than in the CAD model: the body is as heavy "
         "as the model says but hangs differently."
@@ -145,14 +139,10 @@ class GravityDirection(Effect):
         pitch: about the world's y axis [rad].
     """
 
-    roll: float
-    pitch: float
+    roll: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
+    pitch: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
 
     name = "gravity_direction"
-    parameters = (
-        Parameter("roll", "rad", 0.0, -3.2, 3.2, 0.02),
-        Parameter("pitch", "rad", 0.0, -3.2, 3.2, 0.02),
-    )
     explanation = (
         "The mounting, the ground or the base's attitude sensor is tilted: gravity pulls "
         "sideways in the model's frame."

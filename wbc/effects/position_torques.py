@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen, SearchOffer
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 _LEAST_TRAVEL = 5e-3  # [rad or m]
 
@@ -50,14 +50,10 @@ class JointSpring(JointEffect):
         rest: position at which the spring is slack [rad].
     """
 
-    stiffness: float
-    rest: float
+    stiffness: float = field(metadata=number("N m/rad", 0.0, 0.0, 100000.0, 1.0))
+    rest: float = field(metadata=number("rad", 0.0, -10.0, 10.0, 0.3, shape=True))
 
     name = "joint_spring"
-    parameters = (
-        Parameter("stiffness", "N m/rad", 0.0, 0.0, 100000.0, 1.0),
-        Parameter("rest", "rad", 0.0, -10.0, 10.0, 0.3, shape=True),
-    )
     explanation = (
         "A cable loom, a hose or a parallel spring pulls the joint towards a rest position."
     )
@@ -155,16 +151,11 @@ class TorqueRipple(JointEffect):
         phase: [rad].
     """
 
-    amplitude: float
-    order: float
-    phase: float
+    amplitude: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
+    order: float = field(metadata=number("1", 1.0, 0.05, 100000.0, 1.0, shape=True))
+    phase: float = field(metadata=number("rad", 0.0, -6.3, 6.3, 1.0, shape=True))
 
     name = "torque_ripple"
-    parameters = (
-        Parameter("amplitude", "N m", 0.0, 0.0, 10000.0, 0.3),
-        Parameter("order", "1", 1.0, 0.05, 100000.0, 1.0, shape=True),
-        Parameter("phase", "rad", 0.0, -6.3, 6.3, 1.0, shape=True),
-    )
     explanation = (
         "Magnets, slots and teeth pass one another: the torque repeats with every pole, slot, "
         "tooth or turn."

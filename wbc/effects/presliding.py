@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -18,7 +18,16 @@ from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Parameter, Robot, Screen, SearchOffer
+from wbc.robot import (
+    Evidence,
+    Memory,
+    MemoryEnergy,
+    Motion,
+    Robot,
+    Screen,
+    SearchOffer,
+    number,
+)
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
 # Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the
@@ -35,7 +44,7 @@ def _screens(
     return Screen.shapes("level", "length", tried)
 
 
-def _recognisable(effect: Presliding, robot: Robot, motions: Sequence[Motion]) -> bool:
+def _recognisable(effect: Bristles, robot: Robot, motions: Sequence[Motion]) -> bool:
     """Whether z came close to its end (else it is a spring) and was seen on its way there.
 
     A length that the joint passes between two samples is Coulomb friction.
@@ -149,14 +158,10 @@ class Presliding(Bristles):
             A length of zero is Coulomb friction.
     """
 
-    level: float
-    length: float
+    level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
+    length: float = field(metadata=number("rad", 0.02, 0.0, 10.0, 0.02, shape=True))
 
     name = "presliding"
-    parameters = (
-        Parameter("level", "N m", 0.0, 0.0, 10000.0, 0.3),
-        Parameter("length", "rad", 0.02, 0.0, 10.0, 0.02, shape=True),
-    )
     explanation = (
         "Surfaces in contact, seals and preloaded teeth first bend before they slide: after every "
         "reversal the friction builds up over a small angle."
@@ -237,13 +242,6 @@ def _load_screens(
     return tuple(found)
 
 
-def _load_recognisable(effect: LoadPresliding, robot: Robot, motions: Sequence[Motion]) -> bool:
-    """Whether z came close to its end and was seen on its way there."""
-    steps = [np.abs(np.diff(effect.joint_position(robot, motion))) for motion in motions]
-    slow = float(np.median(np.concatenate(steps)))
-    return bool(slow < effect.length < travel_of(robot, effect.where, motions) / TRAVELS)
-
-
 @final
 @dataclass(frozen=True)
 class LoadPresliding(Bristles):
@@ -266,16 +264,11 @@ class LoadPresliding(Bristles):
         length: h [rad] at the gear's output: the way over which the losses build up.
     """
 
-    forward_efficiency: float
-    backward_efficiency: float
-    length: float
+    forward_efficiency: float = field(metadata=number("1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD))
+    backward_efficiency: float = field(metadata=number("1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD))
+    length: float = field(metadata=number("rad", 0.0, 0.0, 10.0, 0.02, shape=True))
 
     name = "load_presliding"
-    parameters = (
-        Parameter("forward_efficiency", "1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD),
-        Parameter("backward_efficiency", "1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD),
-        Parameter("length", "rad", 0.0, 0.0, 10.0, 0.02, shape=True),
-    )
     explanation = (
         "Teeth and rollers under load first bend before they slide: what the gear loses builds up "
         "over a small angle after every reversal, in proportion to the load."
@@ -288,7 +281,7 @@ class LoadPresliding(Bristles):
         claims=2,  # losses, and that they build up
         freedom=_load_freedom,
         screens=_load_screens,
-        recognisable=_load_recognisable,
+        recognisable=_recognisable,
     )
 
     @classmethod

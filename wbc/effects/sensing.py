@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import ContactForces, Effect, Motion, Parameter, Robot, SearchOffer, Usual
+from wbc.robot import ContactForces, Effect, Motion, Robot, SearchOffer, Usual, number
 
 
 @final
@@ -20,11 +20,10 @@ class PositionOffset(JointEffect):
         offset: reported minus true position [rad].
     """
 
-    offset: float
+    offset: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
 
     needs_drive = False
     name = "position_offset"
-    parameters = (Parameter("offset", "rad", 0.0, -3.2, 3.2, 0.02),)
     explanation = (
         "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
         "stood elsewhere."
@@ -75,10 +74,9 @@ class ForceSensorGain(Effect):
         gain: reported / true force.
     """
 
-    gain: float
+    gain: float = field(metadata=number("1", 1.0, 0.2, 5.0, 0.05, usual=_CALIBRATED))
 
     name = "force_sensor_gain"
-    parameters = (Parameter("gain", "1", 1.0, 0.2, 5.0, 0.05, usual=_CALIBRATED),)
     explanation = (
         "The force sensor of a contact is calibrated wrongly: it reports the same share too much "
         "or too little of every force."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -14,11 +14,11 @@ from wbc.robot import (
     Effect,
     Evidence,
     Motion,
-    Parameter,
     Robot,
     Screen,
     SearchOffer,
     Usual,
+    number,
     usual_cost,
 )
 
@@ -38,10 +38,9 @@ class SupplySag(Effect):
         coefficient: share of the torque lost per watt [1/W].
     """
 
-    coefficient: float
+    coefficient: float = field(metadata=number("1/W", 0.0, 0.0, 1.0, 0.001))
 
     name = "supply_sag"
-    parameters = (Parameter("coefficient", "1/W", 0.0, 0.0, 1.0, 0.001),)
     explanation = (
         "Battery and cables have resistance: when the motors draw power the voltage falls and "
         "every drive gives less than it reports."
@@ -144,14 +143,10 @@ class VoltageScaling(ScaledDrive):
         nominal: supply [V] at which the drive delivers what it reports.
     """
 
-    share: float
-    nominal: float
+    share: float = field(metadata=number("1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS))
+    nominal: float = field(metadata=number("V", 24.0, 1.0, 1000.0, 1.0, shape=True))
 
     name = "voltage_scaling"
-    parameters = (
-        Parameter("share", "1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS),
-        Parameter("nominal", "V", 24.0, 1.0, 1000.0, 1.0, shape=True),
-    )
     explanation = (
         "The drive turns torque into a share of the supply's voltage and takes that voltage for "
         "constant: on a battery that runs down it delivers less than it reports."
@@ -216,14 +211,12 @@ class ThermalDrift(ScaledDrive):
         time_constant: tau [s].
     """
 
-    rate: float
-    time_constant: float
+    rate: float = field(metadata=number("1/s", 0.0, -0.5, 0.5, 0.005))
+    time_constant: float = field(
+        metadata=number("s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN)
+    )
 
     name = "thermal_drift"
-    parameters = (
-        Parameter("rate", "1/s", 0.0, -0.5, 0.5, 0.005),
-        Parameter("time_constant", "s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN),
-    )
     explanation = (
         "Magnets and windings lose torque as they warm up: the same motion asks for more and "
         "more reported torque."

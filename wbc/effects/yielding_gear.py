@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, final, get_args
 
 from wbc.effects.joint_effect import GearNumbers
-from wbc.robot import Motion, Parameter, Robot, SearchOffer
+from wbc.robot import Motion, Robot, SearchOffer, number
 from wbc.transmission import Flanks
 
 Side = Literal["link", "motor", "either"]
@@ -73,15 +73,11 @@ class JointCompliance(YieldingGear):
         damping: [N m s/rad].
     """
 
-    stiffness: float
-    damping: float
+    stiffness: float = field(metadata=number("N m/rad", 1e9, 1.0, 1e9, 100.0))
+    damping: float = field(metadata=number("N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True))
 
     name = "joint_compliance"
     numbers = _FLANKS
-    parameters = (
-        Parameter("stiffness", "N m/rad", 1e9, 1.0, 1e9, 100.0),
-        Parameter("damping", "N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True),
-    )
     explanation = (
         "Shafts, belts and flex splines wind up: the link lags behind its motor in proportion "
         "to the load and swings after fast moves."
@@ -122,19 +118,16 @@ class Backlash(YieldingGear):
         damping: of the flanks [N m s/rad].
     """
 
-    width: float
-    stiffness: float
-    damping: float
+    width: float = field(metadata=number("rad", 0.0, 0.0, 0.5, 0.01, doubt=0.02))
+    stiffness: float = field(
+        metadata=number("N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True, doubt=1.0)
+    )
+    damping: float = field(metadata=number("N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0))
 
     name = "backlash"
     numbers = (("width", "backlash", 0), *_FLANKS)
     # What a link does after a strike depends on more than the log shows: on 15 generated logs
     # widths were off by up to 4 %, flanks by factors.
-    parameters = (
-        Parameter("width", "rad", 0.0, 0.0, 0.5, 0.01, doubt=0.02),
-        Parameter("stiffness", "N m/rad", 3000.0, 1.0, 1e7, 1000.0, shape=True, doubt=1.0),
-        Parameter("damping", "N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0),
-    )
     explanation = (
         "Teeth have clearance: whenever the load changes sign the link travels freely through "
         "it and strikes the other flank."

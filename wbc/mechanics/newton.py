@@ -16,6 +16,7 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
 from wbc.mechanics.in_velocities import solve_in_velocities
+from wbc.mechanics.linear import rest_of_way
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of, solve_pieces
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
@@ -363,10 +364,6 @@ def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, aft
         for i in range(len(impulse)):
             total += half[j, i] * impulse[i]
         after[j] = total
-    for i in range(len(free)):
-        total = 0.0
-        for j in range(i):
-            total += lower[i, j] * after[j]
-        after[i] = (after[i] - total) / lower[i, i]
+    rest_of_way(lower, after)
     for j in range(len(free)):
         after[j] += free[j]

@@ -24,6 +24,7 @@ from wbc.robot.effect import (
     Motion,
     Parameter,
     Usual,
+    number,
 )
 from wbc.robot.hulls import Hull, ground_box, hull_of
 from wbc.robot.joint_map import BaseState, JointMap
@@ -65,6 +66,7 @@ __all__ = [
     "find_description",
     "ground_box",
     "hull_of",
+    "number",
     "placed_geometry",
     "read_description",
     "robot_names",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import Field, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -67,6 +67,17 @@ class Parameter:
     shape: bool = False
     doubt: float = 0.0
     usual: Usual | None = None
+
+
+def number(
+    unit: str, null: float, low: float, high: float, scale: float, **more: Any
+) -> Mapping[str, Any]:
+    """Return what makes a field of an effect one of its parameters: `field(metadata=number(...))`.
+
+    Arguments as of `Parameter`, whose name is the field's.
+    """
+    given = {"unit": unit, "null": null, "low": low, "high": high, "scale": scale, **more}
+    return {"parameter": given}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -185,8 +196,15 @@ class Effect(ABC):
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
 
     def __init_subclass__(cls) -> None:
-        """Note which hooks the class overrides."""
+        """Note which hooks the class overrides, and which of its fields are parameters."""
         super().__init_subclass__()
+        given = {
+            name: value.metadata["parameter"]
+            for name, value in vars(cls).items()
+            if isinstance(value, Field) and "parameter" in value.metadata
+        }
+        if given:
+            cls.parameters = tuple(Parameter(name, **numbers) for name, numbers in given.items())
         hooks: tuple[Hook, ...] = get_args(Hook)
         own = (hook for hook in hooks if getattr(cls, hook) is not getattr(Effect, hook))
         cls.acts_by = frozenset(own)

@@ -158,17 +158,14 @@ class BaseState:
         quaternion: ArrayLike,
         linear: ArrayLike,
         angular: ArrayLike,
-        *,
-        linear_in_world: bool = True,
     ) -> BaseState:
         """Return the state from what estimators and simulators report.
 
         Args:
             place: (3,) [m] in the world.
             quaternion: (4,) x, y, z, w; it is brought to length one.
-            linear: (3,) [m/s] in the world, or in the base's axes.
+            linear: (3,) [m/s] in the world.
             angular: (3,) [rad/s] in the base's axes.
-            linear_in_world: which of the two the linear velocity is in.
 
         Raises:
             RobotError: a quaternion of no length.
@@ -179,9 +176,5 @@ class BaseState:
             raise RobotError("the quaternion of the base has no length.")
         turn /= length
         rotation = pin.Quaternion(*np.roll(turn, 1)).toRotationMatrix()
-        own = np.asarray(linear, dtype=np.float64)
-        own = rotation.T @ own if linear_in_world else own
-        return cls(
-            np.concatenate([np.asarray(place, np.float64), turn]),
-            np.concatenate([own, np.asarray(angular, np.float64)]),
-        )
+        own = rotation.T @ np.asarray(linear, dtype=np.float64)
+        return cls(np.concatenate([place, turn]), np.concatenate([own, angular]))

@@ -178,7 +178,6 @@ class ClosedLoop:
         noise: SensorNoise | None = None,
         lag: TorqueLag | None = None,
         period: float = 1e-3,
-        substeps: int = 1,
     ) -> None:
         """Join the parts.
 
@@ -188,18 +187,14 @@ class ClosedLoop:
             noise: of the sensors, None for true states.
             lag: of the drives, None for torques that come at once.
             period: of the controller [s].
-            substeps: plant steps per tick.
 
         Raises:
-            SimulationError: a period that is not positive, or less than one step per tick.
+            SimulationError: a period that is not positive.
         """
-        if not (period > 0.0 and substeps >= 1):
-            raise SimulationError(
-                f"a closed loop needs a positive period and at least one plant step per tick, got "
-                f"{period} s and {substeps}."
-            )
+        if not period > 0.0:
+            raise SimulationError(f"a closed loop needs a positive period, got {period} s.")
         self.plant, self.controller, self.period = plant, controller, period
-        self._noise, self._lag, self._substeps = noise, lag, substeps
+        self._noise, self._lag = noise, lag
 
     def step(
         self,
@@ -222,15 +217,11 @@ class ClosedLoop:
         shown = self.plant.encoders(state)
         seen = Motion(shown.position, shown.velocity) if self._noise is None else self._noise(shown)
         command = self.controller.step(seen, references, **options)
-        dt, results, torques = self.period / self._substeps, [], []
-        for _ in range(self._substeps):
-            torque = np.asarray(command.rotor_torque, dtype=np.float64)
-            torques.append(torque if self._lag is None else self._lag(torque, dt))
-            results.append(self.plant.step(state, torques[-1], dt, external))
-            state = results[-1].state
-        whole = results[0] if len(results) == 1 else StepResult.joined(results)
-        mean = torques[0] if len(torques) == 1 else np.mean(torques, axis=0)
-        return LoopTick(seen, command, mean, whole)
+        torque = np.asarray(command.rotor_torque, dtype=np.float64)
+        if self._lag is not None:
+            torque = self._lag(torque, self.period)
+        result = self.plant.step(state, torque, self.period, external)
+        return LoopTick(seen, command, torque, result)
 
     def reset(self) -> None:
         """Start noise and lag anew, for a run with the same bits; the controller is the user's."""

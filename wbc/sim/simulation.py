@@ -66,7 +66,6 @@ def simulate(
     duration: float,
     *,
     dt: float = 1e-3,
-    substeps: int = 1,
     external: Callable[[SimState], FloatArray | None] | None = None,
     progress: str | None = None,
 ) -> Simulation:
@@ -78,7 +77,6 @@ def simulate(
         state: where to start.
         duration: [s], rounded to whole ticks of `dt`.
         dt: control period and row spacing of the recording [s].
-        substeps: plant steps per tick.
         external: generalised force (nv,) from outside as a function of the state.
         progress: text of a progress bar, None for none.
 
@@ -86,10 +84,9 @@ def simulate(
         SimulationError: fewer than two ticks, or a step without a unique solution.
     """
     ticks = round(duration / dt)
-    if ticks < 2 or substeps < 1:
+    if ticks < 2:
         raise SimulationError(
-            f"{duration:g} s at dt = {dt:g} s with {substeps} substeps is no run; at least two "
-            "ticks and one substep are needed."
+            f"{duration:g} s at dt = {dt:g} s is no run; at least two ticks are needed."
         )
     recorder = Recorder(plant.robot, plant.temperature)
     flow, unsettled, heat = EnergyFlow(), 0, 0.0
@@ -101,7 +98,7 @@ def simulate(
         for tick in range(ticks):
             command = np.asarray(controller(state), dtype=np.float64)
             push = None if external is None else external(state)
-            result = plant.run(state, command, dt, substeps, push)
+            result = plant.step(state, command, dt, push)
             recorder.add(state, result)
             state = result.state
             flow = flow + result.energy

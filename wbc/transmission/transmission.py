@@ -36,9 +36,14 @@ class GearNumber(NamedTuple):
 
 
 def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> GearNumber:
+    """Return a number that is positive, or not negative, where it is known."""
     unknown = default is not None and np.isnan(default)
+
+    def holds(x: FloatArray) -> NDArray[np.bool_]:
+        return np.asarray((x >= 0.0 if zero else x > 0.0) | (np.isnan(x) & unknown))
+
     text = f"{'>=' if zero else '>'} 0{', or NaN where unknown' if unknown else ''}"
-    return GearNumber(unit, default, ((lambda x: ~(x < 0.0) if zero else ~(x <= 0.0), text),))
+    return GearNumber(unit, default, ((holds, text),))
 
 
 _NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"

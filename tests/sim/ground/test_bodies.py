@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.sim.ground.bodies import hull_of, placed, watched
-from wbc import Robot, load_robot
+from tests.sim.ground.bodies import free, hull_of, placed, solid, watched
+from wbc import load_robot
 from wbc.effects import PayloadMass, save_robot
 from wbc.errors import RobotError, SimulationError
-from wbc.robot import BodySurface, bare_robot, body_contacts
-from wbc.sim import Plane, Plant, SimState, Stairs, Terrain
+from wbc.robot import FreeBody, body_contacts
+from wbc.sim import Plane, Plant, SimState, Stairs
 
 _STEP = 1e-3  # [s]
 _MASS = 2.0  # [kg]
@@ -30,25 +30,9 @@ SHAPES = {
 ATTITUDES = {"flat": [0.0, 0.0, 0.0], "on a corner": [0.6, 0.7, 0.3]}
 
 
-def body(shape: coal.CollisionGeometry) -> tuple[Robot, pin.GeometryModel]:
-    """Return a free solid, and its collision geometry."""
-    model, solids = pin.Model(), pin.GeometryModel()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    model.appendBodyToJoint(joint, pin.Inertia.FromBox(_MASS, 0.4, 0.3, 0.2), pin.SE3.Identity())
-    frame = model.addFrame(
-        pin.Frame("body", joint, 0, pin.SE3.Identity(), pin.FrameType.BODY), False
-    )
-    solids.addGeometryObject(pin.GeometryObject("solid", joint, frame, pin.SE3.Identity(), shape))
-    return bare_robot(model), solids
-
-
-def touching(robot: Robot, solids: pin.GeometryModel | None = None) -> Robot:
-    return replace(robot, contacts=body_contacts(robot, solids=solids))
-
-
-def thrown(robot: Robot, attitude: list[float], terrain: Terrain) -> tuple[np.ndarray, SimState]:
+def thrown(plant: Plant, attitude: list[float]) -> tuple[np.ndarray, SimState]:
     """Let a body fall from 0.1 m above the ground; return where it starts, and where it rests."""
-    plant, q = Plant(robot, terrain), placed(([0.0, 0.0, 0.0], attitude))
+    q = placed(([0.0, 0.0, 0.0], attitude))
     q[2] += 0.1 - plant.gaps(plant.state(q)).min()
     end, deepest = watched(plant, plant.state(q), 4.0, said=())
     assert deepest > -1e-5
@@ -62,7 +46,6 @@ def height_in_mujoco(geom: str, start: np.ndarray) -> float:
         friction="0.7"/><body><freejoint/><geom {geom} mass="{_MASS}" friction="0.7"/></body>
         </worldbody></mujoco>"""
     )
-    model.body_inertia[1] = pin.Inertia.FromBox(_MASS, 0.4, 0.3, 0.2).inertia.diagonal()
     data = mujoco.MjData(model)
     data.qpos[:] = start[[0, 1, 2, 6, 3, 4, 5]]
     mujoco.mj_step(model, data, 6000)
@@ -73,8 +56,7 @@ def height_in_mujoco(geom: str, start: np.ndarray) -> float:
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_thrown_body_comes_to_rest_as_high_as_in_mujoco(name: str, attitude: list) -> None:
     shape, geom = SHAPES[name]
-    robot, solids = body(shape)
-    start, end = thrown(touching(robot, solids), attitude, Plane())
+    start, end = thrown(solid(shape, Plane(), _MASS), attitude)
     # MuJoCo's ground is soft: it sinks by up to 0.2 mm under 2 kg.
     assert 0.0 <= end.position[2] - height_in_mujoco(geom, start) < 3e-4
     if name in ("box", "disc"):  # round ones roll on
@@ -82,9 +64,8 @@ def test_a_thrown_body_comes_to_rest_as_high_as_in_mujoco(name: str, attitude: l
 
 
 def test_a_box_slides_down_a_slope_and_lies_on_a_stair() -> None:
-    robot, solids = body(SHAPES["box"][0])
     for terrain in (Plane.slope(0.3), Stairs(edges=np.array([0.6]), heights=np.array([0.0, 0.1]))):
-        _, end = thrown(touching(robot, solids), ATTITUDES["on a corner"], terrain)
+        _, end = thrown(solid(SHAPES["box"][0], terrain), ATTITUDES["on a corner"])
         assert np.abs(end.velocity).max() < 1e-9  # friction 0.7 holds it
 
 
@@ -112,12 +93,12 @@ def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
 def test_the_points_of_a_mesh_hold_all_of_it_but_the_depth_that_is_asked_for() -> None:
     random = np.random.default_rng(0)
     cloud = random.normal(size=(400, 3)) * [0.2, 0.1, 0.05]
-    robot, solids = body(hull_of(cloud))
+    robot = free(FreeBody("body", hull_of(cloud), 1.0))
     ways = random.normal(size=(2000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     counts = []
     for depth in (0.1, 0.03, 0.01):
-        found = body_contacts(robot, BodySurface(depth=depth), solids)
+        found = body_contacts(robot, replace(robot.surface, depth=depth))
         points = np.array([contact.offset for contact in found])
         out = (cloud @ ways.T).max(axis=0) - (points @ ways.T).max(axis=0)
         assert out.max() < depth + 5e-3  # seen from 400 ways, it is known to 5 mm
