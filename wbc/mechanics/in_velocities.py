@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, compiled
-from wbc.mechanics.linear import factor, solve_factored
+from wbc.mechanics.linear import dot, factor, solve_factored
 from wbc.mechanics.rows import RowSystem
 
 _ROUNDS = 3
@@ -119,10 +119,7 @@ def gathered(ways: Dense, given: Row, result: OutRow) -> None:
 def spread(ways: Dense, given: Row, result: OutRow) -> None:
     """Write W' y (r,) of W' (r, n) and y (n,)."""
     for i in range(len(ways)):
-        total = 0.0
-        for j in range(len(given)):
-            total += ways[i, j] * given[j]
-        result[i] = total
+        result[i] = dot(given, ways[i])
 
 
 @compiled(counted=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, Table, Vector, compiled, local
+from wbc.mechanics.linear import dot
 
 
 @compiled(counted=False)
@@ -79,10 +80,7 @@ def inertia_at(rows: Table, composite: Dense, columns: Dense, upto: int, inertia
         i = j
         while i >= 0:
             if i < upto:
-                total = 0.0
-                for k in range(6):
-                    total += columns[i, k] * force[k]
-                inertia[i, j] = inertia[j, i] = total
+                inertia[i, j] = inertia[j, i] = dot(force, columns[i])
             i = rows[i, 1]
 
 
@@ -167,8 +165,6 @@ def move_bodies(
         parent, first = joints[i, 0], joints[i, 3]
         last = joints[i + 1, 3] if i + 1 < count else len(v)
         for row in range(first, last):
-            bias[row] = 0.0
-            for k in range(6):
-                bias[row] += columns[row, k] * force[i, k]
+            bias[row] = dot(columns[row], force[i])
         for k in range(6 if parent >= 0 else 0):
             force[parent, k] += force[i, k]

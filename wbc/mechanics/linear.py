@@ -4,7 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, compiled
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled
+
+
+@compiled(counted=False)
+def dot(left: Row, right: Row) -> float:
+    """Return the sum of products of two vectors, as long as the left one."""
+    total = 0.0
+    for i in range(len(left)):
+        total += left[i] * right[i]
+    return total
+
+
+@compiled(counted=False)
+def apart(left: Row, right: Row) -> float:
+    """Return the square of the distance of two points."""
+    square = 0.0
+    for i in range(len(left)):
+        square += (left[i] - right[i]) ** 2
+    return square
+
+
+@compiled(counted=False)
+def copy_to(given: Row, copied: OutRow) -> None:
+    """Write the entries of a vector."""
+    for i in range(len(given)):
+        copied[i] = given[i]
 
 
 @compiled(counted=False)

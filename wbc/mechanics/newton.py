@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
 from wbc.mechanics.in_velocities import solve_in_velocities
-from wbc.mechanics.linear import rest_of_way
+from wbc.mechanics.linear import dot, rest_of_way
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of, solve_pieces
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
@@ -59,10 +59,7 @@ _WORK = 1e8
 def speeds_at(delassus: Dense, free: Row, impulse: Row, speed: OutRow) -> None:
     """Write free + delassus @ impulse (r,)."""
     for i in range(len(free)):
-        total = 0.0
-        for j in range(len(free)):
-            total += delassus[i, j] * impulse[j]
-        speed[i] = free[i] + total
+        speed[i] = free[i] + dot(impulse, delassus[i])
 
 
 @compiled(counted=False)

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
-from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
+from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.rows import RowSystem, branch_of
 
 _COMPLIANCE = 1e-2
@@ -179,9 +179,7 @@ def minimise(
     step, down, turning, trial = np.empty(n), np.empty(n), np.empty(size), np.empty(size)
     there = np.empty((size, 3))
     for i in range(size):
-        speed[i] = system.free[i]
-        for j in range(n):
-            speed[i] += ways[i, j] * x[j]
+        speed[i] = system.free[i] + dot(x, ways[i])
     answer(system, own, about, shift, speed, impulse, rise)
     for used in range(1, _STEPS + 1):
         for j in range(n):
@@ -202,9 +200,7 @@ def minimise(
             along += x[j] * step[j]
             furthest = max(furthest, abs(x[j]))
         for i in range(size):
-            turning[i] = 0.0
-            for j in range(n):
-                turning[i] += ways[i, j] * step[j]
+            turning[i] = dot(step, ways[i])
         share, low, high, at_low, at_high = 1.0, 0.0, 1.0, falls, 0.0
         for cut in range(_CUTS):
             for i in range(size):

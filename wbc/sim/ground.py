@@ -14,6 +14,14 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import SimulationError
 
+PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
+"""Kinds of solids, first of the numbers of a solid; zeros may follow them.
+
+After it: PLANE normal (3), distance from the world's origin; BOX centre (3), rotation by rows (9),
+lowest and highest place along its own axes (3 and 3), infinite where it has no face; BALL centre
+(3), radius.
+"""
+
 
 class Terrain(ABC):
     """A rigid ground.
@@ -71,10 +79,6 @@ def _numbered(kind: float, *numbers: ArrayLike) -> FloatArray:
     return found
 
 
-_PLANE, _BOX, _BALL = 0.0, 1.0, 2.0
-"""Kinds of `contacts`, whose compiled loops this file does not load."""
-
-
 @final
 @dataclass(frozen=True, eq=False)
 class Plane(Solid):
@@ -103,7 +107,7 @@ class Plane(Solid):
 
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`."""
-        return _numbered(_PLANE, self.normal, self.height * self.normal[2])
+        return _numbered(PLANE, self.normal, self.height * self.normal[2])
 
 
 @final
@@ -134,7 +138,7 @@ class Box(Solid):
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`."""
         half = 0.5 * self.size
-        return _numbered(_BOX, self.center, self.rotation, -half, half)
+        return _numbered(BOX, self.center, self.rotation, -half, half)
 
 
 @final
@@ -159,7 +163,7 @@ class Sphere(Solid):
 
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`; at the centre itself the way out is up."""
-        return _numbered(_BALL, self.center, self.radius)
+        return _numbered(BALL, self.center, self.radius)
 
 
 @final
@@ -218,7 +222,7 @@ class _Column(Solid):
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`."""
         lowest, highest = (self.low, -np.inf, -np.inf), (self.high, np.inf, self.height)
-        return _numbered(_BOX, np.zeros(3), np.eye(3), lowest, highest)
+        return _numbered(BOX, np.zeros(3), np.eye(3), lowest, highest)
 
 
 @final

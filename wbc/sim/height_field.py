@@ -11,9 +11,7 @@ from scipy.ndimage import maximum_filter
 
 from wbc.arrays import FloatArray, checked, frozen
 from wbc.errors import SimulationError
-from wbc.sim.ground import Solid
-
-_FIELD = 3.0  # of `contacts`, whose compiled loops this file does not load
+from wbc.sim.ground import FIELD, Solid
 
 
 @final
@@ -59,7 +57,7 @@ class HeightField(Solid):
         bend = np.sqrt(bends[0] ** 2 + 2.0 * bends[1] ** 2 + bends[2] ** 2)
         most = maximum_filter(bend, 3)[1::2, 1::2]
         parts = (
-            [_FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend.max()],
+            [FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend.max()],
             np.stack([*cells, most], axis=-1).ravel(),
         )  # fmt: skip
         object.__setattr__(self, "_numbers", frozen(np.concatenate(parts)))

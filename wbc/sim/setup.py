@@ -15,10 +15,9 @@ from wbc.errors import SimulationError
 from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
-from wbc.sim.ground import Terrain
+from wbc.sim.ground import FIELD, Terrain
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift
-from wbc.sim.step.contacts import FIELD
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain

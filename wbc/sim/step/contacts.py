@@ -18,18 +18,12 @@ from wbc.compiled import (
     compiled,
     local,
 )
+from wbc.mechanics.linear import copy_to, dot
+from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import field_gap
 from wbc.sim.step.pairs import FAR, meet_all, pair_of
 from wbc.sim.step.peaks import meet_fields
 from wbc.sim.step.tables import REACH, RETURN_SPEED, Opened, point_of_reference
-
-PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
-"""Kinds of solids, first of the numbers of a solid; zeros may follow them.
-
-After it: PLANE normal (3), distance from the world's origin; BOX centre (3), rotation by rows (9),
-lowest and highest place along its own axes (3 and 3), infinite where it has no face; BALL centre
-(3), radius.
-"""
 
 _JUMPED = 0.1
 """Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
@@ -71,19 +65,16 @@ def box_gap(box: Row, point: Row, normal: OutRow) -> float:
 def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it."""
     if solid[0] == PLANE:
-        for k in range(3):
-            normal[k] = solid[1 + k]
-        gap: float = point[0] * solid[1] + point[1] * solid[2] + point[2] * solid[3] - solid[4]
+        copy_to(solid[1:4], normal)
+        gap: float = dot(normal, point) - solid[4]
         return gap
     if solid[0] == BOX:
         return box_gap(solid, point, normal)
     if solid[0] == FIELD:
         return field_gap(solid, point, np.inf, normal)
-    square = 0.0
     for k in range(3):
         normal[k] = point[k] - solid[1 + k]
-        square += normal[k] * normal[k]
-    length = sqrt(square)
+    length = sqrt(dot(normal, normal))
     for k in range(3):
         normal[k] /= length if length > 0.0 else 1.0
     if length == 0.0:
@@ -332,10 +323,7 @@ def lowest_speeds(plant: Opened, kept: Flags, step: float, rows: Dense, targets:
             if kept[i] or (i >= limits and gap[i] > jumped):
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
             elif i >= limits:
-                drifted = -rate[i]
-                for c in range(len(speed)):
-                    drifted += rows[row, c] * speed[c]
-                targets[row] = -max(drifted, 0.0)
+                targets[row] = -max(dot(speed, rows[row]) - rate[i], 0.0)
             row += 1
 
 

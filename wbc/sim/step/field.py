@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutRow, Row, compiled, local
+from wbc.mechanics.linear import apart
 from wbc.sim.step.pairs import to_segment
 
 AHEAD = 0.02
@@ -122,14 +123,12 @@ def go_nearest(
     """
     spot, near, settled, x, y = local(3), local(3), False, place[0], place[1]
     least = side = last_x = last_y = 0.0
-    length = sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
+    length = sqrt(apart(start, end))
     for turn in range(_ROUNDS):
         surface_at(field, place[0], place[1], at)
         spot[0], spot[1], spot[2] = place[0], place[1], at[0]
         place[2] = to_segment(start, end, spot, near)
-        deep, square = at[0] - near[2], 0.0
-        for k in range(3):
-            square += (spot[k] - near[k]) ** 2
+        deep, square = at[0] - near[2], apart(spot, near)
         if turn == 0:
             side = deep
             if square > reach * reach:

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.compiled import OutDense, OutRow, Row, compiled
+from wbc.mechanics.linear import dot
 from wbc.robot import Robot
 from wbc.sim.state import SimState
 from wbc.sim.step.tables import (
@@ -112,10 +113,7 @@ def motor_speeds(gears: Gears, v: Row, speed: OutRow) -> None:
     """Write the speeds (m,) of the motor outputs at v (nv,)."""
     rows, at, motion = gears.rows, gears.at, gears.motion
     for i in range(len(speed)):
-        total = 0.0
-        for j in range(len(v)):
-            total += rows[i, j] * v[j]
-        speed[i] = motion[i, SPEED] if at[i, 1] == 1 else total
+        speed[i] = motion[i, SPEED] if at[i, 1] == 1 else dot(v, rows[i])
 
 
 @compiled(counted=False)
@@ -155,3 +153,14 @@ def rotor_brings(gear: Row, brought: float, law: OutRow) -> None:
     kept = max(gear[BACKWARD], 0.0) / gear[INVERSE] * brought
     law[0] = brought if brought > 0.0 else kept
     law[1] = brought if brought < 0.0 else kept
+
+
+@compiled(counted=False)
+def rotor_energy(gears: Gears, v: Row, motor: Row) -> float:
+    """Return what rotors add to the kinetic energy at v (nv,), with motor outputs at (m,)."""
+    energy = 0.0
+    for g in range(len(motor)):
+        energy += 0.5 * gears.numbers[g, INERTIA] * motor[g] * motor[g]
+        if len(gears.coupling):
+            energy += motor[g] * dot(v, gears.coupling[g])
+    return energy

@@ -11,12 +11,13 @@ import numpy as np
 
 from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
 from wbc.mechanics.kinematics import place
+from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.field import AHEAD
-from wbc.sim.step.gears import rotor_brings
+from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import look
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
 from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
@@ -60,15 +61,9 @@ def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
 @compiled(counted=False)
 def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
     """Return the kinetic energy at v (nv,) with motor outputs at (m,), where the memory stands."""
-    n, inertia, energy = len(v), plant.placed.inertia, 0.0
-    for i in range(n):
-        for j in range(n):
-            energy += 0.5 * inertia[i, j] * v[i] * v[j]
-    for g in range(len(motor)):
-        energy += 0.5 * plant.gears.numbers[g, INERTIA] * motor[g] * motor[g]
-        if len(plant.gears.coupling):
-            for j in range(n):
-                energy += motor[g] * plant.gears.coupling[g, j] * v[j]
+    energy = rotor_energy(plant.gears, v, motor)
+    for i in range(len(v)):
+        energy += 0.5 * v[i] * dot(v, plant.placed.inertia[i])
     return energy
 
 
@@ -155,9 +150,7 @@ def impact_targets(
     for i in range(len(before)):
         if not hit.closed[i]:
             continue
-        approach = 0.0
-        for c in range(len(v)):
-            approach += rows.matrix[len(rows.laws) + row, c] * v[c]
+        approach = dot(v, rows.matrix[len(rows.laws) + row])
         ahead = not before[i] and not hit.fresh[i]
         least = -2.0 * plant.end.gap[i] / left if ahead else 0.0
         opening = 0.0 if ahead else -back[i] * min(approach, 0.0)
@@ -175,9 +168,7 @@ def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)
     for i in range(m):
         if plant.gears.at[i, 1] == 0:
-            following[i] = 0.0
-            for c in range(len(v)):
-                following[i] += plant.gears.rows[i, c] * solved.after[c]
+            following[i] = dot(solved.after, plant.gears.rows[i])
     mesh = solved.impulse[:m]
     found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
     kept = kinetic_of(plant, solved.after, following)
@@ -230,8 +221,7 @@ def impact_at(
     solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
     found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
     found[WAY], found[LEFT] = solved.way, solved.missed
-    for i in range(len(solved.impulse)):
-        hit.impulse[i] = solved.impulse[i]
+    copy_to(solved.impulse, hit.impulse)
     if solved.way >= UNSOLVED:
         return HIT
     book_impact(plant, v, rows, solved)

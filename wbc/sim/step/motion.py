@@ -21,6 +21,7 @@ from wbc.arrays import IntArray
 from wbc.compiled import Flags, OutDense, OutRow, Row, Table, compiled, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.momentum import momentum_at, velocity_at
 from wbc.mechanics.tree import Tree
 from wbc.robot import Robot
@@ -86,8 +87,7 @@ def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
     for i in range(len(bases)):
         pose, frame = poses[bases[i, FRAME]], flight.frames[i]
         all_behind = placed.composite[bases[i, JOINT]]
-        for k in range(9):
-            frame[k] = pose[k]
+        copy_to(pose[:9], frame)
         for k in range(3):
             frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
 
@@ -179,7 +179,7 @@ def look_ahead(plant: Opened, v: Row, step: float) -> None:
         step: h [s].
     """
     poses, bodies, gravity, far = plant.placed.poses, plant.bodies, plant.tree.gravity, 0.0
-    about, speed, weight = point_of_reference(plant.flight.bases, poses), 0.0, 0.0
+    about, speed = point_of_reference(plant.flight.bases, poses), 0.0
     for h in range(len(bodies.hulls)):
         joint, around, own = bodies.hulls[h, 0], bodies.shapes[h, 3], 0.0
         for k in range(3):
@@ -187,13 +187,10 @@ def look_ahead(plant: Opened, v: Row, step: float) -> None:
             own += (poses[joint, 9 + k] - about[k]) ** 2 if joint >= 0 else 0.0
         far = max(far, sqrt(own) + around)
     for i in range(len(v)):
-        straight = turning = 0.0
-        for k in range(3):
-            straight += plant.placed.columns[i, k] ** 2
-            turning += plant.placed.columns[i, 3 + k] ** 2
-        speed += abs(v[i]) * (sqrt(straight) + far * sqrt(turning))
-    for k in range(3):
-        weight += gravity[k] * gravity[k]
+        straight, turning = plant.placed.columns[i, :3], plant.placed.columns[i, 3:]
+        size = sqrt(dot(straight, straight)) + far * sqrt(dot(turning, turning))
+        speed += abs(v[i]) * size
+    weight = dot(gravity, gravity)
     plant.bounds[REACH] = min(_NEAR + 2.0 * step * (speed + step * sqrt(weight)), AHEAD)
 
 
@@ -221,8 +218,7 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
-    for i in range(len(q)):
-        plant.end.start[i] = q[i]
+    copy_to(q, plant.end.start)
     if len(bases) or touching or plant.obstacles.fields:
         place(joints, shapes, q, poses)
         look(tree, flight, upto, placed)
@@ -233,8 +229,7 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
             touch_ground(plant, closed)
             plant.obstacles.stands[:] = np.nan
         rates_at(plant, closed, v, rate)
-    for i in range(len(v)):
-        speed[i] = v[i]
+    copy_to(v, speed)
     if len(bases):
         carry(flight, placed, v)
         keep_centers(flight, placed)
@@ -246,6 +241,5 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
     place(joints, shapes, middle, poses)
     advance(tree, flight, half, middle, poses)
     look(tree, flight, len(v), placed)
-    for i in range(len(v)):
-        speed[i] = v[i]
+    copy_to(v, speed)
     set_momentum(flight, placed, speed)

@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.mechanics.linear import apart, copy_to, dot
 from wbc.sim.step.tables import Bodies, Opened
 
 FAR = 10.0
@@ -31,8 +32,7 @@ _SAME = 1e-5  # [m] within which two barriers are one
 def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
     """Write the pose (12,) of a joint, -1 for the world."""
     if joint >= 0:
-        for k in range(12):
-            pose[k] = poses[joint, k]
+        copy_to(poses[joint], pose)
         return
     pose[:] = 0.0
     pose[0] = pose[4] = pose[8] = 1.0
@@ -69,15 +69,21 @@ def placed_points(pose: Row, points: Dense, placed: OutDense) -> None:
 @compiled(counted=False)
 def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
     """Write the nearest place (3,) of a segment to a point; return its share of the way."""
-    along, square = 0.0, 0.0
+    along, square = 0.0, apart(start, end)
     for k in range(3):
         along += (point[k] - start[k]) * (end[k] - start[k])
-        square += (end[k] - start[k]) ** 2
     share = along / square if square > 0.0 else 0.0
     within = min(max(share, 0.0), 1.0)
     for k in range(3):
         nearest[k] = start[k] + within * (end[k] - start[k])
     return share
+
+
+@compiled(counted=False)
+def beyond(plane: Row, point: Row) -> float:
+    """Return the distance of a point (3,) from a plane (4,), see `Hull`."""
+    height: float = dot(point, plane) - plane[3]
+    return height
 
 
 @compiled(counted=False)
@@ -117,14 +123,11 @@ def corner_gap(
         best, face, points_to = -np.inf, -1, False
         for f in range(len(planes)):
             plane, tilt = planes[f], 0.0
-            gap = plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+            gap = beyond(plane, point)
             if gap > reach or (points_to and gap <= best):
                 continue
             for j in range(len(points)):
-                rise, square = 0.0, 0.0
-                for k in range(3):
-                    rise += plane[k] * (points[j, k] - point[k])
-                    square += (points[j, k] - point[k]) ** 2
+                rise, square = beyond(plane, points[j]) - gap, apart(points[j], point)
                 tilt = max(tilt, -rise / sqrt(square) if square > 0.0 else 0.0)
             straight = tilt <= _LEVEL
             if tilt <= TILT and (gap > best or (straight and not points_to)):
@@ -135,10 +138,7 @@ def corner_gap(
                 found[k] = planes[face, k]
                 found[3 + k] = point[k] - best * found[k]
             for f in range(len(planes)):
-                beside = -planes[f, 3]
-                for k in range(3):
-                    beside += planes[f, k] * found[3 + k]
-                over = over and beside <= _INSIDE
+                over = over and beyond(planes[f], found[3:]) <= _INSIDE
             if over:
                 gap = best - radius
                 return gap
@@ -147,24 +147,17 @@ def corner_gap(
         edges, least, spot = bodies.edges[hull[6] : hull[6] + hull[7]], np.inf, local(3)
         for e in range(len(edges)):
             to_segment(edges[e, :3], edges[e, 3:6], point, spot)
-            square = 0.0
-            for k in range(3):
-                square += (point[k] - spot[k]) ** 2
-            if square < least:
-                least = square
-                for k in range(3):
-                    near[k] = spot[k]
-    square = 0.0
-    for k in range(3):
-        square += (point[k] - near[k]) ** 2
-    away = sqrt(square)
+            if apart(point, spot) < least:
+                least = apart(point, spot)
+                copy_to(spot, near)
+    away = sqrt(apart(point, near))
     if away <= 0.0:
         return FAR
     for k in range(3):
         found[k] = (point[k] - near[k]) / away
         found[3 + k] = near[k] + own * found[k]
-    apart: float = away - own - radius
-    return apart
+    distance: float = away - own - radius
+    return distance
 
 
 @compiled(counted=False)
@@ -191,36 +184,31 @@ def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) ->
     outside = abs(s - 0.5) > 0.5 + beyond_one or abs(t - 0.5) > 0.5 + beyond_other
     if outside and (tilt > 0.0 or radius > 0.0):
         return FAR
-    way, normal, square, inward = local(3), local(3), 0.0, 0.0
+    way, normal, inward = local(3), local(3), 0.0
     for k in range(3):
         found[3 + k] = other[k] + t * (other[3 + k] - other[k])
         way[k] = one[k] + s * (one[3 + k] - one[k]) - found[3 + k]
     if radius > 0.0:
-        for k in range(3):
-            normal[k] = way[k]
+        copy_to(way, normal)
     else:
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
             normal[k] = (one[3 + i] - one[i]) * (other[3 + j] - other[j])
             normal[k] -= (one[3 + j] - one[j]) * (other[3 + i] - other[i])
-    for k in range(3):
-        square += normal[k] * normal[k]
-        inward += normal[k] * (other[6 + k] + other[9 + k])
+    inward, square = dot(normal, other[6:9]) + dot(normal, other[9:]), dot(normal, normal)
     if square <= 1e-24:
         return FAR
-    length, gap = sqrt(square), 0.0
+    length = sqrt(square)
     if radius == 0.0 and inward > 0.0:
         length = -length
-    first = second = third = fourth = 0.0
     for k in range(3):
         normal[k] /= length
-        found[k] = normal[k]
-        gap += normal[k] * way[k]
-        first, second = first + normal[k] * other[6 + k], second + normal[k] * other[9 + k]
-        third, fourth = third + normal[k] * one[6 + k], fourth + normal[k] * one[9 + k]
+    copy_to(normal, found)
+    first, second = dot(normal, other[6:9]), dot(normal, other[9:])
+    third, fourth = dot(normal, one[6:9]), dot(normal, one[9:])
     if max(first, second) > tilt or min(third, fourth) < -tilt:
         return FAR
-    return gap - radius
+    return dot(normal, way) - radius
 
 
 @compiled(counted=False)
@@ -233,11 +221,9 @@ def beyond_faces(bodies: Bodies, which: int, points: Dense) -> float:
     if len(points) == 0:
         return most
     for f in range(hull[4], hull[4] + hull[5]):
-        plane, least = bodies.planes[f], np.inf
+        least = np.inf
         for i in range(len(points)):
-            one = points[i]
-            height = plane[0] * one[0] + plane[1] * one[1] + plane[2] * one[2] - plane[3]
-            least = min(least, height)
+            least = min(least, beyond(bodies.planes[f], points[i]))
         most = max(most, least)
     return most
 
@@ -247,16 +233,11 @@ def clearance(bodies: Bodies, which: int, point: Row) -> float:
     """Return a lower bound of the distance of a point (3,) from a hull, in its axes."""
     hull, near, away = bodies.hulls[which], local(3), -np.inf
     for f in range(hull[4], hull[4] + hull[5]):
-        plane = bodies.planes[f]
-        gap = plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
-        away = max(away, gap)
+        away = max(away, beyond(bodies.planes[f], point))
     if hull[5] == 0:
         first, last = hull[2], hull[2] + hull[3] - 1
         to_segment(bodies.corners[first], bodies.corners[last], point, near)
-        square = 0.0
-        for k in range(3):
-            square += (point[k] - near[k]) ** 2
-        away = sqrt(square) - bodies.shapes[which, 4]
+        away = sqrt(apart(point, near)) - bodies.shapes[which, 4]
     return away
 
 
@@ -275,10 +256,7 @@ def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -
 def doubled(touch: OutDense, i: int) -> bool:
     """Return whether a touch (s, 7) is where one before it is."""
     for j in range(i):
-        square = 0.0
-        for k in range(3):
-            square += (touch[i, 4 + k] - touch[j, 4 + k]) ** 2
-        if touch[j, 0] < FAR and square < _SAME * _SAME:
+        if touch[j, 0] < FAR and apart(touch[i, 4:], touch[j, 4:]) < _SAME * _SAME:
             return True
     return False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
+from wbc.mechanics.linear import copy_to
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import arrive, rigid_ones
@@ -70,8 +71,7 @@ def keep(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
     end.impulse[:] = 0.0
     for i in range(len(solved.impulse)):
         end.impulse[rows.places[i]] = solved.impulse[i]
-    for c in range(len(end.after)):
-        end.after[c] = solved.after[c]
+    copy_to(solved.after, end.after)
     for i in range(len(rows.motor)):
         end.motor_speed[i] = solved.speed[i] + solved.end[i]
         end.mesh_impulse[i] = solved.impulse[i] + np.sign(end.motor_speed[i]) * rows.laws[i, 5]

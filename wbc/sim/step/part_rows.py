@@ -17,7 +17,7 @@ import numpy as np
 from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, local
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies
-from wbc.mechanics.linear import factor_inertia, halfway, rest_of_way
+from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
@@ -209,9 +209,7 @@ def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
     contacts = elements + len(rows.targets) - touching
     lowest_speeds(plant, acting.kept, step, rows.matrix[elements:], rows.targets)
     for c in range(len(rows.depths)):
-        opens = 0.0
-        for i in range(rows.matrix.shape[1]):
-            opens += rows.matrix[contacts + c, i] * plant.end.speed[i]
+        opens = dot(plant.end.speed, rows.matrix[contacts + c])
         gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
         rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
 

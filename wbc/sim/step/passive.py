@@ -16,17 +16,17 @@ import numpy as np
 from wbc.compiled import OutRow, Row, compiled
 from wbc.mechanics.inertia import bodies_at, momentum_of
 from wbc.mechanics.kinematics import columns_at, place
+from wbc.mechanics.linear import dot
 from wbc.sim.step.books import KINETIC, MOTOR, TAKEN, spring_energy
 from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.field import AHEAD
-from wbc.sim.step.gears import motor_speeds
+from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import set_momentum
 from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     DEFLECTION,
     HERTZ,
-    INERTIA,
     REACH,
     SPEED,
     STIFFNESS,
@@ -66,8 +66,7 @@ def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
             for row in range(first, last):
                 motion[i, k] += placed.columns[row, k] * v[row]
         momentum_of(body, motion[i], momentum)
-        for k in range(6):
-            energy += 0.5 * momentum[k] * motion[i, k]
+        energy += 0.5 * dot(momentum, motion[i])
         for k in range(3):
             energy -= tree.gravity[k] * (body[1 + k] + body[0] * about[k])
         gap = np.inf
@@ -76,13 +75,10 @@ def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
         if body[0] > 0.0 and gap < deepest:
             deepest, lowest = gap, i
     motor_speeds(gears, v, motor)
+    energy += rotor_energy(gears, v, motor)
     for g in range(m):
-        energy += 0.5 * gears.numbers[g, INERTIA] * motor[g] * motor[g]
         if gears.numbers[g, STIFFNESS] < np.inf:
             energy += spring_energy(gears.numbers[g], gears.motion[g, DEFLECTION])
-        if len(gears.coupling):
-            for c in range(len(v)):
-                energy += motor[g] * gears.coupling[g, c] * v[c]
     if plant.bounds[HERTZ] > 0.0:
         plant.bounds[REACH] = AHEAD
         touch_ground(plant, np.zeros(0, dtype=np.bool_))

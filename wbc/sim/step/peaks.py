@@ -16,6 +16,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.mechanics.linear import apart, copy_to
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
 from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment, turned
 from wbc.sim.step.tables import REACH, Opened
@@ -33,10 +34,8 @@ _STARTS = 512  # most places from which to look for touches of a body
 @compiled(counted=False)
 def is_same(field: Row, touch: Row, place: Row) -> bool:
     """Return whether a touch (7,) is at a place (3,), or so near that both close together."""
-    a, b, square = int(field[1]), int(field[2]), 0.0
-    for k in range(3):
-        square += (touch[4 + k] - place[k]) ** 2
-    same: bool = square * max(field[3 + a + b + 4 * a * b], 2.0) < _SAME
+    a, b = int(field[1]), int(field[2])
+    same: bool = apart(touch[4:], place) * max(field[3 + a + b + 4 * a * b], 2.0) < _SAME
     return same
 
 
@@ -92,13 +91,11 @@ def may_touch(
     """
     steep = sqrt(at[1] * at[1] + at[2] * at[2])
     if len(under) == 0:
-        spot, near, square = local(3), local(3), 0.0
+        spot, near = local(3), local(3)
         spot[0], spot[1], spot[2] = x, y, at[0]
         to_segment(tube[:3], tube[3:6], spot, near)
-        for k in range(3):
-            square += (spot[k] - near[k]) ** 2
         steepest, deep = steep + bend * size, at[0] - near[2]
-        if square > (tube[6] + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
+        if apart(spot, near) > (tube[6] + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
             return False
         off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
         turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
@@ -145,8 +142,7 @@ def starts_of(
             wide, long = 0.5 * (field[4 + i] - field[3 + i]), field[4 + a + j] - field[3 + a + j]
             x, y, bend, long = field[3 + i] + wide, field[3 + a + j], field[cell + 3], 0.5 * long
             y, size = y + long, sqrt(wide * wide + long * long)
-            for k in range(3):
-                at[k] = field[cell + k]
+            copy_to(field[cell : cell + 3], at)
             if may_touch(at, bend, size, x, y, reach, under, tube):
                 left[0], left[1], left[2], depth = x, y, 1.0, 1
             while depth > 0:

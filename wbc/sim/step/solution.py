@@ -20,7 +20,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutDense, OutRow, Row, compiled
-from wbc.mechanics.linear import halfway, rest_of_way
+from wbc.mechanics.linear import dot, halfway, rest_of_way
 from wbc.mechanics.newton import (
     PASSIVE,
     UNSOLVED,
@@ -187,9 +187,7 @@ def lag_coupling(
     for c in range(n):
         shifted[c] += free[c]
     for i in range(len(system.free)):
-        system.free[i] = 0.0
-        for c in range(n):
-            system.free[i] += rows.matrix[i, c] * shifted[c]
+        system.free[i] = dot(shifted, rows.matrix[i])
 
 
 @compiled
