@@ -14,7 +14,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.qp.gear_rows import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.speed import SpeedBlend
-from wbc.dynamics import Terms, rotor_coupling
+from wbc.dynamics import rotor_coupling
 from wbc.effects.tables import (
     effect_table,
     fill_commands,
@@ -243,16 +243,8 @@ class GearModel:
 
     def _couple(self, motion: Motion) -> None:
         """Write what rotors and their housings ask of one another."""
-        kinematics, memory, none = (
-            self._kinematics,
-            self.memory,
-            np.zeros((0, len(motion.velocity))),
-        )
-        terms = Terms(
-            *(kinematics.position, kinematics.velocity, kinematics.mass_matrix, kinematics.bias),
-            *(none, np.zeros(0), np.zeros((0, 3)), kinematics.data),
-        )
-        coupling = rotor_coupling(self.robot, terms)
+        kinematics, memory = self._kinematics, self.memory
+        coupling = rotor_coupling(self.robot, kinematics.velocity, kinematics.data)
         np.add(kinematics.mass_matrix, coupling.inertia.T @ self._turns, out=memory.mass)
         np.add(self._rotor_own, self._ratio[:, None] * coupling.inertia, out=memory.rotor)
         np.multiply(self._ratio, coupling.rotor_bias, out=memory.rotor_added)

@@ -182,7 +182,7 @@ def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArr
     on_rotors = np.zeros(spin_rate.shape)
     for row in np.ndindex(acceleration.shape[:-1]):
         terms = evaluate(robot, motion.position[row], motion.velocity[row], space)
-        coupling = rotor_coupling(robot, terms)
+        coupling = rotor_coupling(robot, terms.velocity, terms.data)
         on_links[row] = coupling.inertia.T @ spin_rate[row] + coupling.link_bias
         on_rotors[row] = coupling.inertia @ acceleration[row] + coupling.rotor_bias
     return on_links, on_rotors

@@ -44,15 +44,15 @@ class RotorCoupling:
     rotor_bias: FloatArray
 
 
-def rotor_coupling(robot: Robot, terms: Terms) -> RotorCoupling:
-    """Return the coupling at the state of `terms`, rotor speeds following from the gears.
+def rotor_coupling(robot: Robot, velocity: FloatArray, data: pin.Data) -> RotorCoupling:
+    """Return the coupling at v (nv,), rotor speeds following from the gears.
 
     Housings and axes are those of `robot.mounting`; a rotor on the fixed world couples to
-    nothing.
+    nothing. `data` holds joint Jacobians, and accelerations at v' = 0, at the state.
     """
-    gears, model, data = robot.transmission, robot.model, terms.data
+    gears, model = robot.transmission, robot.model
     nv, m = model.nv, gears.size
-    spin = gears.gear_ratio * (gears.motor_from_joint @ terms.velocity[robot.actuated])
+    spin = gears.gear_ratio * (gears.motor_from_joint @ velocity[robot.actuated])
     inertia, link_bias, rotor_bias = np.zeros((m, nv)), np.zeros(nv), np.zeros(m)
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     for i, housing in enumerate(robot.mounting.housing.tolist()):
@@ -60,7 +60,7 @@ def rotor_coupling(robot: Robot, terms: Terms) -> RotorCoupling:
             continue
         axis = data.oMi[housing].rotation @ robot.mounting.axis[i]
         turning = pin.getJointJacobian(model, data, housing, world)[3:].reshape(3, nv)
-        rate = turning @ terms.velocity
+        rate = turning @ velocity
         drift = pin.getAcceleration(model, data, housing, world).angular
         moment = gears.rotor_inertia[i]
         inertia[i] = moment * (axis @ turning)
@@ -118,7 +118,7 @@ def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
     bias[:nv] = terms.bias
     inertia[nv + np.arange(m), nv + np.arange(m)] = robot.transmission.rotor_inertia
     if robot.rotors_turn_with_links:
-        coupling = rotor_coupling(robot, terms)
+        coupling = rotor_coupling(robot, terms.velocity, terms.data)
         inertia[nv:, :nv] = coupling.inertia
         inertia[:nv, nv:] = coupling.inertia.T
         bias[:nv] += coupling.link_bias

@@ -9,7 +9,7 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
-from wbc.dynamics import RotorCoupling, Terms, Workspace, rotor_coupling
+from wbc.dynamics import RotorCoupling, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
 from wbc.mechanics.tree import Tree, tree_of
@@ -240,9 +240,7 @@ class Setup:
         model, data = self.space.model, self.space.data
         pin.forwardKinematics(model, data, position, velocity, np.zeros(model.nv))
         pin.computeJointJacobians(model, data, position)
-        none = np.zeros(0)
-        terms = Terms(position, velocity, none, none, none, none, none, data)
-        return rotor_coupling(self.robot, terms)
+        return rotor_coupling(self.robot, velocity, data)
 
     def tell_coupling(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the inertial coupling at (q, v), at the motor outputs."""
