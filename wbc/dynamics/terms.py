@@ -22,6 +22,7 @@ class Terms:
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
         contact_jacobian: J (3k, nv), linear velocity of the k contact points, world axes.
+        contact_drift: dJ/dt v (3k,) [m/s^2].
         contact_position: (k, 3) [m], world.
         data: pinocchio's data at this state, for further kinematics; overwritten by the next
             `evaluate` with the same workspace. What it returns are views of its memory: keep the
@@ -34,6 +35,7 @@ class Terms:
     mass_matrix: FloatArray
     bias: FloatArray
     contact_jacobian: FloatArray
+    contact_drift: FloatArray
     contact_position: FloatArray
     data: pin.Data
 
@@ -99,6 +101,7 @@ def evaluate(
     pin.computeAllTerms(model, data, position, velocity)
     k = len(space.frames)
     jacobian = np.empty((3 * k, model.nv))
+    drift = np.empty(3 * k)
     points = np.empty((k, 3))
     pin.forwardKinematics(model, data, position, velocity, space._zero)
     for i, frame in enumerate(space.frames):
@@ -108,5 +111,8 @@ def evaluate(
         jacobian[rows] = pin.getFrameJacobian(
             model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )[:3].reshape(3, -1)
+        drift[rows] = pin.getFrameClassicalAcceleration(
+            model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        ).linear
         points[i] = data.oMf[frame].translation
-    return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, points, data)
+    return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, drift, points, data)

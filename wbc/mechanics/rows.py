@@ -187,7 +187,7 @@ def element_piece(law: Row, slope: float, impulse: float, speed: float, piece: O
 
     Args:
         law: (9,) up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness and preload of
-            its `Elements`.
+            the spring, see `RowSystem`.
         slope: of the line.
         impulse: T of the point.
         speed: u = W v of the point.
