@@ -238,7 +238,7 @@ class Plant:
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
         barriers, points = self._setup.barriers, self._setup.plant.obstacles
-        self._setup.gaps(state.position)  # which places the points, too
+        self._gaps(state)  # which places the points, too
         if not len(points.points):
             return np.zeros(0)
         return barriers.gaps_of(points.points) - points.contacts[:, 3]
@@ -254,12 +254,17 @@ class Plant:
         Exact for round solids, and where corners, edges and faces of others face each other; corner
         and edge of two solids that are apart may be nearer.
         """
-        barriers = self._setup.barriers
-        gap = self._setup.gaps(state.position)
+        barriers, gap = self._setup.barriers, self._gaps(state)
         gap = np.where(gap < FAR, gap, np.inf)[barriers.size - len(barriers.bodies.slots) :]
         found = np.full(len(self.pairs), np.inf)
         np.minimum.at(found, barriers.bodies.slots[:, 0], gap)
         return found
+
+    def _gaps(self, state: SimState) -> FloatArray:
+        """Return all gaps (2 j + c,) so that steps that follow do not know of it."""
+        gap = self._setup.gaps(state.position)
+        self._setup.plant.obstacles.stands[:] = np.nan
+        return gap
 
     def _lifted(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) moved out of the ground and to joint limits.
