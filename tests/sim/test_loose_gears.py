@@ -172,17 +172,16 @@ def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
         np.testing.assert_allclose(rate, rates[0], rtol=1e-2, atol=1e-2 * np.abs(rates[0]).max())
 
 
-@pytest.mark.parametrize(("seed", "step"), [(180, 1e-2), (199, 0.1)])
-def test_flanks_that_do_not_settle_end_a_step_and_are_named(seed: int, step: float) -> None:
+def test_flanks_that_do_not_settle_end_a_step_and_are_named() -> None:
     """Such steps raised. Play of 0.1 to 100 mrad is crossed many times within one of them."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(199)
     sizes = 0.5 + 0.5 * rng.random(), 0.3 + 0.5 * rng.random(), rng.random()
-    robot = softened(rng, random_robot(rng, BASES[seed % 3], *sizes, seed % 4 == 1))
+    robot = softened(rng, random_robot(rng, BASES[1], *sizes, False))
     plant, named = Plant(robot, Plane(height=-20.0)), 0
     state = plant.state(robot.neutral(), 3.0 * rng.normal(size=robot.model.nv))
     for tried in (1e-3, 1e-2, 0.1):  # the torques of the steps that failed
         now = state
-        for _ in range(8 if tried <= step else 0):
+        for _ in range(8):
             torque = rng.normal(size=robot.transmission.size) * 10.0 ** rng.uniform(-2.0, 2.0)
             result = plant.step(now, torque, tried)
             now = result.state

@@ -23,6 +23,9 @@ SMOOTH, LANDED = 1, 2
 
 _FASTEST = 10.0
 
+_ROUNDING = 1e-12
+"""Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
+
 
 @compiled(counted=False)
 def close(plant: Opened, before: Flags, acting: Acting) -> None:
@@ -142,6 +145,9 @@ def second_half(
     contacts = solved.impulse[elements + both - len(rows.frictions) :]
     world_pushes(plant, contacts, rows.axes, rows.which, end.pushes.reshape(-1, 3))
     pressed = solved.impulse[elements : elements + both]
+    rounding = _ROUNDING * np.sum(np.abs(pressed))
+    for i in range(both):
+        pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
     left = arrive(plant, acting, rows.matrix[elements : elements + both], pressed)
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
