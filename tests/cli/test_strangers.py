@@ -55,6 +55,18 @@ def columns_of(folder: Path) -> dict[str, dict[str, object]]:
     return tomllib.loads((folder / "columns.toml").read_text())["columns"]
 
 
+def test_a_second_log_that_cannot_be_read_leaves_nothing_behind(told: Told, tmp_path: Path) -> None:
+    """A robot.toml stayed, and the command that was mended found it there already."""
+    files, out = stranger("05_numbered_columns"), tmp_path / "out"
+    (tmp_path / "run2.npz").write_text("no archive")
+    command = ["init", files / "kuka_lwr4.urdf", files / "run1.npz"]
+    code, said = told(*command, tmp_path / "run2.npz", "--out", out)
+    assert code
+    assert "run2.npz" in said
+    assert not list(out.glob("*"))
+    assert told(*command, "--out", out)[0] == 0
+
+
 def test_arrays_of_seven_columns_are_seven_joints(told: Told, tmp_path: Path) -> None:
     files = stranger("05_numbered_columns")
     code, _ = told("init", files / "kuka_lwr4.urdf", files / "run1.npz", "--out", tmp_path)

@@ -152,7 +152,12 @@ def run_init(options: argparse.Namespace, console: Console) -> Outcome:
     if robot is None:
         name = _with_logs(model, options.base, files[1], joints, start, first, known, say)
         robot = load_robot(name)
-    guess = guess_map(robot, options.logs, start)
+    try:
+        guess = guess_map(robot, options.logs, start)
+    except BaseException:  # a log that cannot be read leaves no half of the answer
+        if not described:
+            files[1].unlink()
+        raise
     reasons = [f"guess: {reason}" for reason in guess.reasons]
     told = ["Written by `wbc init`; every line is a guess.", *reasons]
     path = write_map(files[0], guess.table, told)

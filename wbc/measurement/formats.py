@@ -330,7 +330,8 @@ def read_bag(path: Path, topic: str = "") -> Table:
 def _topic(bag: Any, path: Path, topic: str) -> str:
     topics = list(dict.fromkeys(c.topic for c in bag.connections if c.msgtype == _TYPE))
     if not topics:
-        raise LogError(f"{path}: no topic of type {_TYPE}.")
+        there = ", ".join(f"{c.topic} ({c.msgtype})" for c in bag.connections) or "no topic"
+        raise LogError(f"{path}: no topic of type {_TYPE}, which a log is read from, but {there}.")
     if not topic and len(topics) > 1:
         raise LogError(
             f"{path} has several JointState topics ({', '.join(topics)}); "
