@@ -16,7 +16,6 @@ AT_MOTORS = ("rotor_coulomb_friction", "rotor_viscous_friction")
 INERTIAL = ("payload_mass", "center_of_mass", DRAWING)
 POINTS = 2  # masses that the drawing of a link lacks
 LUBRICANT = 40.0  # [deg C], at which the viscosity of lubricants is stated
-HIDDEN_STATE = ("joint_compliance", "backlash")
 
 
 @dataclass(frozen=True)
