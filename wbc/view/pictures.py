@@ -73,7 +73,6 @@ def write_picture(
     at: float,
     *,
     size: tuple[int, int] = (1280, 800),
-    controls: bool = True,
     theme: str = "light",
 ) -> Path:
     """Write a PNG of a playback page at a time.
@@ -83,7 +82,6 @@ def write_picture(
         playback: HTML written by `write_playback`.
         at: time [s] on the log's clock, clipped to the log.
         size: width and height [px].
-        controls: whether buttons are in the picture (the timeline always is).
         theme: "light" or "dark".
 
     Raises:
@@ -91,7 +89,7 @@ def write_picture(
     """
 
     def take() -> bytes:
-        with opened(Path(playback), size, "still" if controls else "still&bare") as page:
+        with opened(Path(playback), size, "still") as page:
             _prepare(page, theme)
             return _shown(page, at)
 

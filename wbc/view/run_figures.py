@@ -203,14 +203,10 @@ Signals = Mapping[str, tuple[str, FloatArray]]
 """Title of a panel -> unit and values (N,) of what it shows."""
 
 
-def impact_figure(
-    robot: Robot,
-    runs: Mapping[str, Log],
-    *,
-    before: float = 0.05,
-    after: float = 0.25,
-    theme: Theme = LIGHT,
-) -> Figure:
+_BEFORE, _AFTER = 0.05, 0.25  # [s] shown around an impact
+
+
+def impact_figure(robot: Robot, runs: Mapping[str, Log], *, theme: Theme = LIGHT) -> Figure:
     """Return ground force, gear speeds and mesh power around the first impact of every run.
 
     The force axis is linear up to the weight and logarithmic above, so that the blow and the
@@ -220,7 +216,6 @@ def impact_figure(
     Args:
         robot: the robot of all runs.
         runs: label -> recording; time 0 of the plot is each run's own impact.
-        before, after: [s] shown around it.
         theme: page colours.
 
     Raises:
@@ -235,20 +230,16 @@ def impact_figure(
             if not impacts:
                 raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
             begin = impacts[0].time
-            around = log.between(begin - before, begin + after)
+            around = log.between(begin - _BEFORE, begin + _AFTER)
             signals, jumps = _impact_signals(robot, around, begin)
-            style = {
-                "color": theme.series[i % len(theme.series)],
-                "linestyle": DASHES[i % len(DASHES)],
-                "label": label,
-            }
-            _draw(axes, 1e3 * (around.time - begin), signals, style, ("W",), jumps)
+            time, style = 1e3 * (around.time - begin), run_style(i, label, theme)
+            _draw(axes, time, signals, style, ("W",), jumps)
         axes[0].set_yscale("symlog", linthresh=robot_weight(robot), linscale=1.0)
         axes[0].yaxis.set_major_formatter("{x:g}")
         for ax in axes:
             ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
         for ax in grid[-1]:
-            ax.set(xlabel="time after the impact [ms]", xlim=(-1e3 * before, 1e3 * after))
+            ax.set(xlabel="time after the impact [ms]", xlim=(-1e3 * _BEFORE, 1e3 * _AFTER))
         if len(runs) > 1:
             legend_above(figure, axes[0], len(runs))
     return figure

@@ -23,6 +23,7 @@ from wbc.view.channels import RecordedImpact, window_mean
 from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
 
 _FORMATS = ("png", "pdf", "svg")
+_RESOLUTION = 160.0  # [dots per inch] of a PNG
 # Line styles repeat what colours say, for a print in grey.
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)), (0, (3, 1)))
 
@@ -109,13 +110,12 @@ def panel_figure(
     return figure, axes[:count]
 
 
-def write_figure(path: str | Path, figure: Figure, resolution: float = 160.0) -> Path:
+def write_figure(path: str | Path, figure: Figure) -> Path:
     """Write a figure; the ending of `path` (png, pdf, svg) decides the format.
 
     Args:
         path: the file (written whole or not at all).
         figure: any figure of this package.
-        resolution: [dots per inch] of a PNG.
 
     Raises:
         ViewError: another ending.
@@ -131,7 +131,7 @@ def write_figure(path: str | Path, figure: Figure, resolution: float = 160.0) ->
     metadata = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(kind)
     with mpl.rc_context({"svg.hashsalt": "wbc", "svg.fonttype": "none"}):
         return atomic_write(
-            path, lambda file: figure.savefig(file, format=kind, dpi=resolution, metadata=metadata)
+            path, lambda file: figure.savefig(file, format=kind, dpi=_RESOLUTION, metadata=metadata)
         )
 
 
