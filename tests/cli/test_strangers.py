@@ -581,17 +581,17 @@ def test_one_log_whose_zero_is_another_one_gets_a_map_of_its_own(
     told: Told, tmp_path: Path
 ) -> None:
     def moved(columns: dict[str, np.ndarray], k: int) -> None:
-        columns["elbow_joint.position"] += 0.3 * (k == 2)
+        columns["joint3.position"] += 0.3 * (k == 2)
 
-    runs, read = foreign_runs(UR5, tmp_path, moved)
+    runs, read = foreign_runs(XARM, tmp_path, moved)
     code, said = told("check", *runs, *read, "--fix", tmp_path / "fix.toml")
     assert code == 1
-    assert "run2.csv: error: elbow_joint.position: the zero of elbow_joint.position is off" in said
+    assert "run2.csv: error: joint3.position: the zero of joint3.position is off" in said
     assert "LOG@MAP.toml" in said
     assert not (tmp_path / "fix.toml").exists()  # the other logs are right
     offset = said.partition("{ offset = ")[2].partition(" }")[0]
     assert float(offset) == pytest.approx(-0.3, abs=0.02)
-    line = f'columns."elbow_joint.position" = {{ offset = {offset} }}'
+    line = f'columns."joint3.position" = {{ offset = {offset} }}'
     (tmp_path / "own.toml").write_text(line)
     mended = [runs[0], f"{runs[1]}@{tmp_path / 'own.toml'}", runs[2]]
     assert told("check", *mended, *read)[0] == 0

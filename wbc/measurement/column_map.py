@@ -57,8 +57,8 @@ from wbc.measurement.schema import (
     LOG_UNITS,
     TIME,
     column_units,
-    likely_meant,
     named_unit,
+    not_a_column,
     split_column,
     today,
     unit_factor,
@@ -153,11 +153,9 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
     units = column_units(target)
     parts = split_column(target)
     if units is None or parts is None:
-        meant = likely_meant(target)
-        hint = f" Did you mean '{meant}'?" if meant else ""
-        if target.partition(".")[0] in SECTIONS:
-            hint = " Lines of other sections stand above the first [heading]."
-        raise LogError(f"{place}: '{target}' is not a column of a log.{hint}")
+        above = target.partition(".")[0] in SECTIONS
+        hint = " Lines of other sections stand above the first [heading]." if above else ""
+        raise LogError(f"{place}: {not_a_column(target)}{hint}")
     entry = {"from": entry} if isinstance(entry, str) else entry
     said = _section(entry, _RULE, place)
     sources = _listed(said.pop("from", target))

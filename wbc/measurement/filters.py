@@ -204,7 +204,6 @@ class VelocityFit:
         correlation: between the position and the integral of the velocity, delay and trends taken
             out; its sign is that of the scale.
         filtered: whether a first-order low-pass explains the velocity better than a pure delay.
-        moves: whether anything moves, so that the rest means something.
     """
 
     scale: float
@@ -212,10 +211,11 @@ class VelocityFit:
     delay_error: float
     correlation: float
     filtered: bool
-    moves: bool
 
 
-def fit_velocity(time: FloatArray, position: FloatArray, velocity: FloatArray) -> VelocityFit:
+def fit_velocity(
+    time: FloatArray, position: FloatArray, velocity: FloatArray
+) -> VelocityFit | None:
     """Fit scale and delay by regression of the position on the integral of the velocity.
 
     A low-pass T dv/dt + v = k dq/dt gives q = (1/k) (int v dt + T v) + constant without error, a
@@ -228,11 +228,14 @@ def fit_velocity(time: FloatArray, position: FloatArray, velocity: FloatArray) -
         time: (N,) [s].
         position: (N,), continuous (wraps removed).
         velocity: (N,).
+
+    Returns:
+        None where nothing moves.
     """
     integral = cumulative_trapezoid(velocity, time, initial=0.0)
     whole = _regress(time, position, velocity, integral)
     if whole is None:
-        return VelocityFit(1.0, 0.0, np.inf, 0.0, filtered=False, moves=False)
+        return None
     inverse, lag, correlation, residual = whole
     size = max(_BLOCK_ROWS, time.size // _BLOCKS)
     pieces = [slice(k, k + size) for k in range(0, time.size - size + 1, size)]
@@ -251,7 +254,7 @@ def fit_velocity(time: FloatArray, position: FloatArray, velocity: FloatArray) -
         shifted = np.interp(time + lag, time, integral)
         inside = time + lag <= time[-1]
         filtered = residual < 0.5 * _misfit(time[inside], position[inside], shifted[inside])
-    return VelocityFit(1.0 / inverse, lag, spread, correlation, filtered, moves=True)
+    return VelocityFit(1.0 / inverse, lag, spread, correlation, filtered)
 
 
 def _detrended(time: FloatArray, signals: FloatArray) -> FloatArray:
@@ -293,11 +296,9 @@ def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     for joint in log.with_quantity("position"):
         if not log.has(f"{joint}.velocity"):
             continue
-        position = log.column(f"{joint}.position")
-        if jumps(position)[0].size:
-            continue
-        fit = fit_velocity(log.time, position, log.column(f"{joint}.velocity"))
-        if fit.moves:
+        position, velocity = (log.column(f"{joint}.{q}") for q in ("position", "velocity"))
+        wraps = jumps(position)[0].size
+        if not wraps and (fit := fit_velocity(log.time, position, velocity)):
             fits[joint] = fit
     return fits
 

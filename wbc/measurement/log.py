@@ -20,7 +20,7 @@ from wbc.measurement.schema import (
     JOINT_QUANTITIES,
     TIME,
     is_column,
-    likely_meant,
+    not_a_column,
     owners,
     today,
 )
@@ -135,7 +135,7 @@ class Log:
         columns: dict[str, FloatArray] = {}
         for name, values in self.columns.items():
             if name == TIME or not is_column(name):
-                raise LogError(f"{label}: " + _not_a_column(name))
+                raise LogError(f"{label}: " + not_a_column(name))
             columns[today(name)] = _checked_series(values, name, time.size, label)
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
@@ -279,16 +279,6 @@ class Log:
     def with_source(self, source: LogSource) -> Log:
         """Return the same log with another provenance."""
         return replace(self, source=source)
-
-
-def _not_a_column(name: str) -> str:
-    meant = likely_meant(name)
-    hint = f" Did you mean '{meant}'?" if meant else ""
-    return (
-        f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
-        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
-        "(time is separate)."
-    )
 
 
 def _checked_time(values: ArrayLike, label: str) -> FloatArray:

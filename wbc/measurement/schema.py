@@ -102,6 +102,17 @@ def likely_meant(name: str) -> str | None:
     return f"{owner}.{near[0]}" if near else None
 
 
+def not_a_column(name: str) -> str:
+    """Return the message for a name that is none of the schema."""
+    meant = likely_meant(name)
+    hint = f" Did you mean '{meant}'?" if meant else ""
+    return (
+        f"'{name}' is not a column of a log.{hint} Names are <joint>.<quantity> with "
+        f"{', '.join(JOINT_QUANTITIES)}; <contact>.force.x|y|z or active; base.<quantity> "
+        "(time is separate)."
+    )
+
+
 def today(name: str) -> str:
     """Return the name that a column has today: a log is written and asked by its old one, too."""
     owner, _, quantity = name.rpartition(".")
