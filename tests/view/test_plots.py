@@ -33,17 +33,15 @@ from wbc.view.plots import (
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
     leg: Robot, squat: Log
 ) -> None:
-    figure = standing_figure(
-        leg, {"one": squat, "two": squat}, (squat.time, 0.6 + 0.0 * squat.time)
-    )
+    figure = standing_figure(leg, {"one": squat, "two": squat})
     height = figure.axes[0].get_lines()
-    assert [line.get_label() for line in height[:3]] == ["reference", "one", "two"]
+    assert [line.get_label() for line in height[:2]] == ["one", "two"]
     knee = 0.4 * np.cos(squat.column("hip.position")) / 2.0
     base = squat.column("base_z.position")
     # base 15 kg at the hip, thigh and shin 2 kg each at their middles, shin below the knee
     shin = 2.0 * knee + 0.2 * np.cos(squat.column("hip.position") + squat.column("knee.position"))
     expected = base - (2.0 * knee + 2.0 * shin) / 19.0
-    np.testing.assert_allclose(height[1].get_ydata(), expected, atol=1e-9)
+    np.testing.assert_allclose(height[0].get_ydata(), expected, atol=1e-9)
 
 
 def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None:

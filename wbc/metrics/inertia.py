@@ -220,7 +220,7 @@ def directional_inertia(
 
 
 def share_of_accelerations_forward(
-    robot: Robot, position: ArrayLike, contact: str, axes: str = "xyz", directions: int = 3600
+    robot: Robot, position: ArrayLike, contact: str, axes: str = "xyz"
 ) -> float:
     """Return the share of the directions of *acceleration* in which every gear drives forward.
 
@@ -234,7 +234,7 @@ def share_of_accelerations_forward(
     if robot.floating_size or len(axes) != robot.transmission.size:
         raise DynamicsError("accelerations fix the joints only where gears and axes are equal.")
     task.inverted(task.mobility(Direction.STUCK)[0], "the inertia tensor")
-    n = _directions(task, directions)
+    n = _directions(task, 3600)
     joint = np.linalg.solve(task.jacobian[0], n.T)
     torque = robot.transmission.topology.T @ (task.mass_matrix[0] @ joint)
     power = torque * (robot.transmission.motor_from_joint @ joint)

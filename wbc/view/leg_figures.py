@@ -218,11 +218,10 @@ def tradeoff_figure(
     robot: Robot,
     position: ArrayLike,
     contact: str,
-    direction: ArrayLike = (0.0, 1.0),
     theme: Theme = LIGHT,
     axes: str = "xz",
 ) -> Figure:
-    """Return what less efficient gears cost and bring along one direction (Sim & Ramos, IV.D).
+    """Return what less efficient gears cost and bring along the second axis (Sim & Ramos, IV.D).
 
     Panels over the forward efficiency of all gears: the wedge's backward efficiency; force that
     can be lifted and held over the force with perfect gears (left out where no motor limits it);
@@ -233,13 +232,12 @@ def tradeoff_figure(
         robot: whose efficiencies are varied.
         position: q (nq,), not singular.
         contact: name of the contact point.
-        direction: (n,) along `axes`.
         theme: page colours.
-        axes: world axes.
+        axes: two world axes.
     """
     eta = np.linspace(0.505, 1.0, 100)
     gears = {"forward_efficiency": eta}
-    found = sweep(robot, position, contact, direction, gears, axes=axes)
+    found = sweep(robot, position, contact, (0.0, 1.0), gears, axes=axes)
     limited = bool(np.isfinite(found.conventional).all())
     panels = 1 + limited + bool(robot.floating_size)
     with drawing(theme):

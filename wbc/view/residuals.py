@@ -137,10 +137,10 @@ def explained_curves(x: FloatArray, explained: FloatArray, speed: FloatArray) ->
     return ()
 
 
-def binned_mean(x: FloatArray, y: FloatArray, bins: int = _BINS) -> Curve:
+def binned_mean(x: FloatArray, y: FloatArray) -> Curve:
     """Return mean x and mean y in bins of equal count, ordered by x; at least eight in a bin."""
     order = np.argsort(x)
-    parts = np.array_split(order, max(1, min(bins, len(x) // _LEAST)))
+    parts = np.array_split(order, max(1, min(_BINS, len(x) // _LEAST)))
     return (
         np.array([np.mean(x[part]) for part in parts]),
         np.array([np.mean(y[part]) for part in parts]),

@@ -301,7 +301,6 @@ _CUT = 4.0  # weights at which the axis of the force ends where something lands
 def standing_figure(
     robot: Robot,
     runs: Mapping[str, Log],
-    height_reference: tuple[FloatArray, FloatArray] | None = None,
     theme: Theme = LIGHT,
 ) -> Figure:
     """Return height, sway and pitch of the centre of mass and base, rotor torques and ground force.
@@ -312,7 +311,6 @@ def standing_figure(
     Args:
         robot: the robot of all runs (its links; the gears may differ from run to run).
         runs: label -> recording.
-        height_reference: times (K,) [s] and heights (K,) [m] that the centre of mass should have.
         theme: page colours.
     """
     limits = robot.transmission.torque_limit
@@ -321,10 +319,6 @@ def standing_figure(
         rows = 4 + robot.transmission.size
         figure, grid = new_figure(rows, 1, 7.0, 1.25 * rows + 0.6, share_x=True)
         axes = [row[0] for row in grid]
-        if height_reference is not None:
-            axes[0].plot(
-                *height_reference, color=theme.ink, linewidth=2.6, alpha=0.3, label="reference"
-            )
         for i, (label, log) in enumerate(runs.items()):
             hits = [int(np.searchsorted(log.time, impact.time)) for impact in impacts[label]]
             signals, style = _standing_signals(robot, log), run_style(i, label, theme)
@@ -344,7 +338,7 @@ def standing_figure(
             axes[-1].set_title(title)
         axes[-1].set(xlabel="time [s]", xlim=(first.time[0], first.time[-1]))
         figure.align_ylabels(axes)
-        legend_above(figure, axes[0], len(runs) + 1)
+        legend_above(figure, axes[0], len(runs))
     return figure
 
 
