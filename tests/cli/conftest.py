@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.swinging_leg import swing
+from tests.moved import swing
 from wbc import load_robot
 from wbc.effects import CoulombFriction
 from wbc.measurement import Log, save_log

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.swinging_leg import swing
+from tests.moved import swing
 from wbc import load_robot
 from wbc.effects import (
     CoulombFriction,

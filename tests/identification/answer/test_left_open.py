@@ -9,8 +9,8 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
+from tests.moved import moved
 from wbc.arrays import FloatArray
-from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import (
     EFFECTS,
     ActuationDelay,
@@ -31,29 +31,13 @@ from wbc.sim.excitation import record_with
 
 ROBOT = load_robot("simple_pendulum")
 TRUTH = (ViscousFriction("pendulum", coefficient=0.3), RotorInertia("pendulum", 0.02))
-RATE = 250.0
 
 
 def swung(*waves: tuple[float, float]) -> Log:
     """Return a log of the pendulum with both effects, moved by waves (amplitude, frequency)."""
-    time = np.arange(0.0, 8.0, 1.0 / RATE)
-    turns = [(a, 2.0 * np.pi * f) for a, f in waves]
-    q = sum(a * np.sin(w * time) for a, w in turns)[:, None]
-    v = sum(a * w * np.cos(w * time) for a, w in turns)[:, None]
-    rise = sum(-a * w**2 * np.sin(w * time) for a, w in turns)[:, None]
-    motion = Motion(q, v, rise)
-    robot = ROBOT.with_effects(*TRUTH)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    random = np.random.default_rng(0)
-    noise = random.standard_normal((3, len(time)))
-    return Log(
-        time,
-        {
-            "pendulum.position": q[:, 0] + 1e-5 * noise[0],
-            "pendulum.velocity": v[:, 0] + 1e-4 * noise[1],
-            "pendulum.rotor_torque": torque[:, 0] + 1e-2 * noise[2],
-        },
-    )
+    sines = [[(size, 2.0 * np.pi * frequency, 0.0) for size, frequency in waves]]
+    time = np.arange(0.0, 8.0, 0.004)
+    return moved(ROBOT.with_effects(*TRUTH), time, sines, noise=(1e-5, 1e-4, 1e-2))
 
 
 def test_one_frequency_does_not_tell_friction_and_inertia_from_a_delay() -> None:

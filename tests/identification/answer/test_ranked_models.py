@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.moved import swing
 from tests.outside import DATA, ROOT, outside
 from tests.recover.plant import recorded
-from tests.swinging_leg import swing
 from wbc import Robot, load_robot
 from wbc.effects import (
     CoulombFriction,

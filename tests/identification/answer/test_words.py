@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.moved import swing
 from tests.outside import ROOT
-from tests.swinging_leg import swing
 from wbc import load_robot
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset, ViscousFriction
 from wbc.errors import IdentificationError, LogError

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.moved import moved
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
-from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import (
     Backlash,
     CenterOfMass,
@@ -21,7 +21,7 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import UsualRows
 from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts, interval_bounds
 from wbc.measurement import Log
-from wbc.robot import Effect, Motion, Parameter
+from wbc.robot import Effect, Parameter
 from wbc.sim.excitation import record_with
 
 
@@ -99,21 +99,10 @@ ROBOT = load_robot("simple_pendulum")
 
 def fitted(*effects: Effect) -> tuple[EstimationProblem, Fit]:
     """Return a pendulum's log with these effects, and their fit."""
+    sines = [[(0.5, 2.0 * np.pi * frequency, 0.0) for frequency in (0.4, 1.1)]]
     time = np.arange(0.0, 8.0, 0.004)
-    rates = 2.0 * np.pi * np.array([0.4, 1.1])
-    q, v, a = (
-        sum(0.5 * w**k * np.sin(w * time + 0.5 * np.pi * k) for w in rates)[:, None]
-        for k in range(3)
-    )
-    robot, motion = ROBOT.with_effects(*effects), Motion(q, v, a)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    noise = np.random.default_rng(0).standard_normal((3, len(time)))
-    columns = {
-        "pendulum.position": q[:, 0] + 1e-6 * noise[0],
-        "pendulum.velocity": v[:, 0] + 1e-5 * noise[1],
-        "pendulum.rotor_torque": torque[:, 0] + 1e-4 * noise[2],
-    }
-    problem = EstimationProblem.from_logs(ROBOT, [Log(time, columns)])
+    log = moved(ROBOT.with_effects(*effects), time, sines, noise=(1e-6, 1e-5, 1e-4))
+    problem = EstimationProblem.from_logs(ROBOT, [log])
     return problem, problem.fit(effects)
 
 

@@ -6,10 +6,10 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from tests.moved import moved
 from tests.outside import outside
 from tests.recover.plant import recorded
 from wbc.arrays import FloatArray
@@ -45,24 +45,17 @@ def friction(runs: list[Log]) -> list[Log]:
     return runs[:2]
 
 
-def _standing(torque_error: float) -> Log:
-    """Return a log of a leg that is held at one pose."""
-    random = np.random.default_rng(0)
-    count, pose = 2000, np.array([0.3, -0.6])
-    gravity = pin.computeGeneralizedGravity(ROBOT.model, ROBOT.model.createData(), pose)
-    columns: dict[str, np.ndarray] = {}
-    for k, joint in enumerate(JOINTS):
-        columns[f"{joint}.position"] = pose[k] + 2e-5 * random.standard_normal(count)
-        columns[f"{joint}.velocity"] = 3e-3 * random.standard_normal(count)
-        torque = gravity[k] / 20.0 + torque_error
-        columns[f"{joint}.rotor_torque"] = torque + 2e-3 * random.standard_normal(count)
-    return Log(0.002 * np.arange(count), columns)
+def _still(angle: float) -> tuple[float, float, float]:
+    """Return the sine of a joint that stays at an angle [rad]."""
+    return angle, 0.0, 0.5 * np.pi
 
 
 @pytest.mark.parametrize("error", [0.0, 0.05])
 def test_where_nothing_moves_nothing_is_named_and_the_log_is_stopped(error: float) -> None:
+    log = moved(ROBOT, 0.002 * np.arange(2000), [[_still(0.3)], [_still(-0.6)]])
+    torques = {f"{j}.rotor_torque": error + log.column(f"{j}.rotor_torque") for j in JOINTS}
     with pytest.raises(SuspiciousLogError, match=r"no joint moves.*Record the robot in motion"):
-        diagnose(ROBOT, [_standing(error)])
+        diagnose(ROBOT, [log.with_columns(torques)])
 
 
 @pytest.mark.parametrize("noise", [(2e-5, 3e-3), (1e-5, 1e-3)])
@@ -70,22 +63,8 @@ def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
     noise: tuple[float, float],
 ) -> None:
     """Between the limits of its friction a held joint may carry any torque, here none."""
-    random, time = np.random.default_rng(1), 0.004 * np.arange(1500)
-    swing = 0.6 * np.sin(5.0 * time) * np.array([[0.0], [1.0]])
-    rate, rise = np.gradient(swing, 0.004, axis=1), -25.0 * swing
-    data = ROBOT.model.createData()
-    pose = np.array([[0.6], [-0.3]]) + swing
-    torque = np.array(
-        [pin.rnea(ROBOT.model, data, *x) for x in zip(pose.T, rate.T, rise.T, strict=True)]
-    ).T
-    torque = (torque + ROBOT.transmission.reflected_inertia[:, None] * rise) / 20.0
-    columns: dict[str, np.ndarray] = {}
-    for k, joint in enumerate(JOINTS):
-        drawn = random.standard_normal((3, time.size))
-        columns[f"{joint}.position"] = pose[k] + noise[0] * drawn[0]
-        columns[f"{joint}.velocity"] = rate[k] + noise[1] * drawn[1]
-        columns[f"{joint}.rotor_torque"] = torque[k] + 2e-3 * drawn[2]
-    log = Log(time, columns)
+    waves = [[_still(0.6), (0.0, 5.0, 0.0)], [_still(-0.3), (0.6, 5.0, 0.0)]]
+    log = moved(ROBOT, 0.004 * np.arange(1500), waves, (*noise, 2e-3), seed=1)
     rubbing = ROBOT.with_effect(CoulombFriction("hip", 0.6))
     assert compare(rubbing, [log]).error == pytest.approx(compare(ROBOT, [log]).error, rel=0.02)
 

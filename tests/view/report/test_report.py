@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import wbc
-from tests.swinging_leg import swing
+from tests.moved import swing
 from wbc.effects import (
     CoulombFriction,
     CustomTorque,
