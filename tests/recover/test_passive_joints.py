@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,38 +13,22 @@ from wbc.identification import compare, diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.sim import Plant
+from wbc.transmission import Transmission
 
-LINK = (
-    '<link name="{name}"><inertial><origin xyz="0 0 -{reach}"/><mass value="{mass}"/>'
-    '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.001"/></inertial></link>'
-)
-JOINT = (
-    '<joint name="{name}" type="continuous"><origin xyz="0 0 {z}"/><parent link="{parent}"/>'
-    '<child link="{child}"/><axis xyz="0 1 0"/></joint>'
-)
 STEP = 2e-3
 SOFT = 0.005  # [rad/s], over which dry friction of the integrated arm changes its sign
 
 
 @pytest.fixture
-def hanging(tmp_path: Path) -> Robot:
+def hanging() -> Robot:
     """Return a driven arm from which a link hangs that nothing drives."""
-    model = "".join([
-        '<robot name="hanging"><link name="world"/>',
-        LINK.format(name="arm", reach=0.2, mass=1.0),
-        LINK.format(name="swing", reach=0.25, mass=0.8),
-        JOINT.format(name="shoulder", z=0.0, parent="world", child="arm"),
-        JOINT.format(name="pivot", z=-0.4, parent="arm", child="swing"),
-        "</robot>",
-    ])  # fmt: skip
-    (tmp_path / "hanging.urdf").write_text(model)
-    (tmp_path / "robot.toml").write_text(
-        'name = "hanging"\nmodel = "hanging.urdf"\nbase = "fixed"\n[gears.shoulder]\n'
-        'gear_ratio = { value = 10.0, unit = "1", source = "made up" }\n'
-        'rotor_inertia = { value = 1e-4, unit = "kg m^2", source = "made up" }\n'
-        'forward_efficiency = { value = 1.0, unit = "1", source = "made up" }\n'
-    )
-    return load_robot(tmp_path / "robot.toml")
+    model, joint = pin.Model(), 0
+    for name, height, mass, reach in (("shoulder", 0.0, 1.0, 0.2), ("pivot", -0.4, 0.8, 0.25)):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, height]))
+        joint = model.addJoint(joint, pin.JointModelRY(), place, name)
+        body = pin.Inertia(mass, np.array([0.0, 0.0, -reach]), np.diag([0.01, 0.01, 0.001]))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    return Robot("hanging", model, Transmission(("shoulder",), np.array([10.0]), np.array([1e-4])))
 
 
 def swung(robot: Robot, effect: Effect, seed: int, duration: float = 8.0) -> Log:
