@@ -162,6 +162,8 @@ def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for name, count in (("_RANDOM", 3), ("_DRAWN", 6)):  # motions that are drawn at random
+        monkeypatch.setattr(f"wbc.design.experiment.search.{name}", count)
     commands = commands_of("docs/guide/gearbox-design.md")
     commands += [c for c in commands_of("docs/diagnosis/deciding-experiment.md") if "link_4" in c]
     for line in commands:
