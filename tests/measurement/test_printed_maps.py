@@ -184,8 +184,6 @@ CASES = {
         lambda c: {n: 1e3 * v if n == "time" else v for n, v in c.items() if "vel" not in n},
         finding("time_unit"),
     ),
-    "a velocity's sign": Case(scaled(-1.0, "hip.velocity"), finding("velocity_sign")),
-    "a velocity's side": Case(scaled(20.0, "hip.velocity"), finding("gear_side")),
     "velocities in deg/s": Case(scaled(180.0 / np.pi, "hip.velocity", "knee.velocity"), refused),
     "other names": Case(renamed("hip.", "axis_1."), refused),
     "a torque that was not read": Case(renamed("knee.motor_torque", "tau_knee"), without_torque),
