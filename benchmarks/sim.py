@@ -21,10 +21,10 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.controller import machine
+from benchmarks.mujoco_model import mujoco_model
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import EFFECTS
-from wbc.export import export_robot
 from wbc.sim import Plant, SimState
 
 DT, ROUNDS = 1e-3, 15
@@ -126,18 +126,9 @@ def plant_steps(case: Case) -> Callable[[], Iterator[int]]:
     return steps
 
 
-def mujoco_model(robot: Robot, step: float = DT) -> mujoco.MjModel:
-    """Return the robot on flat ground as `wbc export` writes it: MJCF holds no loss of a gear."""
-    text = export_robot(robot, "mjcf").text
-    ground = '<worldbody><geom type="plane" size="50 50 1"/>'
-    model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", ground, 1))
-    model.opt.timestep = step
-    return model
-
-
 def mujoco_steps(case: Case) -> Callable[[], Iterator[int]]:
     """Return the same with mj_step under the same PD, called from Python."""
-    robot, model = case.robot, mujoco_model(case.robot)
+    robot, model = case.robot, mujoco_model(case.robot, DT)
     data, position = mujoco.MjData(model), np.array(case.start.position)
     if robot.has_free_flyer:
         position[3:7] = position[[6, 3, 4, 5]]
