@@ -135,6 +135,10 @@ class Kinematics:
         pin.computeCentroidalMomentumTimeVariation(self.model, data)
         tree.momentum_drift[:] = data.dhg.vector
 
+    def place_solids(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
+        """Write the placements of solids at the present state."""
+        pin.updateGeometryPlacements(self.model, self._data, geometry, data)
+
     def frame_id(self, name: str) -> int:
         """Return the number of a frame.
 
@@ -195,7 +199,7 @@ def _places(model: pin.Model, data: pin.Data) -> FloatArray:
     """
     first: FloatArray = data.oMi[0].rotation.T.reshape(-1)
     view = as_strided(first, (model.njoints, 12), (_PLACE, 8))
-    pin.forwardKinematics(model, data, pin.randomConfiguration(_bounded(model)))
+    pin.forwardKinematics(model, data, _some_pose(model))
     for i in range(model.njoints):
         place = data.oMi[i]
         own = np.concatenate([place.rotation.T.reshape(-1), place.translation])
@@ -207,19 +211,17 @@ def _places(model: pin.Model, data: pin.Data) -> FloatArray:
 def _axes_turn_with_bodies(model: pin.Model) -> bool:
     """Whether every joint's axes are fixed in its body, so that its columns of J turn with it."""
     data, found = model.createData(), []
-    for q in (pin.neutral(model), pin.randomConfiguration(_bounded(model))):
+    for q in (pin.neutral(model), _some_pose(model)):
         pin.forwardKinematics(model, data, q, np.ones(model.nv), np.zeros(model.nv))
         found.append([np.array(data.joints[i].S) for i in range(1, model.njoints)])
     return all(np.array_equal(one, other) for one, other in zip(*found, strict=True))
 
 
-def _bounded(model: pin.Model) -> pin.Model:
-    """Return a copy whose joints have finite ranges, to draw configurations from."""
-    model = model.copy()
-    model.lowerPositionLimit = np.maximum(model.lowerPositionLimit, -1.0)
-    model.upperPositionLimit = np.minimum(model.upperPositionLimit, 1.0)
-    model.lowerPositionLimit = np.minimum(model.lowerPositionLimit, model.upperPositionLimit)
-    return model
+def _some_pose(model: pin.Model) -> FloatArray:
+    """Return a configuration in which every joint has moved by another amount."""
+    return np.asarray(
+        pin.integrate(model, pin.neutral(model), np.sin(np.arange(1.0, model.nv + 1.0)))
+    )
 
 
 class RowKind(IntEnum):

@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, frozen
 from wbc.control.kinematics import Kinematics
 from wbc.control.tree import place_distances
 from wbc.errors import ControlError, unknown_name
@@ -158,102 +158,63 @@ class CollisionRows:
         Raises:
             ControlError: a frame that the model does not have.
         """
-        self._limit, p = limit, len(limit.pairs)
         used = list(dict.fromkeys(name for pair in limit.pairs for name in pair))
         shapes = {shape.name: shape for shape in limit.shapes}
-        self._solids = _Solids([shapes[name] for name in used], model)
+        self._geometry, balls = pin.GeometryModel(), []
+        for name in used:
+            shape = shapes[name]
+            if not model.existFrame(shape.frame):
+                known = [frame.name for frame in model.frames]
+                raise ControlError(f"shape '{name}': {unknown_name('frame', shape.frame, known)}")
+            number = model.getFrameId(shape.frame)
+            frame = model.frames[number]
+            place, (center, radius) = frame.placement * shape.placement, _ball(shape.geometry)
+            solid = pin.GeometryObject(name, frame.parentJoint, number, place, shape.geometry)
+            self._geometry.addGeometryObject(solid)
+            balls.append([frame.parentJoint, *place.act(center), radius])
+        p, around = len(limit.pairs), np.array(balls, dtype=np.float64).reshape(-1, 5)
         pairs = [[used.index(name) for name in pair] for pair in limit.pairs]
-        self._pairs = frozen(np.array(pairs, dtype=np.int_).reshape(p, 2), np.int_)
-        geometry = [shapes[name].geometry for name in used]
-        self._measures = [coal.ComputeDistance(geometry[i], geometry[j]) for i, j in pairs]
+        self._pairs = np.array(pairs, dtype=np.int_).reshape(p, 2)
+        for one, other in pairs:
+            self._geometry.addCollisionPair(pin.CollisionPair(one, other))
+        self._carriers, self._centers = around[:, 0].astype(np.int_), around[:, 1:4]
+        self._radii = around[self._pairs, 4].sum(axis=1)
+        self._data = self._geometry.createData()
+        for request in self._data.distanceRequests:
+            # started at the middles of boxes around the solids: 1.3 ms in place of 2.0 ms for the
+            # 545 pairs of G1, of which 214 are near; hulls have about 1000 corners
+            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
         self.labels = tuple(f"distance of '{one}' and '{other}'" for one, other in limit.pairs)
-        self._joints = frozen(self._solids.joints[self._pairs], np.int_)
+        self._joints = frozen(self._carriers[self._pairs], np.int_)
+        self._numbers = frozen([limit.margin, limit.rate, limit.influence])
         self.rows, self.least = np.zeros((p, model.nv)), np.zeros(p)
         self.distances, self._points = np.zeros(p), np.zeros((p, 9))
-        self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
-        # started at the middles of boxes around the solids: 1.3 ms in place of 2.0 ms for the
-        # 545 pairs of G1, of which 214 are near; hulls have about 1000 corners
-        self._request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
-        self._couples = [(i, j) for i, j in pairs]
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate all pairs at the present state."""
-        points, limit, result = self._points, self._limit, self._result
-        self._solids.place(kinematics)
-        self.distances[:] = self._solids.apart(self._pairs)
-        near = np.flatnonzero(self.distances < limit.influence)
-        measured = []
-        for i in near.tolist():
-            one, other = self._couples[i]
-            places = self._solids.transform(one), self._solids.transform(other)
-            result.clear()
-            self.distances[i] = self._measures[i](*places, self._request, result)
-            one_point, other_point = result.getNearestPoint1(), result.getNearestPoint2()
-            # the normal is a view of what the next pair overwrites
-            measured.append((one_point, other_point, result.normal.copy()))
-        if measured:
-            points[near] = np.array(measured).reshape(-1, 9)
-        numbers = frozen([limit.margin, limit.rate, limit.influence])
+        joints, points, data = kinematics.joint_places[self._carriers], self._points, self._data
+        turns = joints[:, :9].reshape(-1, 3, 3)  # column by column
+        centers = np.einsum("sab,sa->sb", turns, self._centers) + joints[:, 9:]
+        between = centers[self._pairs[:, 0]] - centers[self._pairs[:, 1]]
+        self.distances[:] = np.linalg.norm(between, axis=1) - self._radii
+        kinematics.place_solids(self._geometry, data)
+        for i in np.flatnonzero(self.distances < self._numbers[2]).tolist():
+            found = pin.computeDistance(self._geometry, data, i)
+            self.distances[i] = found.min_distance
+            points[i, :3], points[i, 3:6] = found.getNearestPoint1(), found.getNearestPoint2()
+            points[i, 6:] = found.normal
         place_distances(
-            kinematics.tree, self._joints, points, self.distances, numbers, self.rows, self.least
+            *(kinematics.tree, self._joints, points),
+            *(self.distances, self._numbers, self.rows, self.least),
         )
 
 
-class _Solids:
-    """Where solids are, and balls around them.
-
-    Attributes:
-        joints: joint that carries each solid (s,).
-    """
-
-    def __init__(self, shapes: Sequence[Shape], model: pin.Model) -> None:
-        joints, local, balls = [], [], []
-        for shape in shapes:
-            if not model.existFrame(shape.frame):
-                known = [frame.name for frame in model.frames]
-                raise ControlError(
-                    f"shape '{shape.name}': " + unknown_name("frame", shape.frame, known)
-                )
-            frame = model.frames[model.getFrameId(shape.frame)]
-            joints.append(frame.parentJoint)
-            local.append((frame.placement * shape.placement).homogeneous[:3])
-            balls.append(_ball(shape.geometry))
-        self.joints = np.array(joints, dtype=np.int_)
-        self._local = np.array(local).reshape(-1, 3, 4)
-        self._balls = np.array(balls, dtype=np.float64).reshape(-1, 4)
-        self._places = np.zeros_like(self._local)
-        self._made: dict[int, coal.Transform3s] = {}
-
-    def place(self, kinematics: Kinematics) -> None:
-        """Take the places of the joints at the present state."""
-        joints = kinematics.joint_places[self.joints]
-        turns = joints[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1)
-        np.matmul(turns, self._local, out=self._places)
-        self._places[:, :, 3] += joints[:, 9:]
-        self._made.clear()
-
-    def apart(self, pairs: IntArray) -> FloatArray:
-        """Return how far the balls around the solids of pairs (p, 2) are apart, (p,) [m]."""
-        centers = (self._places[:, :, :3] @ self._balls[:, :3, None])[:, :, 0]
-        centers += self._places[:, :, 3]
-        between = centers[pairs[:, 0]] - centers[pairs[:, 1]]
-        radii = self._balls[pairs, 3].sum(axis=1)
-        return np.asarray(np.sqrt(np.einsum("pi,pi->p", between, between)) - radii)
-
-    def transform(self, solid: int) -> coal.Transform3s:
-        """Return the place of a solid, made once per state."""
-        if solid not in self._made:
-            place = self._places[solid]
-            self._made[solid] = coal.Transform3s(place[:, :3], place[:, 3])
-        return self._made[solid]
-
-
-def _ball(geometry: Any) -> FloatArray:
-    """Return centre and radius (4,) [m] of a ball around a solid; half spaces have no centre."""
+def _ball(geometry: Any) -> tuple[FloatArray, float]:
+    """Return centre (3,) and radius [m] of a ball around a solid; half spaces have no centre."""
     geometry.computeLocalAABB()
     if not np.isfinite(geometry.aabb_radius):
-        return np.array([0.0, 0.0, 0.0, np.inf])
-    return np.array([*geometry.aabb_center, geometry.aabb_radius])
+        return np.zeros(3), np.inf
+    return np.array(geometry.aabb_center), float(geometry.aabb_radius)
 
 
 def _convex(geometry: Any, name: str) -> Any:

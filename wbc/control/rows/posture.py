@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -40,13 +40,14 @@ class PostureTask(Task):
         joints: tuple[str, ...] | None = None,
         *,
         name: str = "posture",
-        weight: float | FloatArray = 1.0,
-        stiffness: float = 100.0,
-        damping: float | None = None,
-        acceleration_limit: float = np.inf,
-        level: int = 0,
+        **settings: Any,
     ) -> PostureTask:
         """Return the posture task of `joints` (all driven ones when left out) on `robot`.
+
+        Args:
+            robot: the robot.
+            joints: names.
+            name, settings: as for `Task`.
 
         Raises:
             ControlError: a joint with several degrees of freedom (the base is a frame's pose).
@@ -64,15 +65,11 @@ class PostureTask(Task):
         jacobian[np.arange(len(rows)), rows] = 1.0
         return cls(
             name=name,
-            weight=weight,
-            stiffness=stiffness,
-            damping=damping,
-            acceleration_limit=acceleration_limit,
-            level=level,
             joints=names,
             positions=frozen([robot.position_index(j) for j in names], np.int_),
             velocities=frozen(rows, np.int_),
             _jacobian=frozen(jacobian),
+            **settings,
         )
 
     def check(self, robot: Robot) -> int:
