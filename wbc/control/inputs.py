@@ -139,10 +139,8 @@ def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
     return made
 
 
-def _check_names(
-    references: object, tasks: Collection[str], active: object, contacts: Collection[str]
-) -> None:
-    """Check the names and limits given."""
+def _check_references(references: object, tasks: Collection[str]) -> None:
+    """Check that references are such, and of tasks that there are."""
     if type(references) is not dict and not isinstance(references, Mapping):
         kind = type(references).__name__
         raise TickInputError(f"references map a task's name to a Reference; got {kind}.")
@@ -152,36 +150,34 @@ def _check_names(
         if type(reference) is not Reference and not isinstance(reference, Reference):
             kind = type(reference).__name__
             raise TickInputError(f"task '{name}' needs a Reference, got {kind}.")
-    if active is None:
-        return
-    if type(active) is not dict and not isinstance(active, Mapping):
-        raise TickInputError(
-            "contacts map a name to the greatest normal force [N], as in "
-            f"{{'{next(iter(contacts), 'foot')}': inf}}; got {type(active).__name__}."
-        )
-    for name, limit in active.items():
-        if name not in contacts:
-            raise TickInputError(unknown_name("contact", str(name), contacts))
-        if not (type(limit) is float or is_real(limit)) or not limit >= 0.0:
-            raise TickInputError(
-                f"the force limit of contact '{name}' must be a number >= 0 N, got {limit!r}."
-            )
 
 
-def _check_shares(kind: str, given: object, names: Collection[str], greatest: float) -> None:
-    """Check numbers given by name."""
+def _check_numbers(
+    told: str, of: str, given: object, names: Collection[str], most: float = inf
+) -> None:
+    """Check numbers given by name.
+
+    Args:
+        told: what they are called, with their unit.
+        of: "task" or "contact".
+        given: by name, None for none.
+        names: that there are.
+        most: greatest number; that of a contact may be infinite.
+    """
     if given is None:
         return
-    if not isinstance(given, Mapping):
-        got = type(given).__name__
-        raise TickInputError(f"{kind} maps a task's name to a number; got {got}.")
+    if type(given) is not dict and not isinstance(given, Mapping):
+        example = f"{{'{next(iter(names), of)}': 1.0}}"
+        kind = type(given).__name__
+        raise TickInputError(f"{told} map the name of a {of} to a number ({example}); got {kind}.")
     for name, value in given.items():
         if name not in names:
-            raise TickInputError(unknown_name("task", str(name), names))
-        if not is_real(value) or not 0.0 <= value <= greatest or value == inf:
-            end = "" if greatest == inf else f" and <= {greatest:g}"
+            raise TickInputError(unknown_name(of, str(name), names))
+        fits = (type(value) is float or is_real(value)) and 0.0 <= value <= most
+        if not fits or (value == inf and of == "task"):
+            end = "" if most == inf else f" and <= {most:g}"
             raise TickInputError(
-                f"{kind} of task '{name}' must be a number >= 0{end}, got {value!r}."
+                f"{told} of {of} '{name}' must be a number >= 0{end}, got {value!r}."
             )
 
 
@@ -234,9 +230,11 @@ class InputCheck(NamedTuple):
 
     def check(self, given: TickInputs) -> None:
         """Raise TickInputError where something besides the state is wrong."""
-        _check_names(given.references, self.names, given.contacts, self.contacts)
-        _check_shares("weights", given.weights, self.weighed, inf)
-        _check_shares("activation", given.activation, self.weighed, 1.0)
+        _check_references(given.references, self.names)
+        limits = "contacts, the greatest normal forces [N],"
+        _check_numbers(limits, "contact", given.contacts, self.contacts)
+        _check_numbers("weights", "task", given.weights, self.weighed)
+        _check_numbers("activation", "task", given.activation, self.weighed, 1.0)
         for task in self.force_tasks:
             reference = given.references.get(task.name)
             if reference is not None and reference.position is not None:

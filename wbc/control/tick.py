@@ -30,7 +30,6 @@ from wbc.compiled import (
 from wbc.control.qp.active_set import SOLVER, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     GEARS,
-    LIMITED,
     place_judged,
     place_loads,
     place_map,
@@ -38,6 +37,7 @@ from wbc.control.qp.gear_rows import (
     place_slopes,
     place_torques,
 )
+from wbc.control.qp.problem import INFINITE
 from wbc.control.rows.limits import JOINTS, place_joint_bounds
 from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
@@ -90,8 +90,10 @@ PROGRAM = Structure(
     contacts=CONTACTS.kind,
     gears=GEARS.kind,
     joints=JOINTS.kind,
-    limited=LIMITED.kind,
     solver=SOLVER.kind,
+    limited=Places,
+    map=OutDense,
+    output_bias=OutRow,
     undriven=Places,
     counts=OutPlaces,
     numbers=Row,
@@ -110,8 +112,9 @@ undriven coordinates, contacts, what a more important level has decided.
 `efforts` (e, m) are weights, of N tau_phi where the first of `effort_kinds` (e, 2) is one, of T
 where it is zero, and of what the mesh loses where the second one, a least torque, is not zero. They
 read the slopes of the mesh law (2, m) for T <= 0 and for T > 0, the expected dpsi, T of the last
-tick and, in `positive` (m,), whether T > 0. The stated bounds are those of the solver but where a
-more important level has to pass.
+tick and, in `positive` (m,), whether T > 0. T = map x + output_bias. `limited` (g,) are the gears
+that have a torque limit, whose rows are the first 2 g bounds. The stated bounds are those of the
+solver but where a more important level has to pass.
 """
 
 FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS, NQ = range(8)
@@ -341,8 +344,8 @@ def place_efforts(program: Any, positive: IntArray) -> None:
 
     They are root weight (e T + rotor share) or root weight T; what the mesh loses is a parabola.
     """
-    limited, gears, solver = program.limited, program.gears, program.solver
-    torque_map, m, nv = limited.map, len(limited.output_bias), len(gears.bias)
+    gears, solver, torque_map = program.gears, program.solver, program.map
+    m, nv = len(torque_map), len(gears.bias)
     row = program.counts[COST] - program.counts[EFFORTS] * m
     for effort in range(program.counts[EFFORTS]):
         rotor, least = program.effort_kinds[effort, 0], program.effort_kinds[effort, 1]
@@ -357,9 +360,41 @@ def place_efforts(program: Any, positive: IntArray) -> None:
                 solver.rows[row, j] = slope * torque_map[i, j]
             for j in range(nv):
                 solver.rows[row, j] += rotor * root * gears.rotor[i, j]
-            right = slope * limited.output_bias[i] + rotor * root * gears.rotor_bias[i]
+            right = slope * program.output_bias[i] + rotor * root * gears.rotor_bias[i]
             solver.right[row] = -right
             row += 1
+
+
+@compiled(Nothing, PROGRAM.kind, Row)
+def place_directed_rows(program: Any, choice: FloatArray) -> None:
+    """Write the convex rows of all gears, and one half-space of some; call after the map.
+
+    A row is lower <= slope T + rotor qdd + rotor_bias <= upper of a gear. N tau_phi is convex in T
+    where the slope for T > 0 is the larger one: its upper limit is then two rows, its lower one a
+    union. In a gear that turns the other way it is the reverse. The rows for T <= 0 stand in front,
+    those for T > 0 behind them.
+
+    Args:
+        program: PROGRAM, with the slopes written.
+        choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
+            there is none.
+    """
+    gears, slopes, C, count = program.gears, program.slopes, program.solver.C, len(program.limited)
+    lower, upper, nv = program.stated_lower, program.stated_upper, len(gears.bias)
+    for i in range(count):
+        gear = program.limited[i]
+        steeper = slopes[1, gear] - slopes[0, gear]
+        for side in range(2):
+            row, slope = i + side * count, slopes[side, gear]
+            for j in range(C.shape[1]):
+                C[row, j] = slope * program.map[gear, j]
+            for j in range(nv):
+                C[row, j] += gears.rotor[gear, j]
+            offset = slope * program.output_bias[gear] + gears.rotor_bias[gear]
+            both = choice[gear] == 2 * side - 1 if steeper != 0.0 else side == 0
+            has_low, has_high = both or steeper < 0.0, both or steeper > 0.0
+            lower[row] = gears.lower[gear] - offset if has_low else -INFINITE
+            upper[row] = gears.upper[gear] - offset if has_high else INFINITE
 
 
 @compiled(Count, PROGRAM.kind, OutRow, OutDense)
@@ -376,12 +411,12 @@ def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
     Returns:
         how many rows the solution has, -1 where none is found.
     """
-    counts, numbers, limited = program.counts, program.numbers, program.limited
+    counts, numbers = program.counts, program.numbers
     jacobian, scale, m = program.contacts.rows.jacobian, numbers[SCALE], gears.shape[1]
     efforts, positive, slopes = counts[EFFORTS], program.positive, program.slopes
     last = counts[COST] + counts[HARD]
     if efforts > 0:
-        place_map(program.gears, jacobian, scale, limited.map, limited.output_bias)
+        place_map(program.gears, jacobian, scale, program.map, program.output_bias)
     for _ in range(GUESSES):
         if efforts > 0:
             place_efforts(program, positive)

@@ -13,7 +13,6 @@ from numba import types
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.compiled import (
-    Count,
     Dense,
     Flag,
     Nothing,
@@ -28,7 +27,6 @@ from wbc.compiled import (
     compiled,
     kind_of,
 )
-from wbc.control.qp.problem import INFINITE
 from wbc.control.tree import TREE
 from wbc.effects.tables import fill_joint_torques
 from wbc.structures import Structure
@@ -260,63 +258,6 @@ def place_map(
                 torque_map[gear, j] += share * mass[row, j]
             for k in range(len(jacobian)):
                 torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
-
-
-LIMITED = Structure(
-    "Limited",
-    gears=GEARS.kind,
-    limited=Places,
-    map=OutDense,
-    output_bias=OutRow,
-    C=OutDense,
-    lower=OutRow,
-    upper=OutRow,
-)
-"""Torques of the gears as rows over x = [qdd, f / scale], and the rows that limit them.
-
-T = map x + output_bias; `limited` (g,) are the gears that have a limit. Their rows are the first
-2 g of C (.., n), see `place_directed_rows`.
-"""
-
-
-@compiled(Nothing, LIMITED.kind, Count, Count, Number, types.UniTuple(Number, 2))
-def _limit_row(rows: Any, gear: int, row: int, slope: float, limits: tuple[float, float]) -> None:
-    """Write limits[0] <= slope T + rotor qdd + rotor_bias <= limits[1] of a gear into a row."""
-    C, torque_map, rotor = rows.C, rows.map, rows.gears.rotor
-    for j in range(torque_map.shape[1]):
-        C[row, j] = slope * torque_map[gear, j]
-    for j in range(rotor.shape[1]):
-        C[row, j] += rotor[gear, j]
-    offset = slope * rows.output_bias[gear] + rows.gears.rotor_bias[gear]
-    rows.lower[row], rows.upper[row] = limits[0] - offset, limits[1] - offset
-
-
-@compiled(Nothing, LIMITED.kind, Dense, Row)
-def place_directed_rows(rows: Any, slopes: FloatArray, choice: FloatArray) -> None:
-    """Write the convex rows of all gears, and one half-space of some; call after the map.
-
-    N tau_phi is convex in T where the slope for T > 0 is the larger one: its upper limit is then
-    two rows, its lower one a union. In a gear that turns the other way it is the reverse. The rows
-    for T <= 0 stand in front, those for T > 0 behind them.
-
-    Args:
-        rows: LIMITED.
-        slopes: (2, m) for T <= 0 and T > 0.
-        choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
-            there is none.
-    """
-    for row in range(len(rows.limited)):
-        i = rows.limited[row]
-        low, high = rows.gears.lower[i], rows.gears.upper[i]
-        convex = slopes[1, i] >= slopes[0, i]
-        least, most = (-INFINITE, high) if convex else (low, INFINITE)
-        own, other = (low, high) if choice[i] < 0.0 else (least, most), (least, most)
-        if choice[i] > 0.0:
-            other = low, high
-        if slopes[0, i] == slopes[1, i]:
-            own, other = (low, high), (-INFINITE, INFINITE)
-        _limit_row(rows, i, row, slopes[0, i], own)
-        _limit_row(rows, i, len(rows.limited) + row, slopes[1, i], other)
 
 
 @compiled(Nothing, GEARS.kind, *[Row] * 2, Dense, OutFlags)

@@ -14,7 +14,6 @@ from wbc.arrays import FloatArray
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
-from wbc.control.qp.gear_rows import LIMITED
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
 from wbc.control.qp.problem import INFINITE, BlockProblem, QPSolution, QPStatus
@@ -217,15 +216,6 @@ class Program:
             system=np.zeros((size, size)),
             left=np.zeros(size),
         )
-        limited = LIMITED.of(
-            gears=recipe.drivetrain.memory,
-            limited=np.array(self.gears, dtype=np.int_),
-            map=np.zeros((m, n)),
-            output_bias=np.zeros(m),
-            C=C,
-            lower=stated[0],
-            upper=stated[1],
-        )
         efforts, settings = len(self._efforts), recipe.settings
         ends = self.torque.stop, self.bounds, self.joint.start
         counts = [0, cost, self.unlocked, *ends, efforts, recipe.robot.model.nq]
@@ -238,8 +228,10 @@ class Program:
             contacts=contacts.memory,
             gears=recipe.drivetrain.memory,
             joints=recipe.joints,
-            limited=limited,
             solver=solver,
+            limited=np.array(self.gears, dtype=np.int_),
+            map=np.zeros((m, n)),
+            output_bias=np.zeros(m),
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             counts=np.array(counts, dtype=np.int_),
             numbers=np.array([*sizes, greatest]),

@@ -12,7 +12,6 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.control.qp.active_set import CONTRADICTION, UNSETTLED, climb, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     place_beyond,
-    place_directed_rows,
     place_map,
     place_output,
     place_slopes,
@@ -21,7 +20,7 @@ from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.problem import QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program
 from wbc.control.qp.solvers import solve, solver_names
-from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_efforts
+from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_directed_rows, place_efforts
 
 # Share of the rounds in which a better solution than the first is looked for: of 259 hostile ticks
 # of Solo12 that have one all keep their torques with 3 rounds in place of 7, and the longest takes
@@ -113,7 +112,7 @@ class DirectionSearch:
         memory, self._passing = self._program.memory, passing
         jacobian, scale = memory.contacts.rows.jacobian, self._program.force_scale
         place_slopes(memory.gears, sigma, memory.slopes[1], memory.slopes[0])
-        place_map(memory.gears, jacobian, scale, memory.limited.map, memory.limited.output_bias)
+        place_map(memory.gears, jacobian, scale, memory.map, memory.output_bias)
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
         self._climbs, self.blocking = True, -1
 
@@ -122,7 +121,7 @@ class DirectionSearch:
         program, memory, choice = self._program, self._program.memory, np.zeros(len(output))
         for gear, positive in decided.items():
             choice[gear] = 1.0 if positive else -1.0
-        place_directed_rows(memory.limited, memory.slopes, choice)
+        place_directed_rows(memory, choice)
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:
