@@ -2,9 +2,8 @@
 
 from wbc.control.command import Command, Status
 from wbc.control.controller import Controller
-from wbc.control.drivetrain import DisturbanceObserver
 from wbc.control.explain import explain
-from wbc.control.gears import RestPolicy
+from wbc.control.gears import RestPolicy, SpeedBlend
 from wbc.control.policies import LetDown, SafetyPolicy, Situation
 from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import Reference, State
@@ -37,8 +36,7 @@ from wbc.control.rows.whole_body_tasks import (
     CentroidalMomentumTask,
     LinearMomentumTask,
 )
-from wbc.control.settings import ControllerSettings
-from wbc.control.speed import SpeedBlend
+from wbc.control.settings import ControllerSettings, DisturbanceObserver
 
 __all__ = [
     "AngularMomentumTask",

@@ -98,7 +98,7 @@ class Command:
         prospect = self.__dict__.get("prospect")
         if prospect is None or name not in self.__dataclass_fields__:
             raise AttributeError(f"a command has no '{name}'.")
-        found = self.__dict__[name] = getattr(prospect, name)
+        found = self.__dict__[name] = prospect.field(name)
         return found
 
     def __getstate__(self) -> dict[str, Any]:

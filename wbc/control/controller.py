@@ -15,7 +15,6 @@ from wbc.compiled import make_ready
 from wbc.control.command import Command, Refused, Status
 from wbc.control.drivetrain import GearModel
 from wbc.control.fallback import Fallback
-from wbc.control.gears import GearLaw
 from wbc.control.inputs import (
     Complaint,
     InputCheck,
@@ -101,13 +100,8 @@ class Controller:
         frames = [f for bound in self._contacts.values() for f in bound.frames]
         self._kinematics = Kinematics(robot, frames)
         self._stacks = _stacks_by_level(robot, self.tasks, self._kinematics.model)
-        law = GearLaw(robot.transmission, settings.rest_policy, settings.rest_margin)
-        torque, blend, observer = (
-            _single(RotorTorqueLimit, limits),
-            settings.speed_blend,
-            settings.disturbance,
-        )
-        self._drivetrain = GearModel(robot, self._kinematics, law, torque, blend, observer)
+        torque = _single(RotorTorqueLimit, limits)
+        self._drivetrain = GearModel(robot, self._kinematics, settings, torque)
         bound = tuple(self._contacts.values())
         self._fallback = Fallback(robot, self._drivetrain, settings, bound)
         efforts = tuple(task for task in self.tasks if isinstance(task, Effort))
@@ -263,7 +257,7 @@ class Controller:
     def _command(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
         """Return the command of a usable solution of a tick that began at `start` [s]."""
         found, (status, message), drive = answer.found, answer.verdict, answer.row(DRIVE)
-        if self._drivetrain.differs or answer.slopes is not None:
+        if self._drivetrain.differs or answer.bent:
             drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
         elapsed, deadline = perf_counter() - start, self.settings.deadline
         if deadline is not None and elapsed > deadline:

@@ -1,9 +1,8 @@
-"""What is between the joints and the drives: gears, motors, effects, and what the model misses."""
+"""What is between the joints and the drives: gears, motors, effects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,12 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.gears import GearLaw
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.gear_rows import GEARS
+from wbc.control.qp.gear_rows import GEARS, place_slopes
+from wbc.control.qp.problem import QPProblem
+from wbc.control.qp.solvers import solve
 from wbc.control.rows.limits import RotorTorqueLimit
-from wbc.control.speed import SpeedBlend
+from wbc.control.settings import ControllerSettings
+from wbc.control.tick import CLIPPED, MESH, OUTPUT, SHARE, SIGMA, TORQUE_ROW
 from wbc.dynamics import rotor_coupling
 from wbc.effects.tables import (
     effect_table,
@@ -22,52 +24,7 @@ from wbc.effects.tables import (
     fill_joint_torques,
     left_for_hooks,
 )
-from wbc.errors import ControlError
 from wbc.robot import Effect, Hook, Motion, Robot
-
-
-@dataclass(frozen=True, eq=False)
-class DisturbanceObserver:
-    """A momentum observer: a torque on the coordinates that explains how the robot moves.
-
-    With the acceleration qdd that the last tick expected, and M with the rotors' inertia,
-
-        d <- clip(d + rate M (v - v_last - step qdd), +-bound),
-
-    the discrete form of De Luca & Mattone (2003) with the controller's own prediction as the model.
-    d joins the bias of the next tick, so that a constant load is learned within about 1/rate. What
-    holds a contact or a resting gear moves nothing and teaches nothing. After a tick without a
-    solution, or with other contacts (a foot that lands has an impact), d stays as it is.
-
-    Attributes:
-        rate: [1/s] of learning; slow against the tasks' gains, or the two loops swing together.
-        bound: greatest torque [N m] or force [N] of every coordinate (nv,), or one for all.
-    """
-
-    rate: float = 2.0
-    bound: float | FloatArray = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0.0 < self.rate < np.inf:
-            raise ControlError(f"disturbance observer: rate must be > 0 1/s, got {self.rate}.")
-        bound = np.asarray(self.bound, dtype=np.float64)
-        if not np.isfinite(bound).all() or (bound < 0.0).any():
-            raise ControlError(f"disturbance observer: bound must be >= 0, got {self.bound}.")
-
-    def bounds(self, nv: int) -> FloatArray:
-        """Return the bound of every coordinate (nv,).
-
-        Raises:
-            ControlError: a bound of another size.
-        """
-        bound = np.asarray(self.bound, dtype=np.float64)
-        if bound.shape not in ((), (nv,)):
-            raise ControlError(
-                f"disturbance observer: bound has shape {bound.shape}, expected ({nv},) or one "
-                "number."
-            )
-        return np.array(np.broadcast_to(bound, (nv,)))
 
 
 class GearModel:
@@ -88,7 +45,6 @@ class GearModel:
         law: of the meshes.
         size: how many gears there are.
         limited: numbers of the gears that have a torque limit to keep.
-        serial: whether every gear drives a joint of its own.
         coupled: whether rotors turn with links, so that a state takes more than its kinematics.
         learns: whether an observer learns what the model misses.
         differs: whether hooks of effects stand between the torque on the rotors and the command.
@@ -98,10 +54,8 @@ class GearModel:
         self,
         robot: Robot,
         kinematics: Kinematics,
-        law: GearLaw,
+        settings: ControllerSettings,
         limit: RotorTorqueLimit | None,
-        blend: SpeedBlend,
-        observer: DisturbanceObserver | None,
     ) -> None:
         """Lay everything out.
 
@@ -109,9 +63,11 @@ class GearModel:
             ControlError: a bound of the observer of another size than nv.
         """
         gears, nv = robot.transmission, robot.model.nv
-        self.robot, self.law, self._limit, self.size = robot, law, limit, gears.size
+        blend, observer = settings.speed_blend, settings.disturbance
+        self.law = law = GearLaw(gears, settings.rest_policy, settings.rest_margin)
+        self.robot, self._settings, self._limit, self.size = robot, settings, limit, gears.size
         self._ratio, self._kinematics = gears.gear_ratio, kinematics
-        self.serial = bool(np.array_equal(gears.topology, np.eye(gears.size)))
+        self._serial = bool(np.array_equal(gears.topology, np.eye(gears.size)))
         self.coupled = robot.rotors_turn_with_links
         self.limited: IntArray = np.flatnonzero(
             np.isfinite(gears.torque_limit) & (limit is not None)
@@ -291,3 +247,54 @@ class GearModel:
         for effect in self._drive:
             rotor = effect.drive_inverse(self.robot, motion, rotor)
         return np.asarray(rotor)
+
+    def bend(self, block: FloatArray) -> None:
+        """Bend the torques of a tick so that the limits leave all of them.
+
+        With t = w + d, w inside the interval that transmits T exactly and d what the limits force
+        the gear to miss,
+
+            min  1/2 |D^-T (d / e)|^2 + eps/2 |w + d - t_wanted|^2
+            s.t. interval_low <= w <= interval_high,  lower <= w + d + rotor share <= upper
+
+        t_wanted being the blended mesh law. Where t_wanted itself is inside the limits it is the
+        solution (zero cost), and for serial drives the program falls apart into clipping each gear;
+        only coupled gears that hit a limit need the solver. What clipping costs is weighed at the
+        joints, behind the topology D, where it disturbs the motion.
+
+        Args:
+            block: the rows of the gears of a tick (9, m), of which those of t and N tau_phi are
+                written.
+        """
+        torque, share, gears = block[CLIPPED], block[SHARE], self.memory
+        if not self._serial:
+            problem, m, settings = self._bent(block), len(share), self._settings
+            tolerance, most = settings.tolerance, settings.max_iterations
+            x = solve(settings.solver, problem, tolerance=tolerance, most=most).x
+            mesh = x[:m] + x[m:]
+            if not np.isfinite(mesh).all():
+                mesh = block[MESH]
+            torque = np.minimum(np.maximum(mesh + share, gears.lower), gears.upper)
+        block[TORQUE_ROW], block[MESH] = torque, torque - share
+
+    def _bent(self, block: FloatArray) -> QPProblem:
+        """Return the program in x = [w, d]."""
+        gears, output, sigma, share = self.memory, block[OUTPUT], block[SIGMA], block[SHARE]
+        m = len(output)
+        positive, negative = np.empty(m), np.empty(m)
+        place_slopes(gears, sigma, positive, negative)
+        slope = np.where(output > 0.0, positive, negative)
+        loss = gears.from_joints.T / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
+        both = np.hstack([np.eye(m), np.eye(m)])
+        H = 1e-6 * both.T @ both
+        H[m:, m:] += loss.T @ loss
+        low, high = self.law.interval(output, sigma)
+        return QPProblem(
+            H=H,
+            g=-1e-6 * both.T @ block[MESH],
+            A=np.zeros((0, 2 * m)),
+            b=np.zeros(0),
+            C=np.vstack([np.eye(m, 2 * m), both]),
+            lower=np.concatenate([low, gears.lower - share]),
+            upper=np.concatenate([high, gears.upper - share]),
+        )

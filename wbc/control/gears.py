@@ -1,12 +1,14 @@
-"""The mesh law as the controller uses it: blended near standstill, linear in each direction."""
+"""The mesh law as the controller uses it, and how it judges which way the gears turn."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.errors import ControlError
 from wbc.transmission import Direction, Transmission, mesh_input_interval
 
 
@@ -20,6 +22,43 @@ class RestPolicy(Enum):
     NEUTRAL = "neutral"
     LEAST_TORQUE = "least_torque"
     MOST_MARGIN = "most_margin"
+
+
+@dataclass(frozen=True)
+class SpeedBlend:
+    """How sure the controller is of the direction of a joint.
+
+    The measured sign flips with every count of encoder noise while a joint stands, and each flip
+    costs the full width of the stiction interval; the velocity of a reference knows nothing of
+    the feedback's own motions. The controller therefore goes by the speed that its own
+    accelerations lead to, drawn slowly towards the measurement:
+
+        v <- v + step qdd,   then with e = v_meas - v
+        v <- v + correction step clip(e, +-trusted_error) + (e beyond trusted_error)
+        sigma = clip(v / full_speed, -1, 1)
+
+    A joint that sticks although it should move gathers expected speed until its gear is driven
+    into the branch that breaks it loose; an impact, an error beyond all noise, is taken over at
+    once.
+
+    Attributes:
+        full_speed: [rad/s] of the motor output from which a direction counts as certain.
+        correction: [1/s] rate at which the expected speed follows the measured one.
+        trusted_error: [rad/s] that noise and small disturbances explain, some five standard
+            deviations of the velocity noise. With zero the measured speed is believed.
+    """
+
+    full_speed: float = 0.02
+    correction: float = 30.0
+    trusted_error: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.full_speed > 0.0:
+            raise ControlError(f"full_speed must be > 0 rad/s, got {self.full_speed:g}.")
+        for name in ("correction", "trusted_error"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
 
 
 class GearLaw:
@@ -78,15 +117,19 @@ def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:
 
 
 def consistent(
-    output: FloatArray, mesh_input: FloatArray, sigma: FloatArray, slopes: FloatArray
+    output: FloatArray,
+    mesh_input: FloatArray,
+    sigma: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
 ) -> bool:
     """Whether the mesh law allows t and T (m,) in the directions that gears turn.
 
     FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all within
-    1e-6 of the largest torque. `slopes` (2, m) are 1/eta_f and eta_b.
+    1e-6 of the largest torque. `forward` and `backward` (m,) are 1/eta_f and eta_b.
     """
-    directions, ends = gear_directions(output, sigma), slopes * output
-    low = np.where(directions > 0.0, ends[0], np.where(directions < 0.0, ends[1], ends.min(0)))
-    high = np.where(directions > 0.0, ends[0], np.where(directions < 0.0, ends[1], ends.max(0)))
+    directions, ends = gear_directions(output, sigma), np.array([forward, backward]) * output
+    surely = np.where(directions > 0.0, ends[0], ends[1])
+    low, high = (np.where(directions == 0.0, end, surely) for end in (ends.min(0), ends.max(0)))
     slack = 1e-6 * (1.0 + np.abs(output).max(initial=0.0))
     return bool(((low - slack <= mesh_input) & (mesh_input <= high + slack)).all())

@@ -8,14 +8,57 @@ from typing import Any
 
 import numpy as np
 
-from wbc.control.drivetrain import DisturbanceObserver
-from wbc.control.gears import RestPolicy
+from wbc.arrays import FloatArray
+from wbc.control.gears import RestPolicy, SpeedBlend
 from wbc.control.inputs import TickInputError, check_step
 from wbc.control.policies import LetDown, SafetyPolicy
 from wbc.control.qp.solvers import WarmStart
 from wbc.control.reference import State
-from wbc.control.speed import SpeedBlend
 from wbc.errors import ControlError
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceObserver:
+    """A momentum observer: a torque on the coordinates that explains how the robot moves.
+
+    With the acceleration qdd that the last tick expected, and M with the rotors' inertia,
+
+        d <- clip(d + rate M (v - v_last - step qdd), +-bound),
+
+    the discrete form of De Luca & Mattone (2003) with the controller's own prediction as the model.
+    d joins the bias of the next tick, so that a constant load is learned within about 1/rate. What
+    holds a contact or a resting gear moves nothing and teaches nothing. After a tick without a
+    solution, or with other contacts (a foot that lands has an impact), d stays as it is.
+
+    Attributes:
+        rate: [1/s] of learning; slow against the tasks' gains, or the two loops swing together.
+        bound: greatest torque [N m] or force [N] of every coordinate (nv,), or one for all.
+    """
+
+    rate: float = 2.0
+    bound: float | FloatArray = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.rate < np.inf:
+            raise ControlError(f"disturbance observer: rate must be > 0 1/s, got {self.rate}.")
+        bound = np.asarray(self.bound, dtype=np.float64)
+        if not np.isfinite(bound).all() or (bound < 0.0).any():
+            raise ControlError(f"disturbance observer: bound must be >= 0, got {self.bound}.")
+
+    def bounds(self, nv: int) -> FloatArray:
+        """Return the bound of every coordinate (nv,).
+
+        Raises:
+            ControlError: a bound of another size.
+        """
+        bound = np.asarray(self.bound, dtype=np.float64)
+        if bound.shape not in ((), (nv,)):
+            raise ControlError(
+                f"disturbance observer: bound has shape {bound.shape}, expected ({nv},) or one "
+                "number."
+            )
+        return np.array(np.broadcast_to(bound, (nv,)))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
 from wbc.control.qp.search import DirectedSolution, DirectionSearch
 from wbc.control.qp.solvers import WarmStart
-from wbc.control.qp.torque_stage import bend_torques
 from wbc.control.reference import Reference
 from wbc.control.rows.contact_set import ContactRanks, ContactSet
 from wbc.control.rows.contacts import BoundContact
@@ -48,6 +47,12 @@ _ACCURATE = 1e-4
 _FEW = 4
 _GIVING = 2  # programs that it takes to find a motion that passes limits
 _SOLVED: Complaint = (Status.SOLVED, "")
+_ROWS = {
+    "output_torque": OUTPUT,
+    "mesh_torque": MESH,
+    "expected_speed": TURNING,
+    "certainty": SIGMA,
+}
 _NOTHING_PASSED: Mapping[str, float] = {}
 
 
@@ -82,7 +87,8 @@ class SolvedLevel(NamedTuple):
         verdict: how usable it is.
         time: [s] it took.
         dt: time until the next tick [s].
-        slopes: of the mesh law (2, m), forward and backward, where limits bent the torques.
+        bent: whether torque limits bent the torques.
+        consistent: whether the mesh law allows the torques.
         passed: limit -> by how much it is passed, as it could not be kept.
         hard: how many hard rows the program has, where the block holds the solution.
     """
@@ -94,7 +100,8 @@ class SolvedLevel(NamedTuple):
     verdict: Complaint
     time: float
     dt: float
-    slopes: FloatArray | None = None
+    bent: bool = False
+    consistent: bool = True
     passed: Mapping[str, float] = _NOTHING_PASSED
     hard: int = 0
 
@@ -108,32 +115,9 @@ class SolvedLevel(NamedTuple):
         """The expected qdd (nv,)."""
         return self.block[self.level.program.at.x][: self.level.program.nv]
 
-    @property
-    def output_torque(self) -> FloatArray:
-        """T (m,)."""
-        return self.row(OUTPUT)
-
-    @property
-    def mesh_torque(self) -> FloatArray:
-        """t (m,)."""
-        return self.row(MESH)
-
-    @property
-    def expected_speed(self) -> FloatArray:
-        """dpsi (m,)."""
-        return self.row(TURNING)
-
-    @property
-    def certainty(self) -> FloatArray:
-        """sigma (m,)."""
-        return self.row(SIGMA)
-
-    @property
-    def consistent(self) -> bool:
-        """Whether the mesh law allows the torques."""
-        if self.slopes is None:
-            return True
-        return consistent(self.output_torque, self.mesh_torque, self.certainty, self.slopes)
+    def field(self, name: str) -> Any:
+        """Return a field of `Command`."""
+        return self.row(_ROWS[name]) if name in _ROWS else getattr(self, name)
 
     def forces(self) -> Mapping[str, FloatArray]:
         """Return the force of every active contact."""
@@ -154,11 +138,6 @@ class SolvedLevel(NamedTuple):
         if self.stated is not None:
             return self.stated
         return self.level.program.stated(self.block, self.hard)
-
-    def without_lower(self, complaint: Complaint) -> SolvedLevel:
-        """Return the answer of a level whose next one has only a complaint."""
-        message = f"the tasks of a lower level are left out: {complaint[1]}"
-        return self._replace(verdict=(Status.INACCURATE, message))
 
 
 class Refusal(NamedTuple):
@@ -278,13 +257,15 @@ class Level:
         self._decided = found.decided
         solution = found.solution
         block[program.at.x] = solution.x
-        slopes = None
-        if finish(program.memory, asked.dt, block) != DONE:
-            bend_torques(program.recipe.drivetrain, program.recipe.settings, gears)
-            slopes = np.array([program.memory.gears.forward, program.memory.gears.backward])
+        bent, agrees = finish(program.memory, asked.dt, block) != DONE, True
+        if bent:
+            program.recipe.drivetrain.bend(gears)
+            slopes = program.memory.gears.forward, program.memory.gears.backward
+            agrees = consistent(gears[OUTPUT], gears[MESH], gears[SIGMA], *slopes)
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
         elapsed = perf_counter() - start
-        return SolvedLevel(self, block, solution, found, verdict, elapsed, asked.dt, slopes, passed)
+        told = bent, agrees, passed
+        return SolvedLevel(self, block, solution, found, verdict, elapsed, asked.dt, *told)
 
     def _giving_way(
         self, output: FloatArray
@@ -379,7 +360,8 @@ def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusa
             break
         deeper = level.step(asked, answer)
         if isinstance(deeper, Refusal) and deeper.complaint is not None:
-            return answer.without_lower(deeper.complaint)
+            message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
+            return answer._replace(verdict=(Status.INACCURATE, message))
         if answer.passed and isinstance(deeper, SolvedLevel):
             deeper = deeper._replace(verdict=answer.verdict, passed=answer.passed)
         answer = deeper

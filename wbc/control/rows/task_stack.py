@@ -119,7 +119,24 @@ class TaskStack:
                 slot = task.slot(place) if type(task).pack is StateTask.pack else None
             elif rows.start >= total:
                 slot = goals[rows.start - total : rows.stop - total]
-            self._entries.append(self._entry(task, rows, number, place, slot))
+            size, own = sizes[task.name], rows.start < total
+            self._entries.append(
+                _Entry(
+                    task=task,
+                    name=task.name,
+                    size=size,
+                    number=number,
+                    place=place,
+                    slot=slot,
+                    plain=type(task).admitted is Task.admitted,
+                    weights=np.array(np.broadcast_to(task.weight, (size,)), dtype=np.float64),
+                    jacobian=self._jacobian[rows] if own else None,
+                    drift=self._drift[rows] if own else None,
+                    error=self._parts[0, rows],
+                    velocity=self._parts[3, rows],
+                    acceleration=self._parts[4, rows],
+                )
+            )
         frames = FrameTable(model, table, firsts, self._jacobian, self._drift)
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
@@ -142,35 +159,6 @@ class TaskStack:
         self._moves, self._active = True, list[_Entry]()
         self.forget()
         self.weigh(None, None)
-
-    def _entry(
-        self,
-        task: Task,
-        rows: slice,
-        number: int,
-        place: FloatArray | None,
-        slot: FloatArray | None,
-    ) -> _Entry:
-        """Return a task with views of the memory of its rows."""
-        has_rows = rows.start < len(self._jacobian)
-        size, parts = rows.stop - rows.start, self._parts
-        weights = np.broadcast_to(np.asarray(task.weight, dtype=np.float64), (size,)).copy()
-        jacobian, drift = (self._jacobian[rows], self._drift[rows]) if has_rows else (None, None)
-        return _Entry(
-            task=task,
-            name=task.name,
-            size=size,
-            number=number,
-            place=place,
-            slot=slot,
-            plain=type(task).admitted is Task.admitted,
-            weights=weights,
-            jacobian=jacobian,
-            drift=drift,
-            error=parts[0, rows],
-            velocity=parts[3, rows],
-            acceleration=parts[4, rows],
-        )
 
     def weigh(
         self, weights: Mapping[str, float] | None, activation: Mapping[str, float] | None
