@@ -27,7 +27,7 @@ from wbc.compiled import (
     compiled,
     view,
 )
-from wbc.control.qp.active_set import SOLVER, place_multipliers, settle
+from wbc.control.qp.active_set import SOLVER, STEPS, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     GEARS,
     place_judged,
@@ -421,7 +421,7 @@ def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
         if efforts > 0:
             place_efforts(program, positive)
         bounds = counts[TORQUE], counts[BOUNDS]
-        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], True, x)
+        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)
         if size < 0 or efforts == 0:
             return size
         place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])

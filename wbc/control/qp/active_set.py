@@ -5,11 +5,10 @@ Without inequalities, with the rows G x + S y = t and the diagonal D of a progra
     (G D^-1 G' + S) lambda = t - G D^-1 p,      x = D^-1 (p + G' lambda),
 
 a positive definite system as large as G has rows: a third to a half of the variables. Bounds that
-bind are further hard rows of G. Starting from those of the last solution, rows that are violated
-are added and rows that pull instead of push are dropped (the primal-dual active set method of
-Hintermueller, Ito & Kunisch, 2003). Where nothing changes any more all conditions of optimality
-hold, and the solution comes from the small system, whose residual is checked. Where this does not
-settle in a few rounds, the bounds that bind are found one by one (`climb`).
+bind are further hard rows of G. Starting from those of the last solution, rows that pull instead of
+push are dropped, and rows that are violated are added one by one (Goldfarb & Idnani, 1983). Where
+nothing changes any more all conditions of optimality hold, and the solution comes from the small
+system, whose residual is checked.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ from wbc.structures import Structure
 _SOLVES = 4  # two suffice but where rows all but repeat each other
 _DIGITS = 1e-12  # of the largest right side, which rounding leaves of it
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
-ROUNDS = 4
-"""Systems that are solved at most to correct the rows that bound the last solution."""
+FEW = 4
+"""Steps that are worth a try where the bounds that bind are all but known."""
 UNSETTLED, CONTRADICTION = -1, -2
 """What `settle` returns where it finds no solution."""
 _ALL = 1e-16  # of a squared length, which rounding takes
@@ -99,7 +98,7 @@ def _factorise(solver: Any, first: int, known: int, size: int) -> bool:
 
 @compiled(Flag, SOLVER.kind, *[Count] * 4, OutRow)
 def _try_rows(solver: Any, first: int, known: int, base: int, size: int, x: FloatArray) -> bool:
-    """Do as `_meet_rows` does without a check, for the step of a climb; the same arguments.
+    """Do as `_meet_rows` does without a check, for a step of `settle`; the same arguments.
 
     The half solution L^-1 (right - G free) of the rows that are known stands in `left`. A bound,
     below row `base`, that the other rows all but decide is none to solve with.
@@ -213,36 +212,6 @@ def _place_active(solver: Any, first: int, base: int, start: int, stop: int) -> 
     return size
 
 
-@compiled(Count, SOLVER.kind, Count, Count, Count, Count, Number, Row)
-def _revise(
-    solver: Any, start: int, stop: int, base: int, size: int, tolerance: float, x: FloatArray
-) -> int:
-    """Let go of bounds that pull and take those that x breaks; return how many changed."""
-    C, lower, upper, taken, force = (
-        solver.C,
-        solver.lower,
-        solver.upper,
-        solver.taken,
-        solver.force,
-    )
-    changed = 0
-    for i in range(start, stop):
-        if taken[i] == 0:
-            value = 0.0
-            for j in range(len(x)):
-                value += C[i, j] * x[j]
-            if value - upper[i] > tolerance:
-                taken[i], changed = 1, changed + 1
-            elif lower[i] - value > tolerance:
-                taken[i], changed = -1, changed + 1
-    for k in range(size - base):
-        row = solver.active[k]
-        # to drop what hardly pushes as well would drop and take some rows in turns
-        if -force[base + k] * taken[row] < -tolerance:
-            taken[row], changed = 0, changed + 1
-    return changed
-
-
 @compiled(types.UniTuple(Count, 2), SOLVER.kind, types.UniTuple(Count, 2), Number, Row)
 def _most_violated(
     solver: Any, bounds: tuple[int, int], tolerance: float, x: FloatArray
@@ -331,13 +300,55 @@ def _proves(solver: Any, base: int, size: int) -> bool:
     return outwards and miss * miss > _MISSED * length
 
 
-@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, OutRow)
-def climb(
-    solver: Any, first: int, last: int, bounds: tuple[int, int], tolerance: float, x: FloatArray
+@compiled(Count, SOLVER.kind, *[Count] * 2, types.UniTuple(Count, 2), Number, OutRow, OutRow)
+def _begin(
+    solver: Any,
+    first: int,
+    base: int,
+    bounds: tuple[int, int],
+    tolerance: float,
+    push: FloatArray,
+    x: FloatArray,
 ) -> int:
-    """Add bounds one by one from the optimum with those taken as binding, dropping what would pull.
+    """Solve with the bounds taken as binding, and let go of those that pull until none does.
 
-    Where some of these pull they are let go of first, so that the way begins at an optimum.
+    Args:
+        solver, first, bounds, tolerance, x: as for `settle`.
+        base: how many rows of G are no bounds.
+        push: result (r,), how hard every bound pushes.
+
+    Returns:
+        how many rows G has, -1 where even those that are no bounds depend on one another.
+    """
+    active, taken, known, pulls, size = solver.active, solver.taken, 0, True, base
+    while pulls:
+        size, pulls = _place_active(solver, first, base, bounds[0], bounds[1]), False
+        if size < 0 or not _meet_rows(solver, first, known, size, tolerance, x):
+            if size == base:
+                return UNSETTLED
+            taken[:], pulls, known = 0, True, 0
+            continue
+        known = base - base % 2
+        for k in range(size - base):
+            push[k] = max(-solver.force[base + k] * taken[active[k]], 0.0)
+            # to drop what hardly pulls as well would drop and take some rows in turns
+            if -solver.force[base + k] * taken[active[k]] < -tolerance:
+                taken[active[k]], pulls = 0, True
+    return size
+
+
+@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, Count, OutRow)
+def settle(
+    solver: Any,
+    first: int,
+    last: int,
+    bounds: tuple[int, int],
+    tolerance: float,
+    steps: int,
+    x: FloatArray,
+) -> int:
+    """Solve with the bounds taken as binding; add bounds one by one, dropping what would pull.
+
     The dual method of Goldfarb & Idnani (1983) on the small system. The bound that is broken most
     is taken, and its multiplier grows from zero: the multipliers of the others change in a straight
     line to those of the system with it. The first one that reaches zero on the way is dropped, and
@@ -345,37 +356,39 @@ def climb(
     so that no set of them comes back.
 
     Args:
-        solver, first, last, bounds, tolerance, x: as for `settle`.
+        solver: a SOLVER.
+        first, last: its rows of G that the program has.
+        bounds: from which to which of its bounds the program has.
+        tolerance: how far beyond its bound a row may be, and a push below zero.
+        steps: systems with other bounds that are solved at most.
+        x: result (n,).
 
     Returns:
-        as `settle`.
+        how many rows G has in the end, UNSETTLED, or CONTRADICTION where bounds cannot be kept
+        beside one another; the first one in `active` is then one of those.
     """
     base, taken, active, row = last - first, solver.taken, solver.active, -1
-    push, trial = np.zeros(len(taken)), np.empty(len(x))
-    size, known, fresh, pulls = base, 0, True, True
-    while pulls:
-        size, pulls = _place_active(solver, first, base, bounds[0], bounds[1]), False
-        if size < 0 or not _try_rows(solver, first, 0, base, size, x):
-            if size == base:
-                return UNSETTLED
-            taken[:], pulls = 0, True
-            continue
-        for k in range(size - base):
-            push[k] = -solver.force[base + k] * taken[active[k]]
-            if push[k] < 0.0:
-                taken[active[k]], pulls = 0, True
-    for _ in range(STEPS):
+    for j in range(len(x)):
+        solver.inverse[j] = 1.0 / solver.diagonal[j]
+        solver.free[j] = solver.inverse[j] * solver.pull[j]
+    push = np.zeros(len(taken))
+    size = _begin(solver, first, base, bounds, tolerance, push, x)
+    known, fresh, exact = 0, True, True
+    if size < 0:
+        return UNSETTLED
+    trial = np.empty(len(x))
+    for step in range(steps + 1):
         if fresh:
-            row, side = _most_violated(solver, bounds, 0.5 * tolerance, x)
+            row, side = _most_violated(solver, bounds, tolerance if exact else 0.5 * tolerance, x)
             if row < 0:
-                if _meet_rows(solver, first, size - size % 2, size, tolerance, x):
+                if exact or _meet_rows(solver, first, size - size % 2, size, tolerance, x):
                     return size
                 break
-            if first + size == len(solver.right):
+            if step == steps or first + size == len(solver.right):
                 break
-            known = size - size % 2
+            known = 0 if exact else size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
-            size = _place_bound(solver, first, size, row)
+            size, exact = _place_bound(solver, first, size, row), False
         solver.left[size - 1] = 0.0
         met = _try_rows(solver, first, known, base, size, trial)
         leaving = _go_on(solver, base, size, push) if met else _give_way(solver, base, size, push)
@@ -396,62 +409,6 @@ def climb(
             _place_bound(solver, first, base + k, active[k])
     taken[:] = 0
     return UNSETTLED
-
-
-@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, Flag, OutRow)
-def settle(
-    solver: Any,
-    first: int,
-    last: int,
-    bounds: tuple[int, int],
-    tolerance: float,
-    climbs: bool,
-    x: FloatArray,
-) -> int:
-    """Solve with the bounds taken as binding, and correct these until nothing changes; else climb.
-
-    Args:
-        solver: a SOLVER.
-        first, last: its rows of G that the program has.
-        bounds: from which to which of its bounds the program has.
-        tolerance: how far beyond its bound a row may be, and a push below zero.
-        climbs: whether the bounds may be found one by one.
-        x: result (n,).
-
-    Returns:
-        how many rows G has in the end, UNSETTLED, or CONTRADICTION where bounds cannot be kept
-        beside one another; the first one in `active` is then one of those.
-    """
-    diagonal, pull, inverse, free = solver.diagonal, solver.pull, solver.inverse, solver.free
-    (start, stop), freedoms, base, known = bounds, len(x), last - first, 0
-    active, taken = solver.active, solver.taken
-    for j in range(len(x)):
-        inverse[j] = 1.0 / diagonal[j]
-        free[j] = inverse[j] * pull[j]
-    for i in range(first, last):
-        if solver.softness[i] == 0.0:
-            freedoms -= 1
-    before = stop
-    for _ in range(ROUNDS):
-        size = _place_active(solver, first, base, start, stop)
-        # more hard rows than variables depend on one another; of the starts that do not settle,
-        # two thirds on Talos and Solo12 end so, on a system twice as large as a good one's
-        hard = 0
-        for k in range(size - base):
-            hard += solver.give[active[k]] == 0.0
-        if size < 0 or hard > freedoms:
-            break
-        if not _meet_rows(solver, first, known, size, tolerance, x):
-            break
-        known = base - base % 2
-        changed = _revise(solver, start, stop, base, size, tolerance, x)
-        if changed == 0:
-            return size
-        if changed > before:  # 6 of 1572 hostile starts settle after that, and 422 do not
-            break
-        before = changed
-    taken[:] = 0
-    return climb(solver, first, last, bounds, tolerance, x) if climbs else UNSETTLED
 
 
 @compiled(Nothing, SOLVER.kind, *[Count] * 3, OutRow, OutRow)

@@ -9,7 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.qp.active_set import CONTRADICTION, UNSETTLED, climb, place_multipliers, settle
+from wbc.control.qp.active_set import (
+    CONTRADICTION,
+    FEW,
+    STEPS,
+    UNSETTLED,
+    place_multipliers,
+    settle,
+)
 from wbc.control.qp.gear_rows import (
     place_beyond,
     place_map,
@@ -285,12 +292,10 @@ class DirectionSearch:
         x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
         # limits that give way bind by the dozen, and of 92 such programs of Talos none settled; nor
         # did of 88 that followed one which did not
-        if goes_on:
-            size = climb(solver, first, last, (0, bounds), self._tolerance, x)
-        else:
-            climbs = self._climbs and not solver.give.any()
-            size = settle(solver, first, last, (0, bounds), self._tolerance, climbs, x)
-            self._climbs = self._climbs and (size != UNSETTLED or not climbs)
+        climbs = goes_on or (self._climbs and not solver.give.any())
+        steps = STEPS if climbs else FEW
+        size = settle(solver, first, last, (0, bounds), self._tolerance, steps, x)
+        self._climbs = self._climbs and (size != UNSETTLED or not climbs or goes_on)
         if size == CONTRADICTION:
             self.blocking = int(solver.active[0])
         if size < 0:
