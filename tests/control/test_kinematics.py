@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from wbc.arrays import frozen
-from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
-from wbc.control.tree import place_turn
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
+from wbc.control.tree import RowKind, place_turn
 from wbc.effects import load_robot
 from wbc.robot import Robot, robot_names
 from wbc.transmission import Transmission

@@ -72,7 +72,6 @@ class GearModel:
         self.limited: IntArray = np.flatnonzero(
             np.isfinite(gears.torque_limit) & (limit is not None)
         )
-        self._nameplate = np.abs(self._ratio) * gears.torque_limit
         self._table, self._effects = effect_table(robot), left_for_hooks(robot)
         self._smooth, self._dry = self._by("joint_torque"), self._by("joint_friction")
         self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")
@@ -229,10 +228,6 @@ class GearModel:
     def position(self, position: FloatArray) -> FloatArray:
         """Return psi (m,) [rad] of q (nq,)."""
         return np.asarray(self.memory.from_joints @ position[self.robot.actuated_position])
-
-    def clipped(self, torque: FloatArray) -> FloatArray:
-        """Return N tau_phi (m,) within the motors' own limits, whatever the controller's are."""
-        return np.minimum(np.maximum(torque, -self._nameplate), self._nameplate)
 
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""

@@ -103,7 +103,7 @@ class Fallback:
 
     def busy(self, complaint: Complaint, start: float) -> Command:
         """Return the last good torque for a thread that comes in between; nothing is counted."""
-        torque = self._motors.clipped(self._torque) / self._robot.transmission.gear_ratio
+        torque = _clipped(self._torque, self._nameplate) / self._robot.transmission.gear_ratio
         return self._made(torque, None, complaint, start, None, None)
 
     def _made(
@@ -153,7 +153,7 @@ class Fallback:
                 chosen = self._policy.rotor_torque(self._situation(motion, dt))
                 torque = _clipped(chosen, self._nameplate)
             except Exception:  # a policy of the user's own may raise anything
-                torque = self._motors.clipped(self._torque)
+                torque = _clipped(self._torque, self._nameplate)
             rotor = torque / ratio
             if motion is not None:
                 # An effect of the user's own may raise anything; then it is not compensated.

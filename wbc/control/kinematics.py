@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,18 +10,7 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.control.tree import (
-    BALANCE,
-    CENTER_OF_MASS,
-    DISTANCE,
-    FRAME,
-    MOMENTUM,
-    OWN,
-    ROWS,
-    TREE,
-    fill_state_rows,
-    move_joints,
-)
+from wbc.control.tree import ROWS, TREE, RowKind, fill_state_rows, move_joints
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
 from wbc.mechanics.tree import joints_of
@@ -222,24 +210,6 @@ def _some_pose(model: pin.Model) -> FloatArray:
     return np.asarray(
         pin.integrate(model, pin.neutral(model), np.sin(np.arange(1.0, model.nv + 1.0)))
     )
-
-
-class RowKind(IntEnum):
-    """What rows are of.
-
-    FRAME is the velocity of a frame's origin over its angular one, in world axes. OWN is the
-    spatial velocity of a frame in its own axes. CENTER_OF_MASS is the velocity of that, MOMENTUM
-    the momentum about it, linear over angular. DISTANCE is the rate of the distance between two
-    frames, one row. BALANCE is the velocity of the centre of mass, steered by what
-    `PointFootBalanceTask` feeds back.
-    """
-
-    FRAME = FRAME
-    OWN = OWN
-    CENTER_OF_MASS = CENTER_OF_MASS
-    MOMENTUM = MOMENTUM
-    DISTANCE = DISTANCE
-    BALANCE = BALANCE
 
 
 class StateRows(NamedTuple):

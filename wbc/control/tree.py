@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import atan2, sqrt
 from typing import Any
 
@@ -58,9 +59,21 @@ world without mass; from starts on stand the columns of J that move each joint. 
 `move_joints` writes.
 """
 
-FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = range(6)
-"""What rows are of, see `StateRows`."""
 
+class RowKind(IntEnum):
+    """What rows are of.
+
+    FRAME is the velocity of a frame's origin over its angular one, in world axes. OWN is the
+    spatial velocity of a frame in its own axes. CENTER_OF_MASS is the velocity of that, MOMENTUM
+    the momentum about it, linear over angular. DISTANCE is the rate of the distance between two
+    frames, one row. BALANCE is the velocity of the centre of mass, steered by what
+    `PointFootBalanceTask` feeds back.
+    """
+
+    FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = range(6)
+
+
+FRAME, OWN, CENTER_OF_MASS, MOMENTUM, DISTANCE, BALANCE = (int(kind) for kind in RowKind)
 NO_DISTANCE = 1e-6
 """[m] below which a distance has no direction worth the name."""
 

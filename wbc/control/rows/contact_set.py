@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.tick import CONTACTS, rest
+from wbc.control.tree import RowKind
 from wbc.robot import Robot
 
 _POSES = 3

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen
-from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
+from wbc.control.tree import RowKind
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
 from wbc.robot import Robot

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics, RowKind, StateRows
+from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.reference import Target
 from wbc.control.rows.task import (
     AxesTask,
@@ -19,7 +19,7 @@ from wbc.control.rows.task import (
     require_frame,
     rotation_target,
 )
-from wbc.control.tree import NO_DISTANCE
+from wbc.control.tree import NO_DISTANCE, RowKind
 from wbc.robot import Robot
 
 

@@ -11,8 +11,9 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, frozen
-from wbc.control.kinematics import RowKind, StateRows
+from wbc.control.kinematics import StateRows
 from wbc.control.rows.contacts import BoundContact, Cone, ConeApproximation, Contact
+from wbc.control.tree import RowKind
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

@@ -14,8 +14,9 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, reals
 from wbc.compiled import Matrix, Number, compiled
-from wbc.control.kinematics import FrameTable, Kinematics, RowKind, StateRows
+from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.reference import Target
+from wbc.control.tree import RowKind
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Robot
 

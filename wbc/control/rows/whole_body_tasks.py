@@ -9,8 +9,9 @@ from typing import ClassVar, final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import Kinematics, RowKind
+from wbc.control.kinematics import Kinematics
 from wbc.control.rows.task import AxesTask, Gains, StateTask
+from wbc.control.tree import RowKind
 from wbc.errors import ControlError
 
 
