@@ -15,6 +15,7 @@ from wbc.control.command import Status
 from wbc.control.reference import Reference, State
 from wbc.control.rows.contacts import BoundContact
 from wbc.control.rows.efforts import ContactForceTask
+from wbc.control.rows.task import vector_target
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
 
@@ -243,12 +244,10 @@ class InputCheck(NamedTuple):
 
     def _check_force(self, task: ContactForceTask, reference: Reference) -> None:
         """Check the force asked of a contact."""
-        told, shape = f"the reference of task '{task.name}'", (self.contacts[task.contact].size,)
+        told = f"the reference of task '{task.name}'"
         try:
-            wanted = reals(reference.position)
-        except (TypeError, ValueError) as cause:
+            vector_target(reference.position, self.contacts[task.contact].size)
+        except ControlError as cause:
             raise TickInputError(f"{told}: {cause}.") from cause
-        if wanted.shape != shape:
-            raise TickInputError(f"{told}: position has shape {wanted.shape}, expected {shape}.")
         if not reference.is_finite():
             raise TickInputError(f"{told} is not finite.", Status.NOT_FINITE)

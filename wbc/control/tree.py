@@ -335,20 +335,17 @@ def fill_state_rows(tree: Any, rows: Any, mass: float) -> None:
             for k in range(count):
                 found[row + k, j] = six[begin + k * step]
         wx, wy, wz = drifts[joint, 3], drifts[joint, 4], drifts[joint, 5]
-        six[0] = drifts[joint, 0] + wy * qz - wz * qy
-        six[1] = drifts[joint, 1] + wz * qx - wx * qz
-        six[2] = drifts[joint, 2] + wx * qy - wy * qx
         six[3], six[4], six[5] = wx, wy, wz
         if kind == OWN:
+            six[0] = drifts[joint, 0] + wy * pz - wz * py
+            six[1] = drifts[joint, 1] + wz * px - wx * pz
+            six[2] = drifts[joint, 2] + wx * py - wy * px
             _turn_back(places, e, six)
         else:
-            wx, wy, wz = rates[joint, 3], rates[joint, 4], rates[joint, 5]
-            vx = rates[joint, 0] + wy * pz - wz * py
-            vy = rates[joint, 1] + wz * px - wx * pz
-            vz = rates[joint, 2] + wx * py - wy * px
-            six[0] += wy * vz - wz * vy
-            six[1] += wz * vx - wx * vz
-            six[2] += wx * vy - wy * vx
+            _, _, _, ax, ay, az = _moved(rates, drifts, joint, px, py, pz)
+            six[0] = ax - wy * uz + wz * uy
+            six[1] = ay - wz * ux + wx * uz
+            six[2] = az - wx * uy + wy * ux
         for k in range(count):
             drift[row + k] = six[begin + k * step]
 

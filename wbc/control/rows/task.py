@@ -238,56 +238,47 @@ def require_frame(robot: Robot, frame: str, task: str) -> None:
         )
 
 
-def vector_target(target: Any, size: int) -> FloatArray:
-    """Return a target as a new array (size,).
+def numbers(given: Any, shape: tuple[int, ...] | None, told: str) -> FloatArray:
+    """Return what was given as a new array of a shape, any where that is None.
 
     Raises:
-        ControlError: another shape, or no numbers.
+        ControlError: another shape, or no real numbers; `told` is what the message calls it.
     """
-    if type(target) is np.ndarray and target.dtype is _FLOAT and target.shape == (size,):
-        return target.copy()
     try:
-        values = reals(target)
+        values = reals(given)
     except (TypeError, ValueError) as cause:
-        raise ControlError(f"position must be an array ({size},): {cause}") from cause
-    if values.shape != (size,):
-        raise ControlError(f"position has shape {values.shape}, expected ({size},)")
+        raise ControlError(f"{told} holds no array of numbers: {cause}") from cause
+    if shape is not None and values.shape != shape:
+        raise ControlError(f"{told} has shape {values.shape}, expected {shape}")
     return values
 
 
-def number_target(target: Any) -> float:
-    """Return a target as a number; an array of one number is one.
+def vector_target(target: Any, size: int) -> FloatArray:
+    """Return a target as a new array (size,), see `numbers`."""
+    if type(target) is np.ndarray and target.dtype is _FLOAT and target.shape == (size,):
+        return target.copy()
+    return numbers(target, (size,), "position")
 
-    Raises:
-        ControlError: no number, or several.
-    """
+
+def number_target(target: Any) -> float:
+    """Return a target as a number, see `numbers`; an array of one number is one."""
     if type(target) is float:
         return target
-    try:
-        values = reals(target)
-    except (TypeError, ValueError) as cause:
-        raise ControlError(f"position must be a number: {cause}") from cause
+    values = numbers(target, None, "position")
     if values.size != 1:
         raise ControlError(f"position has shape {values.shape}, expected a number")
     return float(values.reshape(-1)[0])
 
 
 def rotation_target(target: Any) -> FloatArray:
-    """Return a target as a new rotation matrix (3, 3).
+    """Return a target as a new rotation matrix (3, 3), see `numbers`.
 
     Raises:
-        ControlError: another shape, or a matrix that is no rotation. One that is not finite
-            passes, so that it is named as such.
+        ControlError: a matrix that is no rotation. One that is not finite passes, so that it is
+            named as such.
     """
-    try:
-        matrix = reals(target)
-    except (TypeError, ValueError) as cause:
-        raise ControlError(f"position must be a rotation matrix (3, 3): {cause}") from cause
-    if matrix.shape != (3, 3):
-        raise ControlError(
-            f"position has shape {matrix.shape}, expected a rotation matrix (3, 3); "
-            "pin.rpy.rpyToMatrix makes one of roll, pitch and yaw"
-        )
+    told = "position, a rotation matrix (of roll, pitch and yaw pin.rpy.rpyToMatrix makes one),"
+    matrix = numbers(target, (3, 3), told)
     if rotation_error(matrix) > _TURNED:
         raise ControlError("position is no rotation matrix: R'R = 1 and det R = 1 do not hold")
     return matrix

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, reals
+from wbc.arrays import FloatArray
 from wbc.control.kinematics import FrameTable, Kinematics, StateRows
 from wbc.control.reference import Reference, Target
 from wbc.control.rows.posture import PostureTask
-from wbc.control.rows.task import StateTask, Task
+from wbc.control.rows.task import StateTask, Task, numbers
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -255,20 +255,18 @@ class TaskStack:
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
         position, idle = reference.position, entry.name in self._idle
-        if position is not None:
-            if entry.plain and _is_floats(position, entry.size):
-                target = position
-            else:
-                try:
-                    target = entry.task.admitted(position, entry.size)
-                except ControlError as cause:
-                    raise ControlError(f"the reference of task '{entry.name}': {cause}.") from cause
-            if not idle:
-                self._put(entry, target)
-        if reference.velocity is not None:
-            self._aim(entry, entry.velocity, reference.velocity, "velocity", idle)
-        if reference.acceleration is not None:
-            self._aim(entry, entry.acceleration, reference.acceleration, "acceleration", idle)
+        try:
+            if position is not None:
+                plain = entry.plain and _is_floats(position, entry.size)
+                target = position if plain else entry.task.admitted(position, entry.size)
+                if not idle:
+                    self._put(entry, target)
+            if reference.velocity is not None:
+                self._aim(entry, entry.velocity, reference.velocity, "velocity", idle)
+            if reference.acceleration is not None:
+                self._aim(entry, entry.acceleration, reference.acceleration, "acceleration", idle)
+        except ControlError as cause:
+            raise ControlError(f"the reference of task '{entry.name}': {cause}.") from cause
         if idle and not reference.is_finite():
             raise ControlError(f"the reference of task '{entry.name}' is not finite.")
 
@@ -277,7 +275,7 @@ class TaskStack:
     ) -> None:
         """Take the velocity or acceleration of a reference."""
         if not _is_floats(asked, entry.size):
-            asked = rates(asked, label, entry.size, entry.name)
+            asked = numbers(asked, (entry.size,), label)
         if not idle:
             self._moves = True
             part[:] = asked
@@ -298,20 +296,3 @@ class TaskStack:
 def _is_floats(values: object, size: int) -> bool:
     """Whether values are a plain array (size,) of floats."""
     return type(values) is np.ndarray and values.dtype is _FLOAT and values.shape == (size,)
-
-
-def rates(asked: FloatArray, label: str, size: int, task: str) -> FloatArray:
-    """Return a reference's velocity or acceleration (size,) as floats.
-
-    Raises:
-        ControlError: another shape, or no real numbers.
-    """
-    try:
-        asked = reals(asked)
-    except (TypeError, ValueError) as cause:
-        raise ControlError(f"the reference of task '{task}': {label}: {cause}.") from cause
-    if asked.shape != (size,):
-        raise ControlError(
-            f"the reference of task '{task}': {label} has shape {asked.shape}, expected ({size},)."
-        )
-    return asked
