@@ -12,6 +12,7 @@ from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.dynamics import RotorCoupling, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
+from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
@@ -38,6 +39,7 @@ from wbc.sim.step.tables import (
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
+_SOON = 1e-6  # [s] over which gaps tell their speeds
 
 
 class Setup:
@@ -185,6 +187,12 @@ class Setup:
         gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self.heard()
         return gap
+
+    def opening(self, position: FloatArray, velocity: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return how fast all gaps (2 j + c,) at q (nq,) open at v (nv,) [m/s, rad/s]."""
+        near, q, v = np.empty(len(position)), *map(np.ascontiguousarray, (position, velocity))
+        moved_along(self.plant.tree.joints, q, v, _SOON, near)
+        return (self.gaps(near) - gap) / _SOON
 
     def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
         """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""

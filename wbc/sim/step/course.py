@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
@@ -138,6 +140,9 @@ class Course:
     def _until_landing(self, part: Flow, start: FloatArray) -> tuple[Flow | None, BoolArray | None]:
         """Return the flow that ends where the first barrier is reached (regula falsi).
 
+        Gaps are parabolas of the length of a part but for what is of third order, and the speeds
+        at the start are known: the first try is enough, unless a gap jumps.
+
         The whole part where none is. A gap may jump with the length of the part, for example
         where a contact lets go and is no longer pulled back. There is no place of landing then.
         The flow ends before the jump, or is None where that is at once. The second value says
@@ -149,9 +154,10 @@ class Course:
         if not nearest(closed, kept, start, part.gap, gap_late) < 0.0:
             return part, None  # What overlaps now did so at the start and is moving out.
         early, late = 0.0, self.left
+        fall = late * self._setup.opening(self.state.position, self.state.velocity, start)
         for i in range(_TRIES):
             # Every third try halves, lest one end of the interval never move.
-            share = 0.5 if i % 3 == 2 else first_crossing(gap_early, gap_late)
+            share = 0.5 if i % 3 == 2 else first_crossing(gap_early, gap_late, fall, i == 0)
             trial = early + share * (late - early)
             part = self._flow(trial)
             least = nearest(closed, kept, start, part.gap, ahead)
@@ -205,11 +211,23 @@ def nearest(closed: Flags, kept: Flags, start: Row, gap: Row, ahead: OutRow) -> 
 
 
 @compiled(counted=False)
-def first_crossing(early: Row, late: Row) -> float:
-    """Return the share of the way at which the first gap closes, linearly between two ends."""
+def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
+    """Return the share of the way at which the first gap closes.
+
+    Args:
+        early, late: (2 j + c,) gaps at both ends of the way.
+        fall: (2 j + c,) by which they would change on it at the speeds of its start.
+        bent: whether they are parabolas that start like that, else straight lines.
+    """
     first = 1.0
     for i in range(len(late)):
         if late[i] < 0.0:
             gap = max(early[i], 0.0)
-            first = min(first, gap / (gap - late[i]))
+            along = fall[i] if bent else late[i] - gap
+            bend = late[i] - gap - along
+            root = sqrt(max(along * along - 4.0 * bend * gap, 0.0))
+            if along > 0.0:
+                first = min(first, 0.5 * (along + root) / -bend)
+            else:
+                first = min(first, 2.0 * gap / max(root - along, 1e-300))
     return min(max(first, 1e-4), 1.0 - 1e-4)
