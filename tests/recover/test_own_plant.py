@@ -157,7 +157,9 @@ def test_friction_near_rest_that_noise_hides_is_taken_for_nothing_else(noise: in
     """It was a ripple of 250 periods per turn, or something unknown, that was named before."""
     diagnosis = diagnosed(f"noise {noise}")
     found = {(effect.name, effect.where) for effect in diagnosis.effects}
-    assert diagnosis.verdict == ("named" if found else "none")
+    # What predicts stays in the model to use, also where its name is doubted.
+    believed = all(finding.probability >= 0.5 for finding in diagnosis.findings)
+    assert diagnosis.verdict == (("named" if believed else "unknown") if found else "none")
     assert found <= {("stribeck_friction", "knee")}
 
 

@@ -167,16 +167,17 @@ def _best(tried: Iterable[_Prediction], rivals: Sequence[_Prediction]) -> Hypoth
 def _in_order(
     trials: Trials, found: Iterable[Hypothesis], classes: Sequence[type[Effect]]
 ) -> tuple[Iterator[_Prediction], list[_Prediction]]:
-    """Return what may be used, in the order of belief, and the plain fits that it must match.
+    """Return what may be used, in the order of belief, and what it must match.
 
-    Last come the plain fits beside what was found. Links that swing are simulated: beside them no
-    plain fit is tried.
+    That is all that was found, and the plain fits. Last come the plain fits beside what was found.
+    Links that swing are simulated: beside them no plain fit is tried.
     """
     plain = plain_fits(trials, classes)
-    rivals = [_Prediction.of(trials, h) for h in (trials.nothing, *plain)]
+    known = [_Prediction.of(trials, h) for h in found]
+    rivals = [*known, *(_Prediction.of(trials, h) for h in (trials.nothing, *plain))]
 
     def tried() -> Iterator[_Prediction]:
-        yield from (known := [_Prediction.of(trials, h) for h in found])
+        yield from known
         last = known[-1].hypothesis
         for own in () if last.swings else plain:
             joined = _joined(trials.problem, last, own)
