@@ -53,7 +53,6 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 
 _SEARCH = 0.8  # of the time that is given
-_LAST = 1.0  # [s] for what the answer still needs once the time is over
 _STILL = (
     "{} does not move in these logs: they say nothing about its friction, inertia or gears. Record "
     "it moving back and forth, slowly and fast."
@@ -92,7 +91,7 @@ def diagnose(
     """Return which physical effects `robot` lacks, according to `logs`.
 
     When its time is over, or at Ctrl-C, the answer is the best so far, and a warning says so: it
-    is made of what is known then, and of what the next second tells. An effect that raises an
+    is made of what is known then. An effect that raises an
     error is left out, and a warning says so.
 
     Args:
@@ -183,13 +182,13 @@ def _answered(
         classes: effects that may be used.
         ends: time [s] of the monotonic clock at which no more hypotheses are fitted.
     """
-    trials, soon = found.trials, time.monotonic() + _LAST
+    trials = found.trials
     trials.answering = True
-    trials.until = soon if found.stopped == INTERRUPTED else max(ends, soon)
+    trials.until = -inf if found.stopped == INTERRUPTED else ends
     try:
         return model_to_use(found, classes), found
     except KeyboardInterrupt:
-        trials.until = time.monotonic() + _LAST
+        trials.until = -inf
         found = replace(found, stopped=INTERRUPTED)
         return model_to_use(found, classes), found
 

@@ -55,7 +55,8 @@ def describe_findings(
     if used is named:
         return tuple(believed.values())
     fit, values = trials.fit(used), {effect.key: effect.values for effect in used.effects}
-    estimates = estimates_of(trials.problem, fit)
+    distortion = trials.problem.distortion(fit, hurried=trials.hurried)
+    estimates = estimates_of(trials.problem, fit, distortion)
     found = {
         effect.key: Finding(effect, own, answer.support[effect.key])
         for effect, own in zip(fit.effects, estimates, strict=True)
@@ -85,7 +86,7 @@ def _believed(
     stray = disagreements(problem.records, fit)
     tied = absent_ties(problem, fit, classes)
     findings = {}
-    distortion = problem.distortion(fit)
+    distortion = problem.distortion(fit, hurried=trials.hurried)
     for k, estimates in enumerate(estimates_of(problem, fit, distortion)):
         effect = fit.effects[k]
         quantities, about = quantities_of(problem, fit, k, distortion)

@@ -139,14 +139,14 @@ def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked,
     """Return the ranking with what the logs leave open of the parameters of the closest rivals.
 
     Those whose links swing behind their gears are left out: no experiment is planned for them, and
-    to fit them anew takes long.
+    to fit them anew takes long. So are all rivals where somebody waits.
 
     Args:
         ranking: of the hypotheses tried.
         trials: which hold their fits, or make them again.
     """
     known = {h.effects: h for h in trials.known}
-    rows, left = [], RIVALS
+    rows, left = [], 0 if trials.hurried else RIVALS
     for row in ranking:
         h = known.get(row.effects)
         rival = bool(row.added and row.removed)

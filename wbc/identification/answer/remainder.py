@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -389,14 +390,17 @@ def attainable(problem: EstimationProblem, fit: Fit) -> Attainable:
 
 def _reached(problem: EstimationProblem, fit: Fit) -> tuple[FloatArray, int]:
     """Return what regressions leave at each output, and how many numbers one has."""
-    folds = _interleaved(problem.blocks)
+    folds, features = _interleaved(problem.blocks), _features_of(problem)
+    pairs = zip(features, fit.residual.T, strict=True)
+    reached = [_held_out(own, residual, folds) for own, residual in pairs]
+    return np.array(reached), max(own.shape[1] for own in features)
+
+
+@lru_cache(maxsize=1)
+def _features_of(problem: EstimationProblem) -> list[FloatArray]:
+    """Return the features of each output that is judged: an answer asks for them three times."""
     kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
-    reached, numbers = [], 0
-    for column, output in enumerate(kept):
-        features = np.concatenate([_features(r, output) for r in problem.records])
-        reached.append(_held_out(features, fit.residual[:, column], folds))
-        numbers = max(numbers, features.shape[1])
-    return np.array(reached), numbers
+    return [np.concatenate([_features(r, output) for r in problem.records]) for output in kept]
 
 
 def _interleaved(blocks: IntArray) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from wbc.identification.choice.evidence import Hypothesis, fold_means, log_densi
 from wbc.identification.choice.prior import asked
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along
+from wbc.identification.model.information import scaled
 from wbc.identification.model.sparse_columns import SparseColumns
 from wbc.robot import Effect, Robot
 
@@ -30,10 +31,10 @@ def losses(
         h: the hypothesis.
         drops: causes that are dropped together.
     """
-    stays, normal = _as_left(problem, h, fit.residual), _normal(fit)
+    stays = _as_left(problem, h, fit.residual)
     found = []
-    for dropped in drops:
-        moved = _as_left(problem, h, _moved(problem, fit, dropped, normal))
+    for dropped, residual in zip(drops, _moved(problem, fit, drops), strict=True):
+        moved = _as_left(problem, h, residual)
         left = replace(moved, effects=without(h.effects, *dropped))
         here, there = log_densities(problem, [stays, left]).sum(axis=1)
         found.append((float(here - there), _cheaper(h, dropped, left.effects)))
@@ -69,7 +70,7 @@ def exchanged(
     among = columns.reshape(len(weighted), -1).T @ weighted
     along = fit.residual[:, felt].ravel() @ weighted
     normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
-    step = _without(*until_null(fit, own, problem.robot), normal)
+    (step,) = _steps(normal, [until_null(fit, own, problem.robot)])
     residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
     residual[:, felt] += columns @ step[moment.size :]
     stays = _as_left(problem, h, fit.residual)
@@ -90,8 +91,8 @@ def gains(
         fit: of a hypothesis.
         drops: causes that are dropped together.
     """
-    normal, here = _normal(fit), np.mean(fit.residual**2, axis=0)
-    left = [_moved(problem, fit, dropped, normal) for dropped in drops]
+    here = np.mean(fit.residual**2, axis=0)
+    left = _moved(problem, fit, drops)
     return [np.asarray(np.mean(residual**2, axis=0) - here) for residual in left]
 
 
@@ -104,14 +105,12 @@ def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def _moved(
-    problem: EstimationProblem,
-    fit: Fit,
-    dropped: Sequence[Effect],
-    normal: tuple[FloatArray, FloatArray],
-) -> FloatArray:
-    """Return what is left (rows, outputs) without some causes."""
-    step = _without(*until_null(fit, dropped, problem.robot), normal)
-    return np.asarray(fit.residual + change_along(fit.jacobian, step))
+    problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
+) -> Iterator[FloatArray]:
+    """Yield what is left (rows, outputs) without the causes of each drop."""
+    gone = [until_null(fit, dropped, problem.robot) for dropped in drops]
+    for step in _steps(_normal(fit), gone):
+        yield fit.residual + change_along(fit.jacobian, step)
 
 
 def until_null(fit: Fit, own: Sequence[Effect], robot: Robot) -> tuple[list[int], FloatArray]:
@@ -154,27 +153,28 @@ def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]
     return h.asked - asked(effects, kept) + saved
 
 
-def _without(
-    gone: Sequence[int], steps: FloatArray, normal: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    """Return the step (p,) after which some parameters say nothing, the others fitted again.
+def _steps(
+    normal: tuple[FloatArray, FloatArray], drops: Sequence[tuple[list[int], FloatArray]]
+) -> list[FloatArray]:
+    """Return the steps (p,) after which some parameters say nothing, the others fitted again.
+
+    With C the inverse of the normal matrix, n the step to the minimum and s that of the parameters
+    that go, it is  n + C_:g C_gg^-1 (s - n_g).
 
     Args:
-        gone: numbers of the parameters.
-        steps: of these.
         normal: equations of the fit, (p, p) and (p,).
+        drops: each the numbers g of the parameters, and their steps s.
     """
     gram, moment = normal
-    step = np.zeros(moment.size)
-    step[gone] = steps
-    kept = np.setdiff1d(np.arange(moment.size), gone)
-    if kept.size:
-        right = -(moment + gram @ step)[kept]
-        # Columns differ in size by their units: each counts in its own.
-        size = np.sqrt(np.maximum(np.diagonal(gram)[kept], 1e-300))
-        scaled = gram[np.ix_(kept, kept)] / np.outer(size, size)
-        step[kept] = np.linalg.lstsq(scaled, right / size, rcond=1e-9)[0] / size
-    return step
+    known, size = scaled(gram)
+    covariance = np.linalg.inv(known)
+    lowest = -(covariance @ (moment / size))
+    found = []
+    for gone, steps in drops:
+        lacking = steps * size[gone] - lowest[gone]
+        own = covariance[np.ix_(gone, gone)]
+        found.append((lowest + covariance[:, gone] @ np.linalg.solve(own, lacking)) / size)
+    return found
 
 
 def _as_left(problem: EstimationProblem, h: Hypothesis, residual: FloatArray) -> Hypothesis:

@@ -83,6 +83,11 @@ class Trials:
             self._known[start] = self._fitted(start, ITERATIONS)
         return self._known[start]
 
+    @property
+    def hurried(self) -> bool:
+        """Whether somebody who interrupted waits for the answer."""
+        return self.until == -np.inf
+
     def ask(self) -> None:
         """Return where there is time: whatever works out a model or columns asks before.
 
@@ -94,6 +99,7 @@ class Trials:
 
     def _fitted(self, start: tuple[Effect, ...], iterations: int) -> Hypothesis | None:
         try:
+            self.ask()
             fit = self.problem.fit(start, iterations, self.ask)
             if fit.failed:
                 self.failures[fit.failed] += 1

@@ -210,19 +210,24 @@ class EstimationProblem:
             return 0.0
         return self._contacts.evidence(fit, self.row_noise(fit.residual))
 
-    def distortion(self, fit: Fit) -> FloatArray:
+    def distortion(self, fit: Fit, *, hurried: bool = False) -> FloatArray:
         """Return (p,) by how much parameters are off, in their scales, beside what noise does.
 
         Smoothing distorts sharp events (reversals, impacts) in a way that depends on the band; the
         truth is where the band no longer matters. A part of what it distorts looks like each
         parameter itself. Some effects are themselves rough models.
+
+        Args:
+            fit: to the logs.
+            hurried: whether there is no time for a fit in another band.
         """
         if not fit.parameters:
             return np.zeros(0)
-        narrow = tuple(record.narrowed(0.6) for record in self.records)
-        other = refine(
-            Columns(self.robot, narrow), fit.effects, self.whitening, 2, self.white_samples
-        )
+        other = fit
+        if not hurried:
+            narrow = tuple(record.narrowed(0.6) for record in self.records)
+            columns = Columns(self.robot, narrow)
+            other = refine(columns, fit.effects, self.whitening, 2, self.white_samples)
         doubt = np.array([parameter.doubt for _, parameter in fit.parameters])
         moved = np.hypot(other.values - fit.values, doubt * fit.values)
         if fit.swings:  # beside simulated links the evidence counts no likeness either
