@@ -17,6 +17,7 @@ from wbc.effects import Backlash, CoulombFriction, JointCompliance, ViscousFrict
 from wbc.identification import diagnose
 from wbc.identification.choice.find_causes import find_causes
 from wbc.identification.choice.trials import OutOfTime, Trials
+from wbc.identification.model import estimation_problem
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.open_loop import open_loop
 from wbc.links.driven_links import DrivenLinks
@@ -124,17 +125,21 @@ def test_an_answer_does_without_simulated_logs_where_the_time_is_over(
     assert "the time given was over" in open_loop(LEG, logs, until=time.monotonic()).reason
 
 
-def test_an_interrupted_search_keeps_what_it_found(logs: tuple[Log, ...]) -> None:
+def test_an_interrupted_search_keeps_what_it_found_and_fits_nothing_more(
+    logs: tuple[Log, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def interrupt(line: str) -> None:
         if line.startswith("+ coulomb_friction"):
             interrupted.append(line)
         elif interrupted:
+            monkeypatch.delattr(estimation_problem, "refine")
             raise KeyboardInterrupt
 
     interrupted: list[str] = []
     diagnosis = diagnose(LEG, logs, progress=interrupt)
     assert [e.key for e in diagnosis.effects] == [KEY]
     assert any("interrupted" in text for text in diagnosis.warnings)
+    assert not any("left out" in text for text in diagnosis.warnings)
 
 
 INTERRUPTED = """

@@ -131,7 +131,7 @@ def diagnose(
     verdict = verdict_of(problem, first, final, support, answer.more)
     fit = trials.fit(final)
     left = remainders(problem, fit) if answer.more else ()
-    findings = describe_findings(trials, answer, classes)
+    findings = describe_findings(trials, answer)
     doubtful = [key for key in final.keys if support[key].group_probability < EVEN]
     several = len({name for name, _ in doubtful}) > 1
     known = {c.name: c for c in classes}

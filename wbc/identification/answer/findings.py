@@ -7,20 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import BoolArray, FloatArray
 from wbc.effects.yielding_gear import YieldingGear
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
-from wbc.identification.answer.doubts import absent_ties, disagreements
 from wbc.identification.answer.model_to_use import Answer
 from wbc.identification.answer.ranking import Correlation, correlation_of
 from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit
+from wbc.identification.model.fit import Fit, change_along
 from wbc.identification.model.information import beside_others, scaled
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
+from wbc.identification.records.folds import ROWS_PER_SAMPLE
+from wbc.identification.records.record import Record
 from wbc.robot import Effect, Parameter, Quantity
 from wbc.robot.coordinates import unit_at
 
@@ -34,11 +35,12 @@ _MOTOR_SIDE = (
 _ABSENT = "the model to use predicts better without it"
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
 _STEP = 1e-4  # of a scale, by which parameters are varied
+_STRAY = 8.0  # standard deviations between the logs' own values
+_STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
+_ROUNDING = 1e-7  # of the largest column: rounding
 
 
-def describe_findings(
-    trials: Trials, answer: Answer, classes: Sequence[type[Effect]] = ()
-) -> tuple[Finding, ...]:
+def describe_findings(trials: Trials, answer: Answer) -> tuple[Finding, ...]:
     """Return the effects found with intervals, alternatives and warnings.
 
     A name that is believed has the numbers of the hypothesis in which it is believed: in the model
@@ -48,10 +50,9 @@ def describe_findings(
     Args:
         trials: of the search.
         answer: the model to use, and what is believed.
-        classes: the candidates, of which some may be tied to what was found.
     """
     used, named = answer.hypothesis, answer.named
-    believed = _believed(trials, answer, classes)
+    believed = _believed(trials, answer)
     if used is named:
         return tuple(believed.values())
     fit, values = trials.fit(used), {effect.key: effect.values for effect in used.effects}
@@ -77,14 +78,11 @@ def _beside_the_model(finding: Finding, values: Mapping[str, float] | None) -> F
     return replace(finding, parameters=estimates)
 
 
-def _believed(
-    trials: Trials, answer: Answer, classes: Sequence[type[Effect]]
-) -> dict[Key, Finding]:
+def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
     """Return what is believed, with all that must be said beside it, see `describe_findings`."""
     problem, fit = trials.problem, trials.fit(answer.named)
     related = _moving_together(fit, correlation_of(problem, fit))
     stray = disagreements(problem.records, fit)
-    tied = absent_ties(problem, fit, classes)
     findings = {}
     distortion = problem.distortion(fit, hurried=trials.hurried)
     for k, estimates in enumerate(estimates_of(problem, fit, distortion)):
@@ -93,7 +91,7 @@ def _believed(
         # Where quantities are told, nobody checks the parameters.
         warnings = [*(about or _vague(effect, estimates))]
         warnings += [*effect.search.remarks(effect, problem.robot)]
-        warnings += [*_motor_side(effect, problem, fit), *related[k], *tied[k], *stray[k]]
+        warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k]]
         rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
         own = answer.support[effect.key]
         findings[effect.key] = Finding(effect, estimates, own, rivals, tuple(warnings), quantities)
@@ -300,3 +298,48 @@ def _listed(names: list[str], found: Mapping[str, Quantity]) -> str:
         there = [name for name in own if name in names]
         parts += [f"all of {body}"] if body and there == own else there
     return ", ".join(parts)
+
+
+def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
+    """Return for every effect a sentence per parameter on whose value the logs disagree.
+
+    Logs of different robots, loads or units show so: each has a value of its own, one Gauss-Newton
+    step away from the common one, and is explained by it far better than by the common one.
+
+    Args:
+        records: the logs.
+        fit: to all of them.
+    """
+    found: list[list[str]] = [[] for _ in fit.effects]
+    if len(records) < 2 or not fit.parameters:
+        return found
+    owner = np.repeat(np.arange(len(records)), [record.rows for record in records])
+    alone = [_alone(fit, owner == k) for k in range(len(records))]
+    steps, deviations = (np.array(part) for part in zip(*alone, strict=True))
+    for row, (k, parameter) in enumerate(fit.parameters):
+        value = fit.effects[k].values[parameter.name]
+        own = value + steps[:, row] * parameter.scale
+        doubt = _STRAY * float(deviations[:, row].max()) * parameter.scale
+        if parameter.shape or np.ptp(own) < max(doubt, _STRAY_SHARE * abs(value)):
+            continue
+        low, high = int(np.argmin(own)), int(np.argmax(own))
+        text = (
+            f"the logs disagree on {parameter.name}: {records[low].name} alone says "
+            f"{own[low]:.3g}, {records[high].name} {own[high]:.3g}"
+        )
+        unit = unit_at(fit.robot, fit.effects[k].where, parameter.unit)
+        found[k].append(text if unit == "1" else f"{text} {unit}")
+    return found
+
+
+def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the step (p,) to what some rows alone say, and its standard deviation (p,)."""
+    step = fit.step(rows)
+    left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
+    a = fit.jacobian[rows].reshape(-1, len(fit.parameters))
+    size = np.sqrt(np.sum(a**2, axis=0))
+    seen = size > _ROUNDING * size.max()
+    norm = np.where(seen, size, 1.0)
+    gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)
+    spread = np.sqrt(ROWS_PER_SAMPLE * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
+    return step, np.where(seen, spread / norm, np.inf)

@@ -63,7 +63,7 @@ def find_causes(
         report: called with a line of text as the work proceeds.
         until: time [s] of the monotonic clock at which the search ends.
     """
-    trials = Trials(problem, until)
+    trials = Trials(problem)
     at_once = tuple(kind for kind in classes if not deflects(kind))
     direct = Search(Proposer(trials, at_once), report)
     direct.path.append(trials.nothing)
@@ -71,7 +71,10 @@ def find_causes(
         return SearchResult(trials, tuple(direct.path), trials.nothing)
     stopped = ""
     try:
-        # Every answer is held against them, also where little time is left for the search.
+        # Every answer is held against them: those of the joints cost next to nothing, and are made
+        # without any time.
+        plain_fits(trials, at_once, links=False)
+        trials.until = until
         every = plain_fits(trials, at_once)
         ends = [direct.climb(trials.nothing)]
         # What is left beside a wrong drawing is imitated; where all that is plain together does
