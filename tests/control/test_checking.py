@@ -102,6 +102,7 @@ SOLE = ("left_sole_front_left", "left_sole_front_right")
 CONTACTS = {
     "point": (SOLO, PointContact(name="FL_foot")),
     "planar point": (LEG, PointContact(name="foot")),
+    "planar slope": (LEG, PointContact(name="foot", ground_normal=(0.2, 0.0, 1.0))),
     "slope": (SOLO, PointContact(name="FL_foot", ground_normal=(0.2, -0.1, 1.0))),
     "sole": (
         TALOS,

@@ -10,7 +10,6 @@ import pytest
 
 from wbc.control import Controller, ControllerSettings, DisturbanceObserver, PostureTask, Reference
 from wbc.effects import PayloadMass, load_robot
-from wbc.errors import ControlError
 from wbc.robot import Motion
 from wbc.sim import Plant
 
@@ -70,13 +69,3 @@ def test_noise_of_the_encoders_does_not_add_up():
         command = controller.step(seen, {"posture": Reference(TARGET)})
         state = plant.step(state, command.rotor_torque, 1e-3).state
     assert np.abs(controller.disturbance).max() < 0.5
-
-
-def test_bad_observers_are_named():
-    with pytest.raises(ControlError, match="rate"):
-        DisturbanceObserver(rate=0.0)
-    with pytest.raises(ControlError, match="bound"):
-        DisturbanceObserver(bound=-1.0)
-    settings = ControllerSettings(disturbance=DisturbanceObserver(bound=np.ones(3)))
-    with pytest.raises(ControlError, match="shape"):
-        Controller(ARM, [PostureTask.of(ARM)], settings=settings)

@@ -23,7 +23,6 @@ from wbc.control import (
 from wbc.control.rows.surface import polygon_cone
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
-from wbc.errors import ControlError
 from wbc.robot import Motion
 
 TALOS = load_robot("talos")
@@ -222,9 +221,3 @@ def test_a_robot_stands_on_triangular_soles():
     for wrench in command.forces.values():
         rows, _ = polygon_cone(0.7 / np.sqrt(2.0), shape - shape.mean(axis=0))
         assert (rows @ wrench).max() < 1e-4 * wrench[2]
-    bad = SurfaceContact(
-        name="left",
-        corners=("left_sole_front_left", "left_sole_front_right", "left_sole_front_left"),
-    )
-    with pytest.raises(ControlError, match="between"):
-        bad.bind(robot)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from tests.control.scenes import CERTAIN
 from wbc.control import (
@@ -18,7 +17,6 @@ from wbc.control import (
     RotorTorqueLimit,
 )
 from wbc.effects import load_robot
-from wbc.errors import ControlError
 from wbc.robot import Motion
 
 STOP, STEP = 0.9, 1e-3
@@ -84,17 +82,6 @@ def test_a_joint_that_motors_share_stops_by_the_weakest_of_them():
         held = held / gears.backward_efficiency
         torque = JointLimit.of(robot).brakes["torque"]
         np.testing.assert_allclose(torque, [held[0], held.min()])
-
-
-def test_joints_that_nothing_brakes_are_refused():
-    leg = load_robot("planar_leg")
-    with pytest.raises(ControlError, match="no motor to brake it"):
-        JointLimit.of(leg, ["base_pitch"])
-    JointLimit.of(leg, ["hip"], acceleration=50.0)
-    with pytest.raises(ControlError, match="share"):
-        MotorBraking(share=1.5)
-    with pytest.raises(ControlError, match="least"):
-        MotorBraking(least=0.0)
 
 
 def test_limits_that_the_model_states_hold_by_default():

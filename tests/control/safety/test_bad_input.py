@@ -11,17 +11,21 @@ from wbc.control import (
     CapturePointTask,
     CenterOfMassTask,
     CollisionLimit,
+    ContactRamp,
     Controller,
     ControllerSettings,
+    DisturbanceObserver,
     FramePoseTask,
     FramePositionTask,
     JointLimit,
+    MotorBraking,
     PointContact,
     PostureTask,
     RotorTorqueLimit,
     Shape,
     SpeedBlend,
     Status,
+    SurfaceContact,
 )
 from wbc.effects import load_robot
 from wbc.errors import ControlError, RobotError
@@ -55,7 +59,13 @@ def test_late_tick_keeps_its_command():
     np.testing.assert_allclose(command.rotor_torque, on_time.rotor_torque)
 
 
+def sole(*corners):
+    return SurfaceContact(name="left", corners=corners).bind(load_robot("talos"))
+
+
 POSTURE = PostureTask.of(LEG)
+WRONG_SIZE = ControllerSettings(disturbance=DisturbanceObserver(bound=np.ones(3)))
+CORNERS = [f"left_sole_{a}_{b}" for a in ("front", "rear") for b in ("left", "right")]
 BALL = Shape(name="ball", geometry=coal.Sphere(0.1))
 MISTAKES = [
     ("nothing to do", lambda: Controller(LEG, [])),
@@ -86,6 +96,19 @@ MISTAKES = [
     ("bal", lambda: CollisionLimit([BALL], [("ball", "bal")])),
     ("margin", lambda: CollisionLimit([BALL], [], margin=0.5)),
     ("one name", lambda: CollisionLimit([BALL, BALL], [])),
+    ("no motor to brake it", lambda: JointLimit.of(load_robot("planar_leg"), ["base_pitch"])),
+    ("share", lambda: MotorBraking(share=1.5)),
+    ("least", lambda: MotorBraking(least=0.0)),
+    ("three corners", lambda: sole(*CORNERS[:2])),
+    ("several frames", lambda: sole(*CORNERS[:3], "right_sole_rear_right")),
+    ("between", lambda: sole(CORNERS[0], CORNERS[0], CORNERS[1], CORNERS[1])),
+    ("between", lambda: sole(CORNERS[0], CORNERS[1], CORNERS[0])),
+    ("duration", lambda: ContactRamp(["left"], load=10.0, duration=0.0)),
+    ("along y", lambda: PointContact(name="foot", ground_normal=(0.0, 0.2, 1.0)).bind(LEG)),
+    ("point up", lambda: PointContact(name="foot", ground_normal=(1.0, 0.0, 0.0))),
+    ("rate", lambda: DisturbanceObserver(rate=0.0)),
+    ("bound", lambda: DisturbanceObserver(bound=-1.0)),
+    ("shape", lambda: Controller(LEG, [POSTURE], settings=WRONG_SIZE)),
 ]
 
 
