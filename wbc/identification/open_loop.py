@@ -213,7 +213,8 @@ def open_loop(
     From starts spread evenly over the logs, the plant of `wbc.sim` runs with what the log says the
     drives were told: the recorded torque, or the law of the drive with the recorded target, which
     then sees the simulated motion. Forces at contacts are those recorded. A delay of targets
-    (`actuation_delay`) delays the whole torque here, the drive's own measurement with it.
+    (`actuation_delay`) delays the whole torque here, the drive's own measurement with it. Drives
+    see the simulated motion at once, whatever their `feedback_delay` is.
 
     Args:
         robot: with its effects.
