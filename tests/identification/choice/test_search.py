@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.effects import (
     EFFECTS,
+    Backlash,
     CenterOfMass,
     CoulombFriction,
     JointCompliance,
@@ -25,9 +27,12 @@ from wbc.effects import (
 )
 from wbc.effects.link_inertias import lower
 from wbc.effects.links import add_point_mass
+from wbc.errors import DynamicsError
 from wbc.identification import diagnose
+from wbc.identification.choice import gears
 from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.choice.evidence import Hypothesis
+from wbc.identification.choice.gears import two_gears
 from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
@@ -50,6 +55,23 @@ def _climbed(hidden: Sequence[Effect], start: Sequence[Effect] = ()) -> tuple[Se
     begun = trials.of(tuple(start))
     assert begun is not None
     return search, search.climb(begun)
+
+
+def test_two_gears_are_sought_behind_a_link_of_little_inertia(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The softest gear that can be stated is stiffer than the slowest of the grid: an error."""
+
+    def flies_off(*_: object, **__: object) -> None:
+        raise DynamicsError("not simulated here")
+
+    shin = LEG.velocity_index("knee") + 1
+    mass = LEG.model.inertias[shin]
+    light = LEG.with_inertia(shin, pin.Inertia(1e-3 * mass.mass, mass.lever, 1e-3 * mass.inertia))
+    problem = EstimationProblem.from_logs(light, record_with(LEG, [], duration=2.0)[:1])
+    monkeypatch.setattr(gears, "evaluate", flies_off)
+    monkeypatch.setattr(gears, "_left", lambda links, *_, **__: np.zeros(len(links)))
+    assert two_gears(Trials(problem), [JointCompliance, Backlash]) == []
 
 
 def test_a_lossy_gear_is_no_load_friction_with_a_wrong_torque_constant() -> None:

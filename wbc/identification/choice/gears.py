@@ -279,7 +279,9 @@ def _coarse(
     swings = [_swinging(inertia, f, _FLANK_DAMPING) for f in _COARSE_SWINGS]
     flank = _swinging(inertia, _COARSE_FLANK, _FLANK_DAMPING)
     bounces = [replace(flank, play=play) for play in _COARSE]
-    return [(kind, f) for kind in _gears(kinds) for f in (bounces if kind.has_play else swings)]
+    offers = [(kind, f) for kind in _gears(kinds) for f in (bounces if kind.has_play else swings)]
+    # Behind a light wrist a gear that swings so slowly is softer than any.
+    return [(kind, f) for kind, f in offers if f.stiffness >= _SOFTEST]
 
 
 def _swinging(inertia: float, frequency: float, damping: float) -> Flanks:
