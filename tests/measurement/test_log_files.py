@@ -116,6 +116,7 @@ def test_bad_files_say_what_is_wrong(
         "time,field,field\n,position0,name0\n",  # pandas, columns with two levels
         "joint,field,field\nkind,position0,name0\ntime,,\n",  # ... and a named index
         "time,field,field\n,position0,name0\ns,rad,\n",
+        "Bench 4.2\nmade by: x, on: y\n\ntime,field.position0,field.name0\n",
     ],
 )
 def test_names_stand_in_comments_or_in_several_lines(head: str, tmp_path: Path) -> None:

@@ -392,7 +392,8 @@ def _names(
         )
     # What is not as wide as the rows, tells of the file and not of its columns.
     head = layout.head[: len(layout.head) - bool(layout.units)]
-    cells, *more = [*filter(layout.fits, head)] or [first]
+    fitting = [*filter(layout.fits, head)] or [first]
+    cells, *more = [row for row in fitting if len(row) == len(fitting[-1])]
     for row in more:
         if any(row[1:]):
             cells = [" ".join(filter(None, two)) for two in zip_longest(cells, row, fillvalue="")]
