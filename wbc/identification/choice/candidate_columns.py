@@ -84,6 +84,7 @@ def make_regressors(
     candidates: Sequence[type[Effect]],
     shown: Sequence[tuple[Evidence, Collection[str] | None]],
     failures: Counter[str] | None = None,
+    still: Collection[str] = (),
 ) -> list[Regressor]:
     """Return every candidate at every place in every shape, with its columns.
 
@@ -96,6 +97,7 @@ def make_regressors(
         shown: evidence for shapes that depend on the data, and the places where it counts, None
             for all.
         failures: errors inside effects, which then offer nothing, are counted there.
+        still: joints at which no cause acts, because they rest in all logs.
     """
     taken = {effect.key for effect in at.effects}
     different: dict[tuple[object, ...], _Offer] = {}
@@ -103,6 +105,8 @@ def make_regressors(
         for effect in candidates:
             for offer in _offers(at.robot, effect, known, failures):
                 _, where, screen = offer
+                if where in still:
+                    continue
                 if (places is None or where in places) and (effect.name, where) not in taken:
                     units = (tuple(sorted(unit.items())) for unit in screen.units)
                     key = (effect, where, *units)

@@ -245,11 +245,7 @@ def screen(
     for gone in () if fit.swings else fit.effects:  # links that swing would be simulated for each
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
         shown.append((evidence(rest, problem.records), [gone.where]))
-    regressors = [
-        one
-        for one in make_regressors(problem.columns, at, offered, shown, failures)
-        if one.where not in problem.still
-    ]
+    regressors = make_regressors(problem.columns, at, offered, shown, failures, problem.still)
     return _screen_of(problem, fit, offered, regressors)
 
 
