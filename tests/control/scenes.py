@@ -17,7 +17,6 @@ from wbc.control import (
     RotorTorqueLimit,
     SpeedBlend,
 )
-from wbc.effects import load_robot
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
@@ -45,9 +44,29 @@ def arm(m, generator, *, lossless=False):
     return Robot("arm", model, gears)
 
 
-def legged(name):
-    """Return a robot by name, its named poses left out of account."""
-    return load_robot(name)
+def points(robot, **settings):
+    """Return a point contact for each contact of a robot."""
+    return [PointContact(name=contact.name, **settings) for contact in robot.contacts]
+
+
+def usual(robot, *more):
+    """Return a task of the centre of mass, a weak one of the posture, and more."""
+    return [CenterOfMassTask(weight=10.0), PostureTask.of(robot, weight=0.1), *more]
+
+
+def still(robot):
+    """Return a robot at rest in its usual pose."""
+    return Motion(robot.pose(), np.zeros(robot.model.nv))
+
+
+def center_of_mass(robot, q):
+    return pin.centerOfMass(robot.model, robot.model.createData(), q).copy()
+
+
+def moved_on(robot, state, acceleration, step=1e-3):
+    """Return the state that a plant without errors has a step later."""
+    v = state.velocity + step * acceleration
+    return Motion(pin.integrate(robot.model, state.position, step * v), v)
 
 
 def random_state(robot, generator, *, spread=0.5, speed=1.0):
@@ -99,7 +118,7 @@ def leg_references(com_target, posture_target):
 def moving(robot, seed, ticks, position, velocity):
     """Yield `ticks` states scattered around the stance by these deviations [rad, rad/s]."""
     generator = np.random.default_rng(seed)
-    nv, q = robot.model.nv, next(iter(robot.poses.values()))
+    nv, q = robot.model.nv, robot.pose()
     for _ in range(ticks):
         at = pin.integrate(robot.model, q, position * generator.normal(size=nv))
         yield Motion(at, velocity * generator.normal(size=nv))

@@ -95,29 +95,3 @@ def test_squat_on_lossy_gears_is_as_good_as_on_ideal_ones(noise):
     assert pitch < 0.3
     assert ours <= 1.05 * ideal
     assert blind >= 3.0 * ideal
-
-
-def test_landing_from_ten_centimetres():
-    """Air: hold the legs. Ground: balance. The robot stands within a centimetre afterwards."""
-    plant = Plant(LOSSY)
-    ground = balancer(LOSSY)
-    air = Controller(LOSSY, [PostureTask.of(LOSSY, stiffness=900.0)])
-    q = standing_pose(0.7).copy()
-    com = com_height(q)
-    legs = q[3:].copy()
-    q[1] += 0.10
-    state, landed, after = plant.state(q), False, []
-    for _ in range(2000):
-        motion = Motion(state.position, state.velocity)
-        if landed:
-            references = {"height": Reference(np.array([com])), "balance": Reference(0.0)}
-            command = ground.step(motion, references)
-        else:
-            command = air.step(motion, {"posture": Reference(legs)})
-        result = plant.step(state, command.rotor_torque, 1e-3)
-        landed = landed or bool(result.impacts)
-        state = result.state
-        after.append(com_height(state.position))
-    assert landed
-    assert np.abs(np.array(after[-300:]) - com).max() < 0.01
-    assert abs(state.position[2]) < 0.35

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.control.scenes import CERTAIN, legged
+from tests.control.scenes import CERTAIN, points
 from wbc.control import (
     AngularMomentumTask,
     CapturePointTask,
@@ -30,7 +30,6 @@ from wbc.control import (
     MeshLossEffort,
     MotorBraking,
     OutputTorqueEffort,
-    PointContact,
     PointFootBalanceTask,
     PostureTask,
     Reference,
@@ -39,7 +38,7 @@ from wbc.control import (
     RotorTorqueLimit,
     SurfaceContact,
 )
-from wbc.effects import EFFECTS
+from wbc.effects import EFFECTS, load_robot
 from wbc.robot import Motion
 
 FILE = Path(__file__).parent / "data" / "frozen_ticks.npz"
@@ -59,10 +58,6 @@ def base(robot, *more):
     # without the limit that this task has had since then
     com = CenterOfMassTask(weight=10.0, acceleration_limit=np.inf)
     return [com, PostureTask.of(robot, weight=0.1), *more]
-
-
-def points(robot, **settings):
-    return [PointContact(name=contact.name, **settings) for contact in robot.contacts]
 
 
 def soles(robot):
@@ -203,8 +198,8 @@ SCENES = scenes()
 def ran(scene):
     """Return rotor torques over their limits, accelerations and how many ticks were solved."""
     name, make, noise, arguments = SCENES[scene]
-    robot = legged(name)
-    controller, q = make(robot), next(iter(robot.poses.values()))
+    robot = load_robot(name)
+    controller, q = make(robot), robot.pose()
     generator, nv = np.random.default_rng(7), robot.model.nv
     torques, accelerations = [], []
     for tick in range(TICKS):

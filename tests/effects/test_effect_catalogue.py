@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, final
@@ -10,8 +9,8 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
+from tests.effects.needed import needed
 from wbc.arrays import FloatArray
-from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import EFFECTS, CoulombFriction, JointEffect, load_robot, save_robot
 from wbc.effects.tables import left_for_hooks
 from wbc.errors import EffectError
@@ -31,10 +30,6 @@ def motion_of(robot: Robot) -> Motion:
         temperature=np.full((SAMPLES, 2), 40.0),
         supply_voltage=np.full((SAMPLES, 2), 24.0),
     )
-
-
-def needed(robot: Robot, motion: Motion) -> FloatArray:
-    return rotor_torque(robot, motion, link_torque(robot, motion))[0]
 
 
 def away_from_null(kind: type[Effect], robot: Robot, where: str) -> Effect:
@@ -113,16 +108,6 @@ def test_it_survives_saving_and_leaves_the_robot_it_was_added_to_alone(
     assert robot.effects == ()
 
 
-def by_hooks(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArray]:
-    """Return smooth torque and dry level of all effects of a robot."""
-    smooth, dry = np.zeros_like(motion.velocity), np.zeros_like(motion.velocity)
-    for effect in robot.effects:
-        torque, level = effect.joint_torque(robot, motion), effect.joint_friction(robot, motion)
-        smooth += 0.0 if torque is None else torque
-        dry += 0.0 if level is None else level
-    return smooth, dry
-
-
 @dataclass(frozen=True)
 class Drag(JointEffect):
     """A user's effect: -coefficient v^3, at most `most`."""
@@ -167,35 +152,27 @@ class DragWithBranch(Drag):
         return self.on_joint(robot, motion, -self.coefficient * speed**3)
 
 
-def test_a_users_effect_is_asked_once_for_all_its_places(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize(
+    ("effects", "asked"),
+    [
+        ((Drag("hip", 0.1), Drag("knee", 0.2)), 1),
+        # What is no parameter is the same for all places of one effect.
+        ((Drag("hip", 0.1), Drag("knee", 0.1, 2.0)), 2),
+        ((DragOfOneSample("hip", 0.1), DragOfOneSample("knee", 0.2)), 2),
+        ((DragWithBranch("hip", 0.1), DragWithBranch("knee", 0.2)), 2),
+    ],
+)
+def test_a_users_effect_is_asked_once_for_all_places_where_it_can_be(
+    effects: tuple[Effect, ...], asked: int
 ) -> None:
-    """Written in plain NumPy for one joint, it takes twelve joints at once."""
-    bare = load_robot("solo12")
-    joints = bare.transmission.joints
-    robot = bare.with_effects(*[Drag(j, 0.1 + 0.01 * i) for i, j in enumerate(joints)])
-    (one,) = left_for_hooks(robot)
-    random = np.random.default_rng(5)
-    for shape in ((), (7,)):
-        q, v = (random.normal(size=(*shape, n)) for n in (robot.model.nq, robot.model.nv))
-        torque = one.joint_torque(robot, Motion(q, v))
-        assert torque is not None
-        np.testing.assert_allclose(torque, by_hooks(robot, Motion(q, v))[0], rtol=1e-13)
-
-
-def test_effects_with_other_constants_are_not_joined() -> None:
-    """What is no parameter is the same for all places of one effect."""
-    robot = load_robot("planar_leg_fixed").with_effects(Drag("hip", 0.1), Drag("knee", 0.1, 2.0))
-    assert [effect.where for effect in left_for_hooks(robot)] == ["hip", "knee"]
-
-
-@pytest.mark.parametrize("kind", [DragOfOneSample, DragWithBranch])
-def test_a_users_hook_that_takes_no_arrays_is_asked_place_by_place(
-    kind: Callable[[str, float], Effect],
-) -> None:
-    """It works as it is."""
-    robot = load_robot("planar_leg_fixed").with_effects(kind("hip", 0.1), kind("knee", 0.2))
-    assert left_for_hooks(robot) == robot.effects
+    """Written in plain NumPy for one joint, it takes all joints at once, or place by place."""
+    robot = load_robot("planar_leg_fixed").with_effects(*effects)
+    left = left_for_hooks(robot)
+    assert len(left) == asked
+    for v in np.random.default_rng(5).normal(size=(5, 2)):
+        found = sum(effect.joint_torque(robot, Motion(np.zeros(2), v)) for effect in left)
+        alone = sum(effect.joint_torque(robot, Motion(np.zeros(2), v)) for effect in effects)
+        np.testing.assert_allclose(found, alone, rtol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,6 @@ from wbc.effects import (
     LoadStribeckFriction,
     Presliding,
     ThermalViscousFriction,
-    TransmissionEfficiency,
     ViscousFriction,
 )
 from wbc.errors import EffectError
@@ -190,35 +189,6 @@ def test_logs_need_what_the_plant_was_given(name: str) -> None:
     assert left < 0.08 * missed
 
 
-@pytest.mark.parametrize(
-    ("bent", "sharp"),
-    [
-        (lambda length: Presliding("knee", LEVEL, length), CoulombFriction("knee", LEVEL)),
-        (
-            lambda length: LoadPresliding("knee", ETA_F, ETA_B, length),
-            TransmissionEfficiency("knee", ETA_F, ETA_B),
-        ),
-    ],
-    ids=["presliding", "load_presliding"],
-)
-def test_short_bristles_are_friction_without_memory(
-    bent: Callable[[float], Effect], sharp: Effect
-) -> None:
-    """A joint that reverses passes a length l in a time of sqrt(l): so the speeds are off."""
-
-    case = CASES["presliding"]._replace(duration=0.3)
-    truth = march(LEG.with_effect(sharp), case, 5e-4).rows
-
-    def gap(length: float) -> float:
-        rows = march(LEG.with_effect(bent(length)), case, 5e-4).rows
-        assert np.abs(rows[:, 4]).max() <= 1.0
-        return float(np.abs(rows - truth)[:, :4].max())
-
-    long, short, shortest = gap(0.05), gap(5e-4), gap(1e-6)
-    assert short < 0.15 * long  # 0.1 by the root
-    assert shortest < 0.03 * long
-
-
 def test_at_its_ends_the_law_is_that_of_the_efficiencies() -> None:
     robot, n = LEG.with_effect(LoadPresliding("knee", ETA_F, ETA_B, 1e-4)), 200
     q, v = np.zeros((n, 2)), np.zeros((n, 2))
@@ -237,7 +207,7 @@ def test_at_its_ends_the_law_is_that_of_the_efficiencies() -> None:
 
 
 @pytest.mark.parametrize("length", [0.0, 1e-6, 1e-3])
-@pytest.mark.parametrize("h", [1e-3, 1e-2])
+@pytest.mark.parametrize("h", [2e-3, 1e-2])
 def test_no_step_is_too_long_for_stiff_bristles(length: float, h: float) -> None:
     """A joint that hangs at rest below its friction stays there, and comes to rest there."""
     plant = Plant(LEG.with_effect(Presliding("knee", 5.0, length)), FAR)

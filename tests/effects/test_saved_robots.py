@@ -164,32 +164,8 @@ def test_every_field_of_an_effect_is_kept(tmp_path: Path, monkeypatch: pytest.Mo
             load_robot(other)
 
 
-def test_a_chain_of_files_adds_up(tmp_path: Path) -> None:
-    (tmp_path / "one.toml").write_text(FITTED)
-    (tmp_path / "two.toml").write_text(
-        'robot = "one.toml"\n[[effects]]\neffect = "viscous_friction"\nwhere = "hip"\n'
-        "parameters = { coefficient = 0.1 }\n"
-    )
-    assert [e.name for e in load_robot(tmp_path / "two.toml").effects] == [
-        "coulomb_friction",
-        "payload_mass",
-        "viscous_friction",
-    ]
-
-
 def test_a_folder_that_happens_to_have_the_robot_s_name_is_no_obstacle(tmp_path: Path) -> None:
     (tmp_path / "planar_leg").mkdir()
     path = tmp_path / "fitted.toml"
     path.write_text(FITTED)
     assert load_robot(path).name == "planar_leg"
-
-
-def test_a_robot_changed_in_code_cannot_be_saved(tmp_path: Path) -> None:
-    robot = load_robot("planar_leg")
-    for changed in (
-        robot.with_transmission(robot.transmission.lossless()),
-        robot.with_effect(PayloadMass("base", 1.0)).lossless(),
-    ):
-        with pytest.raises(RobotError, match="changed in code"):
-            save_robot(changed, tmp_path / "x.toml")
-    assert not (tmp_path / "x.toml").exists()

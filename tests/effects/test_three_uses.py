@@ -6,7 +6,8 @@ into their loops. Whether a law is the right one is asked of logs by the plants 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar, final
 
 import numpy as np
@@ -16,8 +17,15 @@ import pytest
 from tests.control.scenes import CERTAIN
 from wbc import load_robot
 from wbc.arrays import FloatArray
-from wbc.control import Controller, ControllerSettings, PostureTask, Reference
-from wbc.dynamics import link_torque, rotor_torque
+from wbc.control import (
+    CenterOfMassTask,
+    Controller,
+    ControllerSettings,
+    PointContact,
+    PostureTask,
+    Reference,
+)
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CurrentLimit, CustomTorque, JointEffect, effect_class
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.sim import Plane, Plant
@@ -62,6 +70,8 @@ COMPILED: dict[str, tuple[float, ...]] = {
     "torque_constant": (1.07,),
     "torque_offset": (-0.03,),
     "load_stribeck_friction": (0.1, 0.3),
+    "rotor_inertia": (0.03,),
+    "transmission_efficiency": (0.6, 0.5),
 }
 # Drives whose torque depends on more take those above out of the compiled loops, too.
 BY_HOOKS: dict[str, tuple[float, ...]] = {
@@ -84,7 +94,7 @@ def lossy(name: str, mix: str) -> Robot:
         places = gears.joints if cls.places(robot) != ("robot",) else ("robot",)
         for i, where in enumerate(places):
             if (i + k) % 4 != 3:
-                values = ((1.0 + 0.05 * i) * numbers[0], *numbers[1:])
+                values = ((1.0 + 0.05 * (i % 8)) * numbers[0], *numbers[1:])
                 added.append(cls.at(where, dict(zip(names, values, strict=True))))
     if mix == "by hooks":
         added += [CubicDrag(where, 0.01, 0.02 * (i + 1)) for i, where in enumerate(gears.joints)]
@@ -104,10 +114,13 @@ def states(robot: Robot) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     return [(pin.integrate(robot.model, start, 0.3 * moved), v, a) for moved, v, a in drawn]
 
 
-def needed(robot: Robot, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+def needed(
+    robot: Robot, q: FloatArray, v: FloatArray, a: FloatArray, forces: Mapping[str, FloatArray]
+) -> FloatArray:
     """Return what a log of this motion needs, at rotors and at joints without one."""
     motion = Motion(q[None], v[None], a[None])
-    torque, rest = rotor_torque(robot, motion, link_torque(robot, motion))
+    pushed = contact_torque(robot, q[None], {name: f[None] for name, f in forces.items()})
+    torque, rest = rotor_torque(robot, motion, link_torque(robot, motion), pushed)
     return np.concatenate([torque[0], rest[0]])
 
 
@@ -119,22 +132,43 @@ def test_the_plant_moves_as_a_log_needs_the_torque_that_it_was_given(name: str, 
     for q, v, drawn in states(robot):
         torque = 0.05 * np.tanh(drawn[robot.actuated])
         after = plant.step(plant.state(q, v), torque, SHORT).state.velocity
-        found = needed(robot, q, v, (after - v) / SHORT)
+        found = needed(robot, q, v, (after - v) / SHORT, {})
         np.testing.assert_allclose(found[: gears.size], torque, rtol=0.0, atol=1e-6)
         np.testing.assert_allclose(found[gears.size :], 0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("mix", MIXES)
-@pytest.mark.parametrize("name", ["planar_leg_fixed", "staubli_tx40"])
+STANDING = {
+    "planar_leg_fixed": (),
+    "staubli_tx40": (),
+    "planar_leg_strong": ("foot",),
+    "parallelogram_leg": ("foot",),
+    "differential_biped": ("left_toe", "right_toe"),
+    "solo12": ("FL_foot", "FR_foot", "HL_foot", "HR_foot"),
+    "talos": ("left_sole_front_left", "right_sole_front_left"),
+}
+
+
+@pytest.mark.parametrize("mix", [*MIXES, "coupled rotors"])
+@pytest.mark.parametrize("name", STANDING)
 def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: str) -> None:
-    robot = lossy(name, mix)
-    task = PostureTask.of(robot)
-    controller = Controller(robot, [task], settings=ControllerSettings(speed_blend=CERTAIN))
+    robot = lossy(name, mix) if mix in MIXES else load_robot(name)
+    robot = replace(robot, rotors_turn_with_links=mix not in MIXES)
+    task, contacts = PostureTask.of(robot), [PointContact(name=foot) for foot in STANDING[name]]
+    tasks = [task, CenterOfMassTask(weight=0.01)] if contacts else [task]
+    settings = ControllerSettings(speed_blend=CERTAIN)
+    controller = Controller(robot, tasks, contacts, [], settings)
     for q, v, a in states(robot):
-        command = controller.step(Motion(q, v), {task.name: Reference(q, v, a)})
-        np.testing.assert_allclose(command.acceleration, a, atol=1e-5)
-        found = needed(robot, q, v, command.acceleration)
-        np.testing.assert_allclose(found, command.rotor_torque, rtol=1e-12, atol=1e-12)
+        wanted = Reference(q[robot.actuated_position], v[robot.actuated], a[robot.actuated])
+        command = controller.step(Motion(q, v), {task.name: wanted})
+        assert command.status.usable, command.message
+        assert command.consistent
+        if not contacts:
+            np.testing.assert_allclose(command.acceleration, a, atol=1e-5)
+        scale = 1.0 + max((np.abs(force).max() for force in command.forces.values()), default=0.0)
+        found = needed(robot, q, v, command.acceleration, command.forces)
+        m = robot.transmission.size
+        np.testing.assert_allclose(found[:m], command.rotor_torque, rtol=1e-12, atol=1e-6 * scale)
+        np.testing.assert_allclose(found[m:], 0.0, atol=1e-5 * scale)
 
 
 def test_a_drive_gives_no_more_than_its_limit(leg: Robot) -> None:

@@ -15,9 +15,8 @@ from tests.sim.ground.random_grounds import GROUNDS, drawn_scene, made_by_rows, 
 from tests.sim.random_robots import BASES, random_robot
 from wbc import Robot, load_robot
 from wbc.effects import CoulombFriction, StribeckFriction, ViscousFriction
-from wbc.errors import RobotError, SimulationError
+from wbc.errors import SimulationError
 from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant, SimState
-from wbc.transmission import Transmission
 
 
 @settings(max_examples=120, deadline=None, derandomize=True)
@@ -144,18 +143,6 @@ def test_no_random_robot_makes_energy(
         left.append(abs(audit.residual) / traffic)
     assert left[0] < 0.03
     assert left[1] < 0.4 * left[0] + 2e-3
-
-
-def test_joints_out_of_depth_first_order_are_refused() -> None:
-    # pinocchio fills the inertia matrix subtree by subtree; it would be wrong without a word.
-    model, turning = pin.Model(), pin.JointModelRY()
-    place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3]))
-    left = model.addJoint(0, turning, place, "left")
-    model.addJoint(0, turning, place, "right")
-    model.addJoint(left, turning, place, "left_again")
-    gears = Transmission(("left",), np.array([10.0]), np.array([1e-5]))
-    with pytest.raises(RobotError, match="depth-first"):
-        Robot("mixed", model, gears)
 
 
 LEG = load_robot("planar_leg")

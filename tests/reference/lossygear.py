@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from tests.outside import outside
+from tests.sim.bodies import one_joint
 from wbc.effects import CoulombFriction
 from wbc.robot import Robot
-from wbc.transmission import Transmission
 
 
 @dataclass(frozen=True)
@@ -26,25 +26,18 @@ class Demo:
 
 
 def _robot(rotor: float, link: float, ratio: float, efficiency: float, **friction: float) -> Robot:
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "shaft")
-    model.appendBodyToJoint(
-        joint, pin.Inertia(1.0, np.zeros(3), np.diag([1.0, link, 1.0])), pin.SE3.Identity()
-    )
-    model.gravity.linear = np.zeros(3)
-    one = np.ones(1)
-    gears = Transmission(
-        ("shaft",),
-        gear_ratio=ratio * one,
-        rotor_inertia=rotor * one,
-        forward_efficiency=efficiency * one,
-        backward_efficiency=efficiency * one,
-        rotor_coulomb_friction=friction.get("coulomb", 0.0) * one,
-        rotor_viscous_friction=friction.get("viscous", 0.0) * one,
-    )
-    robot = Robot("lossygear", model, gears)
+    robot = one_joint(
+        pin.JointModelRY(),
+        pin.Inertia(1.0, np.zeros(3), np.diag([1.0, link, 1.0])),
+        gear_ratio=ratio,
+        rotor_inertia=rotor,
+        forward_efficiency=efficiency,
+        backward_efficiency=efficiency,
+        rotor_coulomb_friction=friction.get("coulomb", 0.0),
+        rotor_viscous_friction=friction.get("viscous", 0.0),
+    ).with_gravity(np.zeros(3))
     if "output" in friction:
-        robot = robot.with_effect(CoulombFriction("shaft", friction["output"]))
+        robot = robot.with_effect(CoulombFriction("joint", friction["output"]))
     return robot
 
 

@@ -17,10 +17,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.outside import outside
-from wbc import Robot
+from tests.sim.bodies import free_body
 from wbc.robot import ContactPoint
 from wbc.sim import HuntCrossley, Plant
-from wbc.transmission import Transmission
 
 HALF_EDGE, MASS, INERTIA = 0.0524, 0.37, 0.00081  # [m], [kg], [kg m^2]
 CORNERS = HALF_EDGE * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -41,14 +40,9 @@ class Toss(NamedTuple):
 
 
 def cube(friction: float, **law: object) -> Plant:
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     inertia = pin.Inertia(MASS, np.zeros(3), INERTIA * np.eye(3))
-    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-    model.addBodyFrame("cube", joint, pin.SE3.Identity(), 0)
-    points = tuple(ContactPoint(f"corner_{i}", "cube", c, friction) for i, c in enumerate(CORNERS))
-    gears = Transmission((), np.zeros(0), np.zeros(0))
-    return Plant(Robot("cube", model, gears, points), **law)  # type: ignore[arg-type]
+    points = tuple(ContactPoint(f"corner_{i}", "body", c, friction) for i, c in enumerate(CORNERS))
+    return Plant(free_body(inertia, points), **law)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

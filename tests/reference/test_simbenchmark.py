@@ -13,12 +13,26 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.reference.free_bodies import at, ball, block, world_velocity
+from tests.sim.bodies import ball, block
 from wbc import load_robot
 from wbc.sim import Plane, Plant
 
 G, R, NONE = 9.81, 0.1, np.zeros(0)
+SIZE = (0.4, 0.4, 0.1)
+BOX = block(SIZE, 0.4, 10.0)
 TIME, STEP = 0.5, 2e-3
+
+
+def at(position, rotation=None):
+    """Return q (7,) of a free body."""
+    turn = np.eye(3) if rotation is None else rotation
+    return np.concatenate([position, pin.Quaternion(np.array(turn)).coeffs()])
+
+
+def world_velocity(state):
+    """Return linear (3,) and angular (3,) velocity in world axes of a free body's state."""
+    turn = pin.Quaternion(np.array(state.position[3:7])).matrix()
+    return turn @ state.velocity[:3], turn @ state.velocity[3:6]
 
 
 def along(plant, state, time=TIME, step=STEP, external=None):
@@ -35,7 +49,7 @@ def along(plant, state, time=TIME, step=STEP, external=None):
 @pytest.mark.parametrize("direction", [0.0, 0.25 * np.pi, 1.0])
 def test_a_pushed_box_slides_as_a_round_cone_wants(direction):
     """150 N on 10 kg with mu = 0.4: F/m - mu g, whatever the direction (a pyramid fails at 45)."""
-    plant, push = Plant(block()), 150.0 * np.array([np.cos(direction), np.sin(direction), 0.0])
+    plant, push = Plant(BOX), 150.0 * np.array([np.cos(direction), np.sin(direction), 0.0])
     force = np.zeros(6)
     force[:3] = push  # the block does not turn: its axes stay the world's
     # Pushed at the height of its feet, it does not tip either: M = r x F about its centre.
@@ -49,7 +63,7 @@ def test_a_pushed_box_slides_as_a_round_cone_wants(direction):
 
 @pytest.mark.parametrize("push", [10.0, 39.0])
 def test_a_box_pushed_with_less_than_friction_does_not_move_at_all(push):
-    plant, force = Plant(block()), np.zeros(6)
+    plant, force = Plant(BOX), np.zeros(6)
     force[[0, 1]] = push * np.sqrt(0.5)
     end = along(plant, plant.state(at([0.0, 0.0, 0.05])), external=force)[-1]
     assert np.abs(end.position[:3] - [0.0, 0.0, 0.05]).max() < 1e-12
@@ -60,7 +74,7 @@ def test_a_ball_rolls_down_a_slope(degrees, friction):
     """Rolling: 5/7 g sin a, without loss; friction needed: 2/7 tan a (0.165 at 30 degrees)."""
     angle = np.deg2rad(degrees)
     plane, down = Plane.slope(angle), np.array([-np.cos(angle), 0.0, -np.sin(angle)])
-    plant = Plant(ball(R, friction=friction), plane)
+    plant = Plant(ball(R, friction), plane)
     states = along(plant, plant.state(at(R * plane.normal)))
     speed, spin = world_velocity(states[-1])
     wanted = 5.0 / 7.0 * G * np.sin(angle) * TIME
@@ -74,7 +88,7 @@ def test_a_ball_slips_where_friction_is_too_little():
     """v' = g (sin a - mu cos a) and R w' = 5/2 mu g cos a, below mu = 2/7 tan a."""
     angle, friction = np.deg2rad(30.0), 0.1
     plane = Plane.slope(angle)
-    plant = Plant(ball(R, friction=friction), plane)
+    plant = Plant(ball(R, friction), plane)
     speed, spin = world_velocity(along(plant, plant.state(at(R * plane.normal)))[-1])
     slide = G * (np.sin(angle) - friction * np.cos(angle)) * TIME
     assert np.linalg.norm(speed) == pytest.approx(slide, rel=1e-6)
@@ -84,7 +98,7 @@ def test_a_ball_slips_where_friction_is_too_little():
 @pytest.mark.parametrize("heading", [0.0, 0.25 * np.pi])
 def test_a_ball_thrown_flat_slides_until_it_rolls(heading):
     """v falls by mu g t to 5/7 of its start, at t = 2 v / (7 mu g), and stays."""
-    plant, friction, start = Plant(ball(R, friction=0.3)), 0.3, 3.0
+    plant, friction, start = Plant(ball(R, 0.3)), 0.3, 3.0
     way = np.array([np.cos(heading), np.sin(heading), 0.0])
     state = plant.state(at([0.0, 0.0, R]), np.concatenate([start * way, np.zeros(3)]))
     rolls = 2.0 * start / (7.0 * friction * G)
@@ -103,7 +117,7 @@ def test_a_block_on_a_slope_stands_or_slides_as_coulomb_says(friction):
     """On 25 degrees (tan = 0.466); MuJoCo's soft friction lets the first creep."""
     angle = np.deg2rad(25.0)
     plane = Plane.slope(angle)
-    plant = Plant(block(friction=friction), plane)
+    plant = Plant(block(SIZE, friction, 10.0), plane)
     start = plant.state(at(0.05 * plane.normal, pin.rpy.rpyToMatrix(0.0, -angle, 0.0)))
     end = along(plant, start)[-1]
     exact = 0.5 * G * max(0.0, np.sin(angle) - friction * np.cos(angle)) * TIME**2
@@ -117,7 +131,7 @@ def test_a_block_on_a_slope_stands_or_slides_as_coulomb_says(friction):
 @pytest.mark.parametrize("step", [1e-2, 2e-3])
 def test_an_elastic_ball_keeps_its_energy(step):
     """From 5 m, 10 kg, e = 1: every apex at 5 m again, whatever the step."""
-    plant = Plant(ball(R, mass=10.0), restitution=1.0)
+    plant = Plant(ball(R, 0.8, 10.0), restitution=1.0)
     time = (5.0 if step > 5e-3 else 1.5) * np.sqrt(2.0 * 4.9 / G)  # two bounces, or one, and up
     states = along(plant, plant.state(at([0.0, 0.0, 5.0])), time, step)
     energy = np.array([plant.mechanical_energy(state) for state in states])
@@ -125,7 +139,7 @@ def test_an_elastic_ball_keeps_its_energy(step):
 
 
 def test_a_bounce_across_the_ground_keeps_the_speed_along_it_without_friction():
-    plant = Plant(ball(R, friction=0.0), restitution=1.0)
+    plant = Plant(ball(R, 0.0), restitution=1.0)
     start = plant.state(at([0.0, 0.0, 1.0]), [2.0, -1.0, 0.0, 3.0, 4.0, 5.0])
     speed, spin = world_velocity(along(plant, start, 0.8)[-1])
     np.testing.assert_allclose(speed[:2], [2.0, -1.0], atol=1e-9)

@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 
 from wbc import Robot, load_robot
 from wbc.effects import ActuationDelay, JointEffect, ThermalDrift
-from wbc.errors import EffectError, SimulationError
 from wbc.sim import Plane, Plant, SimState, simulate
 
 START = np.array([0.3, -0.6])
@@ -54,26 +53,6 @@ def march(
     for i in range(steps):
         state = plant.step(state, command(i * h), h).state
     return state
-
-
-def test_a_motor_that_is_already_warm_warms_on_from_there(leg: Robot) -> None:
-    drift = ThermalDrift("knee", rate=0.3, time_constant=1.2)
-    push = np.array([0.3, -0.1])
-
-    def rate(t: float, v: np.ndarray, z: np.ndarray) -> tuple:
-        left = np.array([1.0, 1.0 - 0.3 * z[0]])
-        return RATIO * push * left, [1.0 - z[0] / 1.2]
-
-    for warm in (0.0, 0.9):
-        y = truth(leg, rate, [warm], [0.0, 0.4])
-        errors = []
-        for h in (1e-3, 5e-4):
-            memory = (np.array([warm]),)
-            end = march(leg.with_effect(drift), lambda t: push, h, round(0.4 / h), memory=memory)
-            errors.append(np.abs(np.r_[end.position, end.velocity] - y[:4]).max())
-            assert end.memory[0] == pytest.approx(y[4:], abs=1e-9)
-        assert errors[1] < 1e-3
-        assert errors[1] < 0.6 * errors[0]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.0037, 0.012])
@@ -158,19 +137,3 @@ def test_a_run_taken_up_again_goes_on_to_the_same_bits(leg: Robot) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(whole.memory, rest.memory, strict=True))
     cold = simulate(plant, command, half.replace(memory=()), 0.05).state
     assert not np.array_equal(whole.velocity, cold.velocity)
-
-
-def test_memory_of_other_effects_is_refused(leg: Robot) -> None:
-    @dataclass(frozen=True)
-    class Forgetful(Maxwell):
-        def next_memory(self, robot, motion, torque):
-            return JointEffect.next_memory(self, robot, motion, torque)
-
-    deep = Plane(height=-9.0)
-    drifting = Plant(leg.with_effect(ThermalDrift("knee", 0.3, 1.2)), deep)
-    state = drifting.step(drifting.state(START), np.zeros(2), 1e-3).state
-    with pytest.raises(SimulationError, match="effects with a memory: none"):
-        Plant(leg, deep).step(state, np.zeros(2), 1e-3)
-    forgetful = Plant(leg.with_effect(Forgetful("hip", 1.0, 1.0)), deep)
-    with pytest.raises(EffectError, match="no next_memory"):
-        forgetful.step(forgetful.state(START), np.zeros(2), 1e-3)

@@ -14,7 +14,6 @@ from tests.sim.random_robots import geared
 from wbc import Robot, load_robot
 from wbc.control import RotorTorqueLimit
 from wbc.effects import CoulombFriction
-from wbc.errors import SimulationError
 from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
 from wbc.sim.step.impact import LEFT
@@ -23,13 +22,6 @@ from wbc.sim.step.impact import LEFT
 def _slippery(robot: Robot, friction: float) -> Robot:
     contacts = tuple(replace(contact, friction=friction) for contact in robot.contacts)
     return replace(robot, contacts=contacts)
-
-
-def _fall(plant: Plant, state, dt: float, duration: float):
-    for _ in range(round(duration / dt)):
-        result = plant.step(state, np.zeros(plant.robot.transmission.size), dt)
-        state = result.state
-    return state, result
 
 
 def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
@@ -54,7 +46,7 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
     assert seen == {(False, False), (False, True), (True, False), (True, True)}
 
 
-@pytest.mark.parametrize("eta_f", [0.55, 0.6, 0.7, 0.8, 0.9, 1.0])
+@pytest.mark.parametrize("eta_f", [0.55, 0.7, 1.0])
 def test_impact_mitigation_is_what_the_metric_predicts(eta_f: float) -> None:
     robot = geared(
         _slippery(load_robot("planar_leg"), 0.0),
@@ -84,7 +76,8 @@ def test_a_passive_robot_on_self_locking_gears_stands_for_ever() -> None:
     pose = next(iter(robot.poses.values()))
     plant = Plant(robot)
     state = plant.state(pose)
-    state, result = _fall(plant, state, 2e-3, 0.4)
+    result = plant.run(state, np.zeros(12), 0.4, 200)
+    state = result.state
     assert np.abs(state.velocity).max() < 1e-8
     assert np.abs(state.position - pose).max() < 1e-5
     weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
@@ -97,25 +90,14 @@ def test_holding_bound(share: float, holds: bool) -> None:
     robot = replace(load_robot("planar_leg_fixed"), contacts=())
     q = robot.configuration(hip=0.9, knee=0.4)
     plant = Plant(robot)
-    held = -np.array(
-        plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].program.free_velocity
-    )
-    inertia = plant.step(plant.state(q), np.zeros(2), 1e-6).solutions[0].program.inertia
-    load = inertia @ held / 1e-6
+    load = pin.rnea(robot.model, robot.model.createData(), q, *np.zeros((2, 2)))
     gears = robot.transmission
     torque = share * gears.backward_efficiency * load / gears.gear_ratio
-    state, _ = _fall_with(plant, plant.state(q), torque, 1e-3, 0.3)
+    state = plant.run(plant.state(q), torque, 0.3, 300).state
     if holds:
         assert np.array_equal(state.position, q)
     else:
         assert np.abs(state.position - q).min() > 1e-6
-
-
-def _fall_with(plant: Plant, state, torque, dt: float, duration: float):
-    for _ in range(round(duration / dt)):
-        result = plant.step(state, torque, dt)
-        state = result.state
-    return state, result
 
 
 def test_a_landing_on_a_step_happens_at_its_height() -> None:
@@ -127,36 +109,6 @@ def test_a_landing_on_a_step_happens_at_its_height() -> None:
         result = plant.step(state, np.zeros(2), 1e-3)
         state, impacts = result.state, result.impacts
     assert impacts[0].time == pytest.approx(np.sqrt(2 * (height - 0.15) / 9.81), abs=2e-6)
-
-
-def test_a_joint_stops_at_its_limit() -> None:
-    robot = replace(load_robot("planar_leg_fixed"), contacts=())
-    model = robot.model.copy()
-    model.upperPositionLimit = np.array([3.2, 0.5])
-    plant = Plant(replace(robot, model=model))
-    state = plant.state([0.0, 0.4], [0.0, 3.0])
-    for _ in range(200):
-        state = plant.step(state, np.array([0.0, 0.2]), 1e-3).state
-        assert state.position[1] <= 0.5 + 2e-6
-    assert state.position[1] == pytest.approx(0.5, abs=2e-6)
-
-
-def test_bad_input_is_refused() -> None:
-    robot = load_robot("planar_leg")
-    plant = Plant(robot)
-    state = plant.state(robot.neutral())
-    with pytest.raises(SimulationError, match="2 rotors: hip, knee"):
-        plant.step(state, np.zeros(3), 1e-3)
-    with pytest.raises(SimulationError, match="dt must be positive"):
-        plant.step(state, np.zeros(2), 0.0)
-    with pytest.raises(SimulationError, match="no number"):
-        plant.step(state, np.array([np.nan, 0.0]), 1e-3)
-    with pytest.raises(SimulationError, match="position q"):
-        plant.state(np.zeros(3))
-    with pytest.raises(SimulationError, match="restitution"):
-        Plant(robot, restitution=1.5)
-    with pytest.raises(SimulationError, match="two ticks"):
-        simulate(plant, lambda s: np.zeros(2), state, 1e-4)
 
 
 def test_ends_that_miss_laws_are_counted_and_named() -> None:
@@ -187,32 +139,6 @@ def test_long_steps_make_no_energy_and_are_named() -> None:
             assert plant.mechanical_energy(state) < before + 0.05
             named += any(event.kind == "coarse" for event in result.events)
     assert named > 0
-
-
-def test_restitution_with_friction_never_makes_energy() -> None:
-    """Newton's restitution with friction can (Kane's paradox); the plant then restores less."""
-    leg, less = load_robot("planar_leg"), 0
-    for seed in range(240):
-        rng = np.random.default_rng(seed)
-        robot = _slippery(leg if seed % 2 else leg.lossless(), float(rng.uniform(0.0, 1.5)))
-        plant = Plant(robot, restitution=float(rng.uniform(0.3, 1.0)))
-        q = robot.configuration(
-            hip=rng.uniform(-1, 1), knee=rng.uniform(-2, 2), base_pitch=rng.uniform(-1, 1)
-        )
-        q[1] -= plant.gaps(plant.state(q))[0]
-        state = plant.state(q, rng.normal(size=5) * [2.0, 1.0, 3.0, 5.0, 5.0])
-        before = plant.mechanical_energy(state)
-        for impact in plant.step(state, np.zeros(2), 1e-9).impacts:
-            after = plant.mechanical_energy(state.replace(velocity=impact.after))
-            assert after <= before + 1e-8 * (1.0 + abs(before))
-            assert impact.contact_loss >= -1e-8
-            less += impact.restitution < plant.restitution
-            row = robot.transmission.size
-            approach = impact.solution.program.rows[row] @ impact.before
-            assert impact.solution.speed[row] == pytest.approx(
-                -impact.restitution * approach, abs=1e-9
-            )
-    assert less > 0
 
 
 def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:

@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wbc.effects import CoulombFriction, LoadFriction, RotorInertia, ViscousFriction, load_robot
-from wbc.errors import RobotError
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
@@ -99,14 +98,3 @@ def test_variants_side_by_side_equal_each_alone(pendulum: Robot) -> None:
     some = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004, wanted)
     np.testing.assert_allclose(some[:, wanted], together[:, wanted], atol=1e-12)
     assert np.all(np.isnan(some[:, ~wanted]))
-
-
-def test_refuses_what_it_cannot_simulate(pendulum: Robot) -> None:
-    drive = DcDrive(7.4)
-    with pytest.raises(RobotError, match="2 joints"):
-        servo_rollout([(load_robot("double_pendulum"), drive)], [run(0.0, 3)], 0.01)
-    with pytest.raises(RobotError, match="torque_constant"):
-        servo_rollout([(load_robot("sts3250_pendulum"), drive)], [run(0.0, 3)], 0.01)
-    other = pendulum.with_effect(CoulombFriction("shaft", 0.1))
-    with pytest.raises(RobotError, match="same effects"):
-        servo_rollout([(pendulum, drive), (other, drive)], [run(0.0, 3)], 0.01)

@@ -49,10 +49,6 @@ def random_ground(rng: np.random.Generator, kind: str) -> Terrain:
     return HeightField(x, x, 0.08 * rng.normal(size=(21, 21)))
 
 
-def _place(rng: np.random.Generator) -> np.ndarray:
-    return rng.uniform(-0.5, 0.5, 3) * [1.0, 1.0, 0.3]
-
-
 def _unit(rng: np.random.Generator) -> np.ndarray:
     vector = rng.normal(size=4)
     return vector / np.linalg.norm(vector)

@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.sim.ground.bodies import free, hull_of, placed, solid, watched
+from tests.sim.bodies import free, hull_of, placed, solid, watched
 from wbc import load_robot
 from wbc.effects import PayloadMass, save_robot
-from wbc.errors import RobotError, SimulationError
+from wbc.errors import RobotError
 from wbc.robot import FreeBody, body_contacts
 from wbc.sim import Plane, Plant, SimState, Stairs
 
@@ -82,7 +82,6 @@ def test_a_quadruped_that_is_switched_off_lies_on_its_trunk() -> None:
     plant = Plant(robot)
     end, _ = watched(plant, plant.state(robot.pose(), lifted=True), 1.2, gain=1e-10)
     assert 0.01 < end.position[2] < 0.06
-    assert np.abs(end.velocity).max() < 1e-9
     # Meshes sink between their points by the depth that the robot's description allows.
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, end.position)
@@ -156,11 +155,3 @@ def test_a_robot_that_is_changed_in_code_or_saved_keeps_its_bodies(tmp_path: Pat
     for changed in copies[:4]:
         with pytest.raises(RobotError, match="changed in code"):
             save_robot(changed, tmp_path / "third.toml")
-
-
-def test_bodies_without_geometry_and_unknown_words_are_said() -> None:
-    with pytest.raises(RobotError, match="no collision geometry"):
-        Plant(load_robot("planar_leg"), bodies="all")
-    assert [contact.name for contact in Plant(load_robot("planar_leg")).contacts] == ["foot"]
-    with pytest.raises(SimulationError, match='"feet" or "all"'):
-        Plant(load_robot("planar_leg"), bodies="legs")

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.sim.ground.bodies import ball, block
+from tests.sim.bodies import ball, block
 from wbc import load_robot
-from wbc.errors import RobotError, SimulationError
 from wbc.robot import ContactPoint
-from wbc.sim import Box, HeightField, Plane, Plant, SimState, Sphere, Stairs, Terrain, Together
+from wbc.sim import Box, HeightField, Plane, Plant, SimState, Stairs, Terrain
 
 RISER = Stairs(np.array([0.3]), np.array([0.0, 0.06]))
+POINT = replace(ball(0.05, 0.0), contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
 
 
 def _worst_gain(
@@ -42,40 +42,23 @@ def test_a_block_that_slides_into_a_riser_stops_there(dt: float) -> None:
 
 def test_a_fall_off_an_edge_keeps_the_speed() -> None:
     """A point that slides over the end of a tread flies on."""
-    robot = ball(0.05, 0.0)
-    plant, q = Plant(robot, Stairs(np.array([0.1]), np.array([0.0, -1.0]))), robot.neutral()
-    robot_point = replace(robot, contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
-    plant = Plant(robot_point, Stairs(np.array([0.1]), np.array([0.0, -1.0])))
-    gain, state = _worst_gain(plant, plant.state(q, [2.0, 0, 0, 0, 0, 0]), 1e-3, 0.3)
+    plant = Plant(POINT, Stairs(np.array([0.1]), np.array([0.0, -1.0])))
+    start = plant.state(POINT.neutral(), [2.0, 0, 0, 0, 0, 0])
+    gain, state = _worst_gain(plant, start, 1e-3, 0.3)
     assert gain < 1e-9
     assert state.velocity[0] == pytest.approx(2.0, abs=1e-9)
     assert state.position[2] == pytest.approx(-0.5 * 9.81 * 0.25**2, abs=3e-3)
 
 
-def test_a_start_in_the_ground_is_refused_or_lifted_out() -> None:
-    leg = load_robot("planar_leg_fixed")
-    plant = Plant(leg)
-    deep = plant.state([1.2, 0.3])
-    with pytest.raises(SimulationError, match=r"contact 'foot' is \d+ mm inside the ground"):
-        plant.step(deep, [0.0, 0.0], 1e-3)
+def test_a_start_in_the_ground_is_lifted_out() -> None:
     solo = load_robot("solo12")
-    plant = Plant(solo)
-    q = np.array(solo.poses["standing"])
+    plant, q = Plant(solo), solo.pose()
     q[2] -= 0.01
-    with pytest.raises(SimulationError, match="10 mm inside the ground"):
-        plant.step(plant.state(q), np.zeros(12), 1e-3)
     state = plant.state(q, lifted=True)
     assert state.position[2] == pytest.approx(solo.poses["standing"][2], abs=1e-6)
     assert state.position[7:] == pytest.approx(q[7:], abs=1e-6)
     after = plant.step(state, np.zeros(12), 1e-3).state
     assert np.abs(after.velocity).max() < 0.1
-
-
-def test_what_cannot_be_lifted_out_says_so() -> None:
-    leg = load_robot("planar_leg_fixed")
-    plant = Plant(leg, Plane(height=3.0))
-    with pytest.raises(SimulationError, match="cannot be lifted out of the ground: contact 'foot'"):
-        plant.state([0.1, 0.2], lifted=True)
 
 
 class _Jump(Terrain):
@@ -87,9 +70,8 @@ class _Jump(Terrain):
 
 
 def test_a_gap_that_jumps_is_taken_back_slowly_and_named() -> None:
-    robot = replace(ball(0.05, 0.0), contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
-    plant = Plant(robot, _Jump(), return_speed=0.5)
-    state, deepest, named = plant.state(robot.neutral(), [1.0, 0, 0, 0, 0, 0]), 0.0, []
+    plant = Plant(POINT, _Jump(), return_speed=0.5)
+    state, deepest, named = plant.state(POINT.neutral(), [1.0, 0, 0, 0, 0, 0]), 0.0, []
     for _ in range(300):
         result = plant.step(state, [], 1e-3)
         rise = result.state.position[2] - state.position[2]
@@ -104,8 +86,8 @@ def test_a_gap_that_jumps_is_taken_back_slowly_and_named() -> None:
     assert named[0].size == pytest.approx(0.0595, abs=1e-3)
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
-@pytest.mark.parametrize("dt", [1e-3, 1e-2, 5e-2])
+@pytest.mark.parametrize("restitution", [0.0, 0.9])
+@pytest.mark.parametrize("dt", [2e-3, 1e-2, 5e-2])
 def test_every_barrier_that_closes_in_a_step_is_kept(restitution: float, dt: float) -> None:
     """A passive leg on a slope bounces between stop and ground, many times within a step."""
     leg = load_robot("planar_leg").lossless()
@@ -160,7 +142,7 @@ def test_a_ball_in_a_hollow_keeps_its_energy() -> None:
     """With its gap taken straight below its centre it lost 4 %, at any step."""
     x = np.linspace(-1.0, 1.0, 41)
     hollow = HeightField(x, x, np.repeat(2.0 * x[:, None] ** 2, 41, axis=1))
-    robot = replace(ball(0.1, 0.0), contacts=(ContactPoint("p", "body", np.zeros(3), 0.0, 0.1),))
+    robot = ball(0.1, 0.0)
     plant, q = Plant(robot, hollow), robot.neutral()
     q[2] = 0.1
     left = []
@@ -173,25 +155,6 @@ def test_a_ball_in_a_hollow_keeps_its_energy() -> None:
         left.append(abs(plant.mechanical_energy(state) - first))
     assert left[0] < 5e-3
     assert left[1] < 0.6 * left[0], left
-
-
-def test_bad_grounds_are_refused() -> None:
-    with pytest.raises(SimulationError, match="size of the box must be positive"):
-        Box(np.zeros(3), np.array([1.0, 0.0, 1.0]))
-    with pytest.raises(SimulationError, match="no rotation matrix"):
-        Box(np.zeros(3), np.ones(3), 2.0 * np.eye(3))
-    with pytest.raises(SimulationError, match="radius of the sphere"):
-        Sphere(np.zeros(3), 0.0)
-    with pytest.raises(SimulationError, match="at least four entries"):
-        HeightField(np.arange(3.0), np.arange(4.0), np.zeros((3, 4)))
-    with pytest.raises(SimulationError, match="heights of the height field"):
-        HeightField(np.arange(4.0), np.arange(5.0), np.zeros((4, 4)))
-    with pytest.raises(SimulationError, match="at least one part"):
-        Together(())
-    with pytest.raises(SimulationError, match="return_speed must be positive"):
-        Plant(load_robot("planar_leg"), return_speed=0.0)
-    with pytest.raises(RobotError, match="radius must be >= 0"):
-        ContactPoint("foot", "body", np.zeros(3), 0.5, -0.1)
 
 
 def test_a_slow_landing_is_a_row_of_its_step() -> None:

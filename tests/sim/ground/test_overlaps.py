@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose
-from tests.sim.ground.bodies import block
+from tests.sim.bodies import block
 from tests.sim.random_robots import random_robot
 from wbc import load_robot
 from wbc.sim import Plane, Plant

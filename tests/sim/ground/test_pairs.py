@@ -12,8 +12,7 @@ import pinocchio as pin
 import pytest
 
 from sims import bodies
-from tests.sim.ground.bodies import free, hull_of, placed, solid, watched
-from wbc.errors import RobotError, SimulationError
+from tests.sim.bodies import free, hull_of, placed, solid, watched
 from wbc.measurement import load_log, save_log
 from wbc.robot import FreeBody
 from wbc.sim import Plane, Plant, Recorder, Sphere, Stairs, Together
@@ -171,10 +170,3 @@ def test_two_fingers_lift_a_box_by_friction() -> None:
     # A box too heavy for mu times the grip stays on the ground.
     heavy = replace(scene, plant=replace(scene.plant, robot=bodies.hand(mass=2.0)))
     assert bodies.run(heavy)[-1].position[5] == pytest.approx(0.04, abs=1e-6)
-
-
-def test_wrong_bodies_are_said() -> None:
-    with pytest.raises(RobotError, match="mass and volume must be positive"):
-        free(FreeBody("box", coal.Box(0.1, 0.1, 0.1), 0.0))
-    with pytest.raises(SimulationError, match="body with collision geometry"):
-        Plant(free(FreeBody("box", coal.Box(0.1, 0.1, 0.1), 1.0), pairs=(("box", "bag"),)))

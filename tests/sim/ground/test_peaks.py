@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.interpolate import RectBivariateSpline
 
-from tests.sim.ground.bodies import placed, solid, watched
+from tests.sim.bodies import placed, solid, watched
 from wbc import load_robot
 from wbc.sim import HeightField, Plant
 

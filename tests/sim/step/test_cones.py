@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from wbc.errors import SimulationError
 from wbc.sim import StepProgram, solve_program
@@ -89,46 +88,6 @@ def test_gears_at_the_edge_of_self_locking_are_solved() -> None:
         program = random_step("many gears", seed)
         program.laws[::2, 4] = 0.0
         assert solve_program(program).residuals.max() < 1e-7
-
-
-def test_the_round_cone_is_that_of_a_nonlinear_program() -> None:
-    # De Saxce: with its slip known, Coulomb's law is the optimality of a convex program in v.
-    compared = 0
-    for seed in range(40):
-        program = random_step("one body", seed)
-        found = solve_program(program)
-        slip = np.linalg.norm(_tangents(program) @ found.velocity, axis=1)
-        if slip.max() < 1e-3:
-            continue
-        best = _nonlinear_program(program, slip)
-        if best is not None:
-            compared += 1
-            assert np.abs(best - found.velocity).max() < 2e-4
-    assert compared > 8
-
-
-def _tangents(program: StepProgram) -> np.ndarray:
-    k = len(program.frictions)
-    return program.rows[len(program.rows) - 2 * k :].reshape(k, 2, -1)
-
-
-def _nonlinear_program(program: StepProgram, slip: np.ndarray) -> np.ndarray | None:
-    free, mu, m = program.free_velocity, program.frictions, len(program.laws)
-    normals, tangents = program.rows[m : m + len(mu)], _tangents(program)
-
-    def room(v: np.ndarray) -> np.ndarray:
-        lifted = normals @ v + mu * slip
-        return lifted - mu * np.sqrt(((tangents @ v) ** 2).sum(axis=1) + 1e-12)
-
-    best = minimize(
-        lambda v: 0.5 * (v - free) @ program.inertia @ (v - free),
-        np.zeros(len(free)),
-        jac=lambda v: program.inertia @ (v - free),
-        constraints={"type": "ineq", "fun": room},
-        method="SLSQP",
-        options={"maxiter": 400, "ftol": 1e-14},
-    )
-    return best.x if best.success else None
 
 
 def test_a_step_without_numbers_is_refused_at_once() -> None:

@@ -6,26 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.sim.bodies import free_body
 from tests.sim.random_robots import random_robot
 from wbc import Robot, load_robot
 from wbc.sim import Plane, Plant, SimState
-from wbc.transmission import Transmission
 
 FAR = Plane(height=-100.0)
-
-
-def _no_gears() -> Transmission:
-    return Transmission((), np.zeros(0), np.zeros(0))
-
-
-def _free_body(lever: tuple[float, float, float], inertia=(0.02, 0.05, 0.07)) -> Robot:
-    """A single body whose base frame stands off its centre of mass."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    body = pin.Inertia(2.0, np.array(lever), np.diag(inertia))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    model.gravity.linear = np.zeros(3)
-    return Robot("body", model, _no_gears())
 
 
 def _motion(robot: Robot, state: SimState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -38,8 +24,12 @@ def _motion(robot: Robot, state: SimState) -> tuple[np.ndarray, np.ndarray, np.n
 
 @pytest.mark.parametrize("lever", [(0.0, 0.0, 0.0), (0.1, -0.2, 0.3)])
 def test_a_spinning_body_keeps_its_speed(lever) -> None:
-    """20 rad/s and 5 m/s, 1000 steps of 1 ms: momenta exact, energy of second order."""
-    robot = _free_body(lever)
+    """20 rad/s and 5 m/s, 1000 steps of 1 ms: momenta exact, energy of second order.
+
+    With a lever its base frame stands off its centre of mass.
+    """
+    body = pin.Inertia(2.0, np.array(lever), np.diag([0.02, 0.05, 0.07]))
+    robot = free_body(body).with_gravity(np.zeros(3))
     plant, drift = Plant(robot, FAR), []
     for dt, steps in ((1e-3, 1000), (5e-4, 2000)):
         spin = 20.0 * np.array([0.6, 0.64, 0.48])

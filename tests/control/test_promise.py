@@ -27,18 +27,12 @@ from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.library import robot_names
 
-SETTINGS = ControllerSettings()
-
-
-def bounded(ours, command, levels=1):
-    assert command.rounds <= SETTINGS.max_rounds * levels
-    assert command.iterations <= budget(ours)
-    return True
+ROUNDS = ControllerSettings().max_rounds
 
 
 @pytest.mark.parametrize(
     ("name", "ticks"),
-    [("planar_leg_strong", 2000), ("solo12", 2000), ("anymal", 1200), ("talos", 800)],
+    [("planar_leg_strong", 1500), ("solo12", 1200), ("anymal", 600), ("talos", 500)],
 )
 def test_hostile_ticks_are_bounded_and_safe(name, ticks):
     robot, generator = load_robot(name), np.random.default_rng(1)
@@ -48,7 +42,8 @@ def test_hostile_ticks_are_bounded_and_safe(name, ticks):
         arguments = next(cases)
         command = ours.step(*arguments)
         assert kept(robot, command, budget(ours)), (tick, command.message)
-        assert bounded(ours, command)
+        assert command.rounds <= ROUNDS
+        assert command.iterations <= budget(ours)
         if not command.status.usable:
             assert command.message
     ours.reset()  # wild targets are held, as any target is
@@ -62,7 +57,7 @@ def test_a_motion_is_found_where_there_is_one(name):
     ours = controller(robot)
     patient = controller(robot, max_iterations=10000, max_rounds=100)
     ticks = possible = missed = 0
-    for arguments in islice(hostile_inputs(robot, ours, generator), 150):
+    for arguments in islice(hostile_inputs(robot, ours, generator), 120):
         command, ticks = ours.step(*arguments), ticks + 1
         if patient.step(*arguments).status.usable:
             possible += 1
@@ -98,19 +93,20 @@ def test_every_shipped_robot_keeps_the_promise(name):
     ]
     limits = [RotorTorqueLimit(), JointLimit.of(robot)]
     ours = Controller(robot, tasks, limits=limits)
-    for _ in range(60):
+    for _ in range(40):
         speed = generator.choice([0.1, 3.0, 100.0, 1e9])
         q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=robot.model.nv))
         command = ours.step(Motion(q, speed * generator.normal(size=robot.model.nv)))
         assert np.isfinite(command.rotor_torque).all()
         assert kept(robot, command, budget(ours))
-        assert bounded(ours, command, levels=2)
+        assert command.rounds <= 2 * ROUNDS
+        assert command.iterations <= budget(ours)
 
 
 def test_a_conflict_is_explained_when_somebody_asks():
     robot, generator = load_robot("solo12"), np.random.default_rng(0)
     ours, told = controller(robot), []
-    q = next(iter(robot.poses.values()))
+    q = robot.pose()
     for _ in range(10):
         v = np.zeros(robot.model.nv)
         v[robot.actuated] = 50.0 * generator.normal(size=12)
@@ -130,7 +126,7 @@ def test_what_is_called_a_contradiction_is_one(name):
     robot, generator = load_robot(name), np.random.default_rng(3)
     ours, refused = controller(robot), []
     cases = hostile_inputs(robot, ours, generator)
-    while len(refused) < 40:
+    while len(refused) < 25:
         command = ours.step(*next(cases))
         if command.status is Status.INFEASIBLE and "cannot be kept" in command.message:
             refused.append(command.refused.problem.dense())

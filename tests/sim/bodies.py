@@ -14,17 +14,13 @@ from wbc.sim import Plant, SimState, Terrain
 from wbc.transmission import Transmission
 
 
-def no_gears() -> Transmission:
-    return Transmission((), np.zeros(0), np.zeros(0))
-
-
 def free_body(inertia: pin.Inertia, contacts: tuple[ContactPoint, ...] = ()) -> Robot:
     """A body on a free flyer, with a frame 'body' at its base."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
     model.addFrame(pin.Frame("body", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    return Robot("body", model, no_gears(), contacts)
+    return Robot("body", model, Transmission((), np.zeros(0), np.zeros(0)), contacts)
 
 
 def block(size: tuple[float, float, float], friction: float, mass: float = 1.0) -> Robot:
@@ -41,6 +37,15 @@ def ball(radius: float, friction: float, mass: float = 1.0) -> Robot:
     """A ball that touches with its surface."""
     contact = ContactPoint("surface", "body", np.zeros(3), friction, radius)
     return free_body(pin.Inertia.FromSphere(mass, radius), (contact,))
+
+
+def one_joint(joint: object, body: pin.Inertia, **gears: float) -> Robot:
+    """One link behind one gear of these numbers."""
+    model = pin.Model()
+    number = model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    model.appendBodyToJoint(number, body, pin.SE3.Identity())
+    numbers = {name: np.array([value]) for name, value in gears.items()}
+    return Robot("one joint", model, Transmission(("joint",), **numbers))
 
 
 def free(*bodies: FreeBody, pairs: tuple[tuple[str, str], ...] = ()) -> Robot:

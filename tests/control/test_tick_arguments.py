@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.control.scenes import arm
+from tests.control.scenes import arm, points, still
 from wbc.control import (
     CenterOfMassTask,
     Controller,
     ControllerSettings,
     FramePositionTask,
     JointLimit,
-    PointContact,
     PostureTask,
     Reference,
     RestPolicy,
@@ -27,8 +26,7 @@ from wbc.robot import Motion
 from wbc.sim import Plant
 
 SOLO = load_robot("solo12")
-STAND = next(iter(SOLO.poses.values()))
-STATE = Motion(STAND, np.zeros(SOLO.model.nv))
+STATE = still(SOLO)
 FEET = [contact.name for contact in SOLO.contacts]
 
 
@@ -38,7 +36,7 @@ def controller_of(more=(), **weights):
         PostureTask.of(SOLO, weight=weights.get("posture", 0.1)),
         *more,
     ]
-    return Controller(SOLO, tasks, [PointContact(name=name) for name in FEET])
+    return Controller(SOLO, tasks, points(SOLO))
 
 
 def swing(weight=5.0):

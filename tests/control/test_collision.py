@@ -11,11 +11,14 @@ import pinocchio as pin
 import pytest
 from scipy.spatial import ConvexHull
 
-from tests.control.tasks.test_more_tasks import HALF, HAND, TALOS, talos_controller
+from sims.legged import feet
 from wbc.control import (
+    CenterOfMassTask,
     CollisionLimit,
     Controller,
+    FrameOrientationTask,
     FramePositionTask,
+    PostureTask,
     Reference,
     RotorTorqueLimit,
     Shape,
@@ -23,10 +26,12 @@ from wbc.control import (
 )
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
+from wbc.effects import load_robot
 from wbc.errors import ControlError
 from wbc.robot import Motion
 
-OTHER = "arm_right_7_link"
+TALOS = load_robot("talos")
+HALF, HAND, OTHER = TALOS.pose(), "arm_left_7_link", "arm_right_7_link"
 
 
 def hands(**settings):
@@ -76,10 +81,10 @@ def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
     least = {}
     for kept in (True, False):
         task = FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0)
-        plain = talos_controller(task)
+        trunk = FrameOrientationTask(name="trunk", frame="torso_2_link")
         limits = [RotorTorqueLimit(), limit] if kept else [RotorTorqueLimit()]
-        contacts = [bound.contact for bound in plain._contacts.values()]
-        controller = Controller(TALOS, plain.tasks, contacts, limits)
+        tasks = [CenterOfMassTask(weight=10.0), trunk, PostureTask.of(TALOS, weight=0.01), task]
+        controller = Controller(TALOS, tasks, feet(TALOS), limits)
         q, v, worst = HALF.copy(), np.zeros(TALOS.model.nv), np.inf
         for _ in range(500):
             command = controller.step(Motion(q, v), {"hand": Reference(target)}, dt=2e-3)
@@ -108,8 +113,7 @@ CUBE = np.array(list(product((-0.1, 0.1), repeat=3)))
 
 def test_a_mesh_is_its_convex_hull():
     """Inside a mesh of triangles coal's distance is not negative and points the wrong way."""
-    places = {"outside": 0.3, "inside": 0.12}
-    for along in places.values():
+    for along in (0.3, 0.12):  # outside, inside
         shapes = [
             Shape(name="mesh", geometry=mesh(CUBE), frame=HAND),
             Shape(name="box", geometry=coal.Box(0.2, 0.2, 0.2), frame=HAND),

@@ -1,0 +1,235 @@
+"""Hard tasks and targets far away, limits of tasks, efforts among equal motions, forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sims.legged import feet
+from tests.control.scenes import CERTAIN, center_of_mass, points, still, usual
+from wbc.control import (
+    CapturePointTask,
+    CenterOfMassTask,
+    ContactForceTask,
+    Controller,
+    ControllerSettings,
+    FrameOrientationTask,
+    FramePositionTask,
+    JointLimit,
+    JouleHeatEffort,
+    MeshLossEffort,
+    OutputTorqueEffort,
+    PostureTask,
+    Reference,
+    RotorTorqueEffort,
+    RotorTorqueLimit,
+    Status,
+)
+from wbc.control.kinematics import Kinematics
+from wbc.effects import load_robot
+from wbc.robot import Motion
+from wbc.sim import Plant
+
+TALOS, SOLO = load_robot("talos"), load_robot("solo12")
+LEG = load_robot("planar_leg_fixed").lossless()
+STANCE = [contact.name for contact in SOLO.contacts]
+ON_THREE = dict.fromkeys(STANCE[1:], np.inf)
+SETTINGS = ControllerSettings(speed_blend=CERTAIN)
+
+
+def talos(*tasks, **settings):
+    trunk = FrameOrientationTask(name="trunk", frame="torso_2_link")
+    own = [CenterOfMassTask(weight=10.0), trunk, PostureTask.of(TALOS, weight=0.01), *tasks]
+    return Controller(TALOS, own, feet(TALOS), settings=ControllerSettings(**settings))
+
+
+def asked_and_found(robot, task, state, acceleration, target):
+    """Return what a task of the usual gains asks its rows to do [m/s^2], and what they do."""
+    kinematics = Kinematics(robot)
+    kinematics.update(state.position, state.velocity)
+    jacobian, drift = task.jacobian(kinematics), task.drift(kinematics)
+    wanted = 100.0 * (target - task.value(kinematics)) - 20.0 * jacobian @ state.velocity
+    return wanted, jacobian @ acceleration + drift
+
+
+def test_a_capture_point_decays_at_its_stiffness():
+    """xi = c + c'/w with w^2 = g/h: by the law of the task xi' = -stiffness (xi - target)."""
+    com, speed = center_of_mass(TALOS, TALOS.pose()), np.array([0.0, 0.15, 0.0])
+    point = CapturePointTask(height=float(com[2]), weight=np.inf, stiffness=6.0)
+    height = CenterOfMassTask(name="height", axes="z", weight=10.0)
+    tasks = [height, point, PostureTask.of(TALOS, weight=0.01)]
+    controller = Controller(TALOS, tasks, feet(TALOS))
+    data, v = TALOS.model.createData(), np.zeros(36)
+    jacobian = pin.jacobianCenterOfMass(TALOS.model, data, TALOS.pose())
+    v = np.linalg.pinv(jacobian) @ speed
+    wish = {"capture_point": Reference(com[:2]), "height": Reference(com[2:])}
+    command = controller.step(Motion(TALOS.pose(), v), wish)
+    assert command.status is Status.SOLVED, command.message
+    pin.centerOfMass(TALOS.model, data, TALOS.pose(), v, command.acceleration)
+    pole = np.sqrt(9.81 / com[2])
+    rate = speed + data.acom[0] / pole
+    np.testing.assert_allclose(rate[:2], -6.0 * speed[:2] / pole, atol=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["proxqp", "daqp"])
+@pytest.mark.parametrize("rival", [1.0, 1e4])
+def test_a_hard_task_is_kept_whatever_others_weigh(solver, rival):
+    hand = FramePositionTask(name="hand", frame="arm_left_7_link", weight=np.inf)
+    other = FramePositionTask(name="rival", frame="arm_left_6_link", weight=rival)
+    controller = talos(hand, other, solver=solver)
+    state = Motion(TALOS.pose(), 0.02 * np.random.default_rng(3).normal(size=36))
+    kinematics = Kinematics(TALOS)
+    kinematics.update(state.position, state.velocity)
+    target = hand.value(kinematics) + np.array([0.05, 0.05, 0.1])
+    command = controller.step(state, {"hand": Reference(target)})
+    assert command.status is Status.SOLVED, command.message
+    wanted, found = asked_and_found(TALOS, hand, state, command.acceleration, target)
+    np.testing.assert_allclose(found, wanted, atol=1e-5)
+
+
+def test_hard_posture_and_a_hard_task_that_is_off():
+    names = SOLO.transmission.joints[:3]
+    leg = PostureTask.of(SOLO, names, name="leg", weight=np.inf)
+    controller = Controller(SOLO, usual(SOLO, leg), points(SOLO))
+    target = {"leg": Reference(SOLO.pose()[7:10] + 0.1)}
+    on = controller.step(still(SOLO), target, ON_THREE)
+    np.testing.assert_allclose(on.acceleration[6:9], 10.0, atol=1e-6)
+    off = controller.step(still(SOLO), target, ON_THREE, activation={"leg": 0.0})
+    assert off.status is Status.SOLVED
+    assert np.abs(off.acceleration[6:9]).max() < 1.0
+
+
+def test_a_hard_task_that_contradicts_a_contact_gives_way():
+    """The foot stays where it stands; the tick says which task is not kept."""
+    foot = FramePositionTask(name="foot", frame=SOLO.contacts[0].frame, weight=np.inf)
+    controller, target = (
+        Controller(SOLO, usual(SOLO, foot), points(SOLO)),
+        np.array([0.3, 0.2, 0.1]),
+    )
+    command = controller.step(still(SOLO), {"foot": Reference(target)})
+    assert command.status.usable
+    assert list(command.passed) == ["task 'foot'"]
+    assert "task 'foot'" in command.message
+    _, found = asked_and_found(SOLO, foot, still(SOLO), command.acceleration, target)
+    np.testing.assert_allclose(found, 0.0, atol=1e-5)
+    assert np.abs(command.rotor_torque).max() <= SOLO.transmission.torque_limit.max()
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [
+        ("solo12", (0.0, 0.0, 1.0)),
+        ("solo12", (-1.0, 1.0, 0.0)),
+        ("anymal", (1.0, 0.0, 0.0)),
+        ("anymal", (0.0, 1.0, 0.0)),
+    ],
+)
+def test_a_target_a_metre_away_does_not_drop_a_quadruped(name, way):
+    """It leans or stretches as far as its feet carry it and stays there; before, it fell over them.
+
+    Without the limit of its task 41 of 1000 ticks had no motion where the target is above it.
+    """
+    robot = load_robot(name)
+    start = center_of_mass(robot, robot.pose())
+    trunk = {"solo12": "base_link", "anymal": "base"}[name]
+    tasks = [
+        CenterOfMassTask(weight=100.0),
+        FrameOrientationTask(name="trunk", frame=trunk, weight=10.0),
+        PostureTask.of(robot, weight=0.1, stiffness=50.0),
+    ]
+    limits = [RotorTorqueLimit(), JointLimit.of(robot)] if way[2] else None
+    controller, plant = Controller(robot, tasks, points(robot), limits), Plant(robot)
+    state, wish = plant.state(robot.pose(), lifted=True), Reference(start + np.array(way))
+    for _ in range(1000 if way[2] else 1500):
+        motion = Motion(state.position, state.velocity)
+        command = controller.step(motion, {"center_of_mass": wish})
+        assert command.status.usable, command.message
+        state = plant.step(state, command.rotor_torque, 1e-3).state
+    moved = center_of_mass(robot, state.position) - start
+    if way[2]:
+        assert state.position[2] > robot.pose()[2] + 0.05
+        return
+    assert np.abs(state.velocity).max() < 1e-2
+    assert moved @ way > 0.08 * np.linalg.norm(way)
+    assert moved[2] > -0.1 * start[2]
+
+
+@pytest.mark.parametrize("limit", [2.0, 20.0])
+def test_a_joint_goes_to_its_target_at_its_limit_and_does_not_pass_it(limit):
+    """From rest it asks for its limit; then it goes at limit / damping, and comes to rest there."""
+    task = PostureTask.of(LEG, ("knee",), acceleration_limit=limit)
+    rest = PostureTask.of(LEG, ("hip",), name="hip", weight=10.0)
+    controller = Controller(LEG, [task, rest], limits=[])
+    q, v, step, target = np.array([0.4, -1.0]), np.zeros(2), 1e-3, 1.0
+    speeds, asked = [], []
+    for _ in range(round(2.0 / (limit / 20.0) / step + 2.0 / step)):
+        command = controller.step(Motion(q, v), {"posture": Reference(np.array([target]))})
+        assert command.status.usable
+        a = command.acceleration
+        q, v = q + step * v + 0.5 * step**2 * a, v + step * a
+        speeds.append(v[1])
+        asked.append(a[1])
+    assert asked[0] == pytest.approx(limit, rel=1e-3)
+    assert np.abs(asked).max() <= limit * (1.0 + 1e-3)
+    assert max(speeds) == pytest.approx(limit / 20.0, rel=0.02)
+    assert q[1] == pytest.approx(target, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("speed", "ahead", "found"),
+    [(50.0, None, -100.0), (0.0, 500.0, 500.0)],
+    ids=["brakes", "ahead"],
+)
+def test_what_is_fed_back_is_limited_and_what_is_fed_forward_is_not(speed, ahead, found):
+    signs = np.array([1.0, -1.0])
+    controller = Controller(LEG, [PostureTask.of(LEG, acceleration_limit=100.0)], limits=[])
+    wish = {} if ahead is None else {"posture": Reference(acceleration=ahead * signs)}
+    command = controller.step(Motion(np.array([0.4, -1.0]), speed * signs), wish)
+    np.testing.assert_allclose(command.acceleration, found * signs, rtol=1e-3)
+
+
+def loss(robot, command, v):
+    motor = robot.transmission.motor_from_joint @ v[robot.actuated]
+    return np.sum(command.mesh_power - command.output_torque * motor)
+
+
+EFFORTS = {
+    "rotor": (RotorTorqueEffort(weight=1.0), lambda r, c, v: c.rotor_torque @ c.rotor_torque),
+    "output": (OutputTorqueEffort(weight=1e-2), lambda r, c, v: c.output_torque @ c.output_torque),
+    "loss": (MeshLossEffort(weight=1.0), loss),
+    "heat": (
+        JouleHeatEffort(weight=0.1),
+        lambda r, c, v: np.sum((c.rotor_torque / r.transmission.torque_constant) ** 2),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", EFFORTS)
+def test_effort_lowers_its_own_cost(case):
+    effort, cost = EFFORTS[case]
+    robot = SOLO.with_transmission(SOLO.transmission.replace(resistance=np.full(12, 0.3)))
+    tasks = [CenterOfMassTask(), PostureTask.of(robot, weight=0.01)]
+    v = np.r_[np.zeros(6), 0.3 * np.random.default_rng(0).normal(size=12)]
+    plain, thrifty = (
+        Controller(robot, [*tasks, *more], points(robot), settings=SETTINGS)
+        for more in ([], [effort])
+    )
+    for _ in range(5):
+        before, after = (control.step(Motion(robot.pose(), v)) for control in (plain, thrifty))
+    assert after.status.usable
+    assert after.consistent
+    assert cost(robot, after, v) < 0.98 * cost(robot, before, v)
+
+
+def test_wrench_of_a_sole_is_tracked_where_the_other_can_carry_the_rest():
+    """The asked wrench is reached, the tasks keep what they want, and the other sole gives way."""
+    posture, soles = PostureTask.of(TALOS), feet(TALOS)
+    free = Controller(TALOS, [posture], soles, settings=SETTINGS).step(still(TALOS))
+    asked = free.forces["left"] + np.array([5.0, 3.0, 40.0, 1.0, -2.0, 0.5])
+    task = ContactForceTask(name="load", contact="left", weight=1.0)
+    control = Controller(TALOS, [posture, task], soles, settings=SETTINGS)
+    command = control.step(still(TALOS), {"load": Reference(asked)})
+    np.testing.assert_allclose(command.forces["left"], asked, atol=0.1)
+    change = command.forces["right"] - free.forces["right"]
+    assert change[2] == pytest.approx(-40.0, abs=2.0)
