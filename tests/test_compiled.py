@@ -168,7 +168,7 @@ def run(tmp_path):
 READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
 
 
-def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run):
+def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run, tmp_path):
     """A user who pulls a new version must not go on with machine code of the old one.
 
     Another comment or docstring changes nothing. Where nothing can be written, what lies beside the
@@ -178,14 +178,16 @@ def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run):
     assert run("1.0", "1.0", text='"""Return more."""\n    # And more.') == ["2.0", "1"]
     assert run("1.0", "20.0") == ["21.0", "0"]
     assert run("1.25", "20.0") == ["26.25", "0"]
+    # Numba would copy a large function, with all that it calls, into each that calls it.
+    large = "import wbc.compiled; wbc.compiled._COPIED = 0"
+    assert run("2.0", "1.0", before=large) == ["4.0", "0"]
+    assert run("2.0", "1.0", before=large) == ["4.0", "1"]
+    assert run("2.0", "3.0", before=large) == ["8.0", "0"]
     assert run("1.0", "1.0", before=READ_ONLY) == ["2.0", "1"]
     (told,) = run("1.0", "17.0", before=READ_ONLY)
     assert "NUMBA_CACHE_DIR" in told
-
-
-def test_what_a_module_kept_under_another_name_is_compiled_anew(run, tmp_path):
-    """A file that was renamed, with what it holds unchanged."""
-    assert run("1.0", "1.0") == ["2.0", "0"]
+    # A file that was renamed, with what it holds unchanged.
+    (tmp_path / "callee.py").write_text(CALLEE.format(factor="1.0", added="1.0"))
     (tmp_path / "callee.py").rename(tmp_path / "inner_callee.py")
     text = CALLER.format(text="# Nothing.").replace("from callee", "from inner_callee")
     (tmp_path / "renamed.py").write_text(text)
@@ -229,35 +231,20 @@ def test_every_compiled_function_is_found():
 
 def test_what_was_compiled_ahead_is_found_again(tmp_path):
     """The functions of a file, compiled by a worker into an empty folder, with what they call."""
-    run = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    ahead = (
+    chosen = (
         "import wbc.compile_all as ahead\n"
         "every = ahead.compiled_functions()\n"
         "some = {f: p for f, p in every.items() if p[0] == 'wbc.effects.tables'}\n"
-        "ahead.compiled_functions = lambda: some\n"
-        "print(ahead.compile_all(1))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", ahead], env=run, cwd=ROOT, capture_output=True, text=True, check=True
+    compiles = "ahead.compiled_functions = lambda: some\nprint(ahead.compile_all(1))"
+    hits = "sum(sum(one.stats.cache_hits.values()) for one in some)"
+    looks = f"for one in some: one.make_ready()\nprint({hits})"
+    run = {"env": {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, "cwd": ROOT, "text": True}
+    compiled_ahead, found = (
+        int(subprocess.check_output([sys.executable, "-c", chosen + code], **run))
+        for code in (compiles, looks)
     )
-    look = (
-        "from wbc.compile_all import compiled_functions\n"
-        "kept = [f for f, p in compiled_functions().items() if p[0] == 'wbc.effects.tables']\n"
-        "for one in kept: one.make_ready()\n"
-        "print(sum(sum(f.stats.cache_hits.values()) for f in kept))"
-    )
-    again = subprocess.run(
-        [sys.executable, "-c", look], env=run, cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert int(done.stdout) == int(again.stdout) > 0
-
-
-def test_a_large_function_is_called_where_it_is_also_from_what_is_kept(run):
-    """Numba would copy it, with all that it calls, into each function that calls it."""
-    large = "import wbc.compiled; wbc.compiled._COPIED = 0"
-    assert run("2.0", "1.0", before=large) == ["4.0", "0"]
-    assert run("2.0", "1.0", before=large) == ["4.0", "1"]
-    assert run("2.0", "3.0", before=large) == ["8.0", "0"]
+    assert compiled_ahead == found > 0
 
 
 def test_what_a_function_calls_is_defined_before_it(tmp_path):

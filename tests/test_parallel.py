@@ -24,28 +24,23 @@ def test_results_come_in_the_order_of_the_items() -> None:
 
 
 def failing(number: int) -> int:
-    """Raise for one of the jobs."""
+    """Raise for one of the jobs, end the process of another."""
     if number == 3:
         raise ValueError("job 3")
-    return number
-
-
-def test_an_error_of_a_job_ends_the_work_and_the_processes_work_on() -> None:
-    with pytest.raises(ValueError, match="job 3"):
-        list(run_jobs(failing, range(20), workers=2))
-    assert sorted(run_jobs(squared, range(4), workers=2)) == [0, 1, 4, 9]
-
-
-def deadly(number: int) -> int:
-    """End the process of one of the jobs."""
-    if number == 7:
+    if number == 107:
         os.kill(os.getpid(), signal.SIGKILL)
     return number
 
 
-def test_a_job_that_ends_its_process_is_an_error_and_the_next_work_runs() -> None:
-    with pytest.raises(ParallelError, match="ended the process"):
-        list(run_jobs(deadly, range(20), workers=2))
+@pytest.mark.parametrize(
+    ("first", "error", "says"),
+    [(0, ValueError, "job 3"), (100, ParallelError, "ended the process")],
+)
+def test_a_job_that_fails_ends_the_work_and_the_next_work_runs(
+    first: int, error: type[Exception], says: str
+) -> None:
+    with pytest.raises(error, match=says):
+        list(run_jobs(failing, range(first, first + 20), workers=2))
     assert list(run_jobs(squared, range(4), workers=2)) == [0, 1, 4, 9]
 
 
@@ -60,21 +55,5 @@ def test_a_line_every_half_minute_tells_the_time_left() -> None:
     assert lines[0] == "sessions: 23 of 100, 13 min left"  # 77 of 10 s each
     assert lines[-1] == "sessions: 98 of 100, 20 s left"
     assert len(lines) == 26  # every 30 s, not at the end
-
-
-def test_short_work_writes_nothing() -> None:
-    lines: list[str] = []
-    watch = progress_lines("sessions", lines.append, lambda: 0.0)
-    for done in range(11):
-        watch(done, 10)
-    assert lines == []
-
-
-def test_times_are_told_in_the_largest_unit() -> None:
-    assert [spoken_time(t) for t in (0.4, 119, 120, 7300, 200000)] == [
-        "0 s",
-        "119 s",
-        "2 min",
-        "2 h",
-        "2 d",
-    ]
+    spoken = [spoken_time(t) for t in (0.4, 119, 120, 7300, 200000)]
+    assert spoken == ["0 s", "119 s", "2 min", "2 h", "2 d"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,42 +30,28 @@ unit = "N m"
 """
 
 
+def cause(name: str, **values: float) -> dict[str, Any]:
+    parameters = {n: {"value": v, "unit": "1"} for n, v in values.items()}
+    return {"effect": name, "where": ["knee"], "parameters": parameters}
+
+
 # What `wbc diagnose --json` of 0.1 wrote for the sample logs, shortened.
-ANSWER = {
-    "verdict": "named",
-    "effects": [
-        {
-            "effect": "transmission_efficiency",
-            "where": ["knee"],
-            "parameters": {
-                "forward_efficiency": {"value": 0.8, "unit": "1", "low": 0.7998, "high": 0.8007},
-                "backward_efficiency": {"value": 0.75, "unit": "1", "low": 0.749, "high": 0.7509},
-            },
-            "alternatives": [],
-        }
-    ],
-    "ranking": [
-        {
-            "added": [{"effect": "load_friction", "where": "knee"}],
-            "removed": [{"effect": "transmission_efficiency", "where": "knee"}],
-            "standing": "worse",
-            "effects": [
-                {"effect": "load_friction", "where": "knee", "parameters": {"coefficient": 0.219}}
-            ],
-            "covariance": None,
-        }
-    ],
+GEAR = cause("transmission_efficiency", forward_efficiency=0.8, backward_efficiency=0.75)
+RIVAL = {"effect": "load_friction", "where": "knee", "parameters": {"coefficient": 0.219}}
+ROW = {
+    "added": [{"effect": "load_friction", "where": "knee"}],
+    "removed": [{"effect": "transmission_efficiency", "where": "knee"}],
 }
+ROW |= {"standing": "worse", "effects": [RIVAL], "covariance": None}
+ANSWER = {"verdict": "named", "effects": [{**GEAR, "alternatives": []}], "ranking": [ROW]}
 
 
-def test_a_robot_saved_by_0_1_is_read(tmp_path: Path) -> None:
-    (tmp_path / "old.toml").write_text(OLD)
-    (effect,) = load_robot(tmp_path / "old.toml").effects
-    assert effect.values == {"level": 0.5}
-
-
-def test_a_saved_robot_holds_its_version_and_a_newer_one_is_refused(tmp_path: Path) -> None:
+def test_a_saved_robot_holds_its_version_an_older_is_read_and_a_newer_refused(
+    tmp_path: Path,
+) -> None:
     robot = load_robot("planar_leg_fixed").with_effect(CoulombFriction("hip", 0.5))
+    (tmp_path / "old.toml").write_text(OLD)
+    assert load_robot(tmp_path / "old.toml").effects == robot.effects
     path = save_robot(robot, tmp_path / "new.toml")
     assert tomllib.loads(path.read_text())["schema"] == SCHEMA
     assert load_robot(path).effects == robot.effects
@@ -90,12 +77,11 @@ def test_a_column_map_holds_its_version_and_an_older_one_has_none(tmp_path: Path
         load_log(sample_paths()[0], path)
 
 
-def test_the_result_for_programs_holds_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["list", "effects", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["schema"] == SCHEMA
-
-
-def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(tmp_path: Path) -> None:
     robot, path = load_robot("planar_leg_fixed").lossless(), tmp_path / "found.json"
     path.write_text(json.dumps(ANSWER))
     causes = tied_causes(path, robot)

@@ -1,4 +1,4 @@
-"""Every link inside the repository's pages leads to a file that is there, and to its title."""
+"""Every link of the pages leads to a file that is there, and to its title; so do pictures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
@@ -49,3 +50,32 @@ def test_every_page_stands_in_the_contents_of_the_site() -> None:
 def test_links_of_the_changelog_hold_on_the_site_too() -> None:
     """The page includes a file of another folder: its links were dead, which stopped the build."""
     assert ":relative-docs: docs/" in (ROOT / "docs" / "changelog.md").read_text("utf-8")
+
+
+IMAGES = ROOT / "docs" / "images"
+SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|(?:\.\./)*)images/([^)]+)\)")
+
+
+def shown() -> dict[str, str]:
+    """Return file name -> what the page says that it shows."""
+    docs = ROOT / "docs"
+    pages = [ROOT / "README.md", *docs.rglob("*.md")]
+    return {name: text for page in pages for text, name in SHOWN.findall(page.read_text("utf-8"))}
+
+
+def test_pictures_and_pages_belong_together() -> None:
+    made = {path.name for path in IMAGES.iterdir()}
+    dark = {name for name in made if Path(name).stem.endswith("_dark")}
+    assert set(shown()) == made - dark
+    # The site shows `name_dark.png` in the place of `name.png` on a dark page.
+    assert {name.replace("_dark", "") for name in dark} <= set(shown())
+
+
+def test_every_picture_is_made_opens_and_has_words_for_those_who_cannot_see_it() -> None:
+    script = (ROOT / "docs" / "pictures.py").read_text("utf-8")
+    for name, text in shown().items():
+        assert f'"{Path(name).stem}"' in script
+        with Image.open(IMAGES / name) as picture:
+            picture.verify()
+            assert min(picture.size) >= 200
+        assert len(text.split()) >= 3

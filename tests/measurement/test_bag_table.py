@@ -72,8 +72,9 @@ def test_joint_states_become_a_log(plugin: str, tmp_path: Path) -> None:
 @needs_rosbags
 def test_a_map_gives_effort_another_meaning_and_chooses_the_topic(tmp_path: Path) -> None:
     folder = record(tmp_path / "run", "MCAP", ("/left", "/right"))
-    with pytest.raises(LogError, match=r"several JointState topics \(/left, /right\)"):
+    with pytest.raises(LogError, match=r"several JointState topics \(/left, /right\)") as caught:
         load_log(folder)
+    assert 'rows.topic = "/left"' in str(caught.value)
     text = '[rows]\ntopic = "/right"\n[columns]\n'
     text += '"hip.current" = { from = "hip.effort", unit = "mA" }\n'
     (tmp_path / "map.toml").write_text(text)

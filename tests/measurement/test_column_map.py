@@ -22,56 +22,74 @@ def _write(tmp_path: Path, text: str, rows: str) -> tuple[Path, Path]:
     return tmp_path / "log.csv", tmp_path / "map.toml"
 
 
+MAP = """
+time = { from = "t_ms", unit = "ms", offset = 1.0 }
+[columns."hip.position"]
+from = "theta"
+unit = "deg"
+side = "rotor"
+gear_ratio = 20
+sign = -1
+offset = 0.5
+[columns]
+hip.velocity = { from = "n", unit = "rpm", side = "rotor", gear_ratio = 20 }
+hip.current = { from = "i", unit = "mA" }
+hip.rotor_torque = { from = "tau", side = "motor", gear_ratio = 20 }
+hip.rotor_position = { from = "theta", unit = "deg" }
+"j6.position" = { from = ["m6", "m5"], weights = [1, -1], side = "rotor", gear_ratio = [32, 45] }
+knee.motor_torque = { from = "u", side = "rotor" }
+knee.velocity = { sign = -1 }
+knee.current = "arm.duty"
+arm.velocity = false
+"""
+ROWS = """t_ms,theta,n,i,tau,m5,m6,u,knee.velocity,arm.duty,arm.velocity,a.goal_position,a.voltage
+0,0,60,500,40,45,64,1,2,3,4,5,6
+2,720,60,500,40,90,64,2,4,5,6,7,nan
+"""
+MEANT = {
+    "hip.position": [0.5, 0.5 - 4 * np.pi / 20],
+    "hip.velocity": 2 * np.pi / 20,
+    "hip.current": 0.5,
+    "hip.rotor_torque": 2.0,
+    "hip.rotor_position": [0.0, 4 * np.pi],
+    "j6.position": [1.0, 0.0],  # a coupled wrist
+    "knee.motor_torque": [-6.0, -12.0],  # by the robot's gear ratio
+    "knee.velocity": [-2.0, -4.0],  # a map is a patch: names that are valid pass through
+    "knee.current": [3.0, 5.0],  # and the former name does not, too
+    "a.target_position": [5.0, 7.0],  # read by its former name
+}
+
+
 def test_names_units_signs_offsets_and_sides_become_ours(tmp_path: Path) -> None:
-    text = """
-    [time]
-    from = "t_ms"
-    unit = "ms"
-    offset = 1.0
-    [columns]
-    [columns."hip.position"]
-    from = "theta"
-    unit = "deg"
-    side = "rotor"
-    gear_ratio = 20
-    sign = -1
-    offset = 0.5
-    [columns."hip.velocity"]
-    from = "n"
-    unit = "rpm"
-    side = "rotor"
-    gear_ratio = 20
-    [columns.hip]
-    current = { from = "i", unit = "mA" }
-    rotor_torque = { from = "tau", side = "motor", gear_ratio = 20 }
-    rotor_position = { from = "theta", unit = "deg" }
-    """
-    log = load_log(*_write(tmp_path, text, "t_ms,theta,n,i,tau\n0,0,60,500,40\n2,720,60,500,40\n"))
+    files = _write(tmp_path, MAP, ROWS)
+    log = load_log(*files, gear_ratios={"knee": -6.0})
+    assert set(log.names) == set(MEANT)
     np.testing.assert_allclose(log.time, [1.0, 1.002])
-    np.testing.assert_allclose(log.column("hip.position"), [0.5, 0.5 - 4 * np.pi / 20])
-    np.testing.assert_allclose(log.column("hip.velocity"), 2 * np.pi / 20)
-    np.testing.assert_allclose(log.column("hip.current"), 0.5)
-    np.testing.assert_allclose(log.column("hip.rotor_torque"), 2.0)
-    np.testing.assert_allclose(log.column("hip.rotor_position"), [0.0, 4 * np.pi])
+    for column, values in MEANT.items():
+        np.testing.assert_allclose(log.column(column), values, atol=1e-15, err_msg=column)
+    assert log.has("a.goal_position")
     assert log.source.mapping.endswith("map.toml")
+    assert log.source.ignored == ()
+    # Only a column that is needed must have no hole.
+    with pytest.raises(LogError, match=r"'a.voltage' holds nan at row 1 \(1 such rows of 2"):
+        log.column("a.voltage")
+    with pytest.raises(LogError, match=r"map\.toml: columns\.knee\.motor_torque.*gear_ratio"):
+        load_log(*files)
 
 
-def test_unquoted_names_and_the_robots_gear_ratio_work_too(tmp_path: Path) -> None:
-    text = '[columns]\nhip.motor_torque = { from = "u", side = "rotor" }\nhip.position = "q"\n'
-    log_file, map_file = _write(tmp_path, text, "time,u,q\n0,1,0\n0.1,2,0\n")
-    log = load_log(log_file, map_file, gear_ratios={"hip": -6.0})
-    np.testing.assert_array_equal(log.column("hip.motor_torque"), [-6.0, -12.0])
-    with pytest.raises(LogError, match=r"map\.toml: columns\.hip\.motor_torque.*gear_ratio"):
-        load_log(log_file, map_file)
-
-
-def test_a_coupled_wrist_is_a_weighted_sum_of_rotors(tmp_path: Path) -> None:
-    text = (
-        '[columns]\n"j6.position" = { from = ["m6", "m5"], weights = [1, -1], side = "rotor", '
-        "gear_ratio = [32, 45] }\n"
-    )
-    log = load_log(*_write(tmp_path, text, "time,m5,m6\n0,45,64\n0.1,90,64\n"))
-    np.testing.assert_allclose(log.column("j6.position"), [1.0, 0.0])
+def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path) -> None:
+    text = 'time.repeated = "first"\ncolumns."hip.current" = "i"\n'
+    text += 'columns."hip.position" = { from = "q", missing = "drop_rows" }'
+    rows = "time,q,i\n0.0,1,\n0.1,2,\n0.1,3,\n0.2,,\n0.3,5,\n"
+    log = load_log(*_write(tmp_path, text, rows))
+    np.testing.assert_array_equal(log.time, [0.0, 0.1, 0.3])
+    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0, 5.0])
+    assert log.names == ("hip.position",)
+    notes = " ".join(log.source.notes)
+    assert "hip.current left out" in notes
+    assert "2 of 5 rows dropped" in notes
+    files = _write(tmp_path, 'time.rate = 50.0\ncolumns."hip.position" = "q"', "q\n1\n2\n3\n")
+    np.testing.assert_allclose(load_log(*files).time, [0.0, 0.02, 0.04])
 
 
 def test_one_file_is_split_into_logs_and_rows_are_chosen(tmp_path: Path) -> None:
@@ -100,35 +118,6 @@ def test_one_file_is_split_into_logs_and_rows_are_chosen(tmp_path: Path) -> None
         load_log(*files)
 
 
-def test_interleaved_logs_are_taken_apart(tmp_path: Path) -> None:
-    text = '[rows]\nsplit = "run"\n[columns]\n"hip.position" = "q"\n'
-    rows = "run,time,q\n" + "".join(f"{k % 2},{0.1 * (k // 2)},{k}\n" for k in range(8))
-    logs = load_logs([_write(tmp_path, text, rows)[0]], tmp_path / "map.toml")
-    np.testing.assert_array_equal(logs[0].column("hip.position"), [0, 2, 4, 6])
-    np.testing.assert_array_equal(logs[1].column("hip.position"), [1, 3, 5, 7])
-
-
-def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path) -> None:
-    text = """
-    [time]
-    repeated = "first"
-    [columns]
-    "hip.position" = { from = "q", missing = "drop_rows" }
-    "hip.current" = "i"
-    """
-    rows = "time,q,i\n0.0,1,\n0.1,2,\n0.1,3,\n0.2,,\n0.3,5,\n"
-    log = load_log(*_write(tmp_path, text, rows))
-    np.testing.assert_array_equal(log.time, [0.0, 0.1, 0.3])
-    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0, 5.0])
-    assert log.names == ("hip.position",)
-    assert any("hip.current left out" in note for note in log.source.notes)
-    assert any("2 of 5 rows dropped" in note for note in log.source.notes)
-    text = '[time]\nrate = 50.0\n[columns]\n"hip.position" = "q"\n'
-    np.testing.assert_allclose(
-        load_log(*_write(tmp_path, text, "q\n1\n2\n3\n")).time, [0.0, 0.02, 0.04]
-    )
-
-
 def test_unsigned_encoders_are_unwrapped(tmp_path: Path) -> None:
     time = np.arange(500) * 0.01
     counts = np.round(4096 * (0.4 + 1.3 * np.sin(time)))
@@ -151,17 +140,11 @@ RULE = '[columns]\n"hip.position" = '
         ("trusted = 1", ["trusted: true or false"]),
         ("[colums]\na = 1", ["Unknown section 'colums'", "Did you mean 'columns'"]),
         (RULE + '{ from = "q", unt = "deg" }', ["columns.hip.position", "Did you mean 'unit'"]),
-        (
-            RULE + '{ from = "q", unit = "degs" }',
-            [".position.unit", "Did you mean 'deg'"],
-        ),
+        (RULE + '{ from = "q", unit = "degs" }', [".position.unit", "Did you mean 'deg'"]),
         (RULE + '{ from = "q", unit = "N m" }', ["measures [N m]", "needs [rad or m]"]),
         (RULE + '{ from = "q", scale = "x" }', ["columns.hip.position.scale", "'x'"]),
         (RULE + '{ from = "q", scale = 0 }', ["must not be 0"]),
-        (
-            RULE + '{ from = "q", side = "left", gear_ratio = 2 }',
-            ["side: one of rotor"],
-        ),
+        (RULE + '{ from = "q", side = "left", gear_ratio = 2 }', ["side: one of rotor"]),
         (RULE + '{ from = "q", side = "rotor", gear_ratio = 0 }', ["0 is no gear"]),
         (RULE + '{ from = "q", gear_ratio = 20 }', ["gear_ratio without side"]),
         (RULE + '{ from = ["a", "b"], weights = [1] }', ["1 numbers for 2 foreign columns"]),
@@ -185,44 +168,6 @@ def test_errors_name_the_map_and_the_key(text: str, words: list[str], tmp_path: 
         assert word in str(caught.value)
 
 
-NATIVE = "time,hip.position,hip.velocity,hip.rotor_torque\n"
-
-
-def test_a_map_is_a_patch_and_valid_names_pass_through(tmp_path: Path) -> None:
-    rows = NATIVE + "0,1,2,3\n100,2,4,5\n"
-    log = load_log(*_write(tmp_path, 'time.unit = "ms"', rows))
-    assert log.names == ("hip.position", "hip.velocity", "hip.rotor_torque")
-    np.testing.assert_allclose(log.time, [0.0, 0.1])
-    rows = rows.replace("100,", "0.1,")
-    log = load_log(*_write(tmp_path, 'columns."hip.velocity" = { sign = -1 }', rows))
-    np.testing.assert_array_equal(log.column("hip.velocity"), [-2.0, -4.0])
-    np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0])
-
-
-def test_a_column_used_under_another_name_does_not_pass_through_too(tmp_path: Path) -> None:
-    text = '[columns]\n"hip.motor_torque" = "hip.rotor_torque"\n"hip.velocity" = false\n'
-    log = load_log(*_write(tmp_path, text, NATIVE + "0,1,2,3\n0.1,2,4,5\n"))
-    assert log.names == ("hip.position", "hip.motor_torque")
-    assert log.source.ignored == ()
-
-
-def test_align_velocity_is_an_option_of_the_map(tmp_path: Path) -> None:
-    time = np.arange(2000) * 0.002
-
-    def speed(t: np.ndarray) -> np.ndarray:
-        return 5.0 * np.cos(5.0 * t) + 3.3 * np.cos(11.0 * t)
-
-    position = np.sin(5.0 * time) + 0.3 * np.sin(11.0 * time)
-    table = np.column_stack([time, position, speed(time - 0.003)])
-    lines = "\n".join(",".join(map(repr, map(float, row))) for row in table)
-    files = _write(
-        tmp_path, "time.align_velocity = true", f"time,hip.position,hip.velocity\n{lines}\n"
-    )
-    log = load_log(*files)
-    assert np.abs(table[:, 2] - speed(time)).max() > 0.1
-    np.testing.assert_allclose(log.column("hip.velocity"), speed(log.time), atol=0.01)
-
-
 def test_a_flag_that_comes_back_begins_another_log(tmp_path: Path) -> None:
     flag = np.repeat([0, 1, 0, 1], 30)
     rows = "time,phase,hip.position\n" + "".join(
@@ -234,14 +179,6 @@ def test_a_flag_that_comes_back_begins_another_log(tmp_path: Path) -> None:
     for k, log in enumerate(logs):
         np.testing.assert_array_equal(log.column("hip.position"), np.arange(30 * k, 30 * k + 30))
     assert load_log(f"{files[0]}#0/2", files[1]).time[0] == pytest.approx(0.6)
-
-
-def test_holes_are_refused_only_in_columns_that_are_needed(tmp_path: Path) -> None:
-    rows = "time,hip.position,hip.temperature\n0,1,20\n0.1,2,nan\n0.2,3,20\n"
-    log = load_log(_write(tmp_path, "", rows)[0])
-    assert log.names == ("hip.position",)
-    with pytest.raises(LogError, match=r"'hip.temperature' holds nan at row 1 \(1 such rows of 3"):
-        log.column("hip.temperature")
 
 
 def test_channels_recorded_at_times_of_their_own_are_bridged(tmp_path: Path) -> None:
@@ -261,15 +198,6 @@ def test_channels_recorded_at_times_of_their_own_are_bridged(tmp_path: Path) -> 
     np.testing.assert_allclose(log.time, 0.01 * np.arange(1, 20))
     np.testing.assert_allclose(log.column("slide.position"), np.arange(1, 20))
     np.testing.assert_allclose(log.column("slide.motor_torque"), np.arange(1, 20))
-
-
-def test_the_old_name_of_the_set_point_still_reads(tmp_path: Path) -> None:
-    for name in ("goal_position", "target_position"):
-        log = load_log(_write(tmp_path, "", f"time,a.{name}\n0,1\n0.1,2\n")[0])
-        assert log.has("a.goal_position", "a.target_position")
-        np.testing.assert_array_equal(log.column("a.target_position"), [1.0, 2.0])
-        np.testing.assert_array_equal(log.column("a.goal_position"), [1.0, 2.0])
-        assert log.with_quantity("target_position") == ("a",)
 
 
 @pytest.mark.parametrize(

@@ -42,24 +42,6 @@ def test_the_delay_of_a_velocity_is_found_finer_than_a_sample_and_taken_out(dela
     assert np.std(aligned.column("hip.velocity") - expected) < 4e-3
 
 
-def test_a_low_passed_velocity_is_told_from_a_late_one_and_undone() -> None:
-    rng = np.random.default_rng(2)
-    time, constant = np.arange(5000) * 0.002, 0.05
-    position, truth, velocity = np.zeros((3, time.size))
-    for scale, omega in ((1.0, 2.0), (0.3, 13.0)):
-        lag = np.arctan(omega * constant)
-        gain = omega * scale / np.hypot(1.0, omega * constant)
-        position += scale * np.sin(omega * time)
-        truth += omega * scale * np.cos(omega * time)
-        velocity += gain * np.cos(omega * time - lag)
-    velocity += 1e-4 * rng.normal(size=time.size)
-    log = Log(time, {"a.position": position, "a.velocity": velocity})
-    assert fit_velocity(time, position, velocity).delay == pytest.approx(constant, rel=0.01)
-    assert "velocity_filtered" in _kinds(log)
-    found = align_velocity(log).column("a.velocity")
-    assert np.std((found - truth)[20:-20]) < 0.01 * np.std(truth)
-
-
 def test_a_full_duty_is_saturation_even_while_the_joint_stands_still(swing: Log) -> None:
     duty = np.where(swing.time > 3.0, 1.0, 0.2 * np.sin(swing.time))
     position = np.minimum(swing.time, 3.0)

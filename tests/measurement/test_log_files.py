@@ -1,4 +1,4 @@
-"""Files of logs: written and read, and bad ones; units as people write them."""
+"""Files of logs: written and read, and bad ones; units and vectors as people write them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from wbc.cli import main
 from wbc.errors import LogError
 from wbc.measurement import Log, load_log, load_logs, save_log
 from wbc.measurement.guess import guess_names
@@ -59,7 +60,7 @@ def test_a_failed_write_leaves_the_old_file(swing: Log, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
 
 
-GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
+GOOD = "time,hip.position,mood\n0.0,1.0,good\n0.1,2.0,bad\n0.2,3.0,good\n"
 
 
 @pytest.mark.parametrize(
@@ -68,29 +69,18 @@ GOOD = "time,hip.position\n0.0,1.0\n0.1,2.0\n0.2,3.0\n"
         ("a.csv", b"", ["is empty"]),
         ("a.csv", b"time,hip.position\n", ["is empty", "no rows"]),
         ("a.csv", b"time,hip.position\n0.0,1.0\n0.1\n0.2,1\n", ["Expected 2 columns, got 1"]),
-        (
-            "a.csv",
-            b"time,hip.position\n0.0,1.0\n0.1,abc\n",
-            ["holds 'abc' at row 1"],
-        ),
+        ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,abc\n", ["holds 'abc' at row 1"]),
         ("a.csv", b"time;hip.position\n0;1,2,3\n", ["holds '1,2,3' at row 0"]),
         ("a.csv", b"time,hip.position\n0,0,1,5\n0,1,1,5\n", ["decimal commas between commas?"]),
         ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,\n", ["'hip.position' holds nan at row 1"]),
         ("a.csv", b"time,hip.position\n0.0,1.0\n0.1,inf\n", ["'hip.position' holds inf at row 1"]),
         ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.05,2\n", ["goes back at row 2"]),
         ("a.csv", b"time,hip.position\n0.0,1\n0.1,1\n0.1,2\n", ["repeats at row 2", "repeated"]),
-        (
-            "a.csv",
-            b"t,hip.position\n0.0,1.0\n",
-            ["'time'", "are: t, hip.position", "time.from"],
-        ),
+        ("a.csv", b"t,hip.position\n0,1\n", ["'time'", "are: t, hip.position", "time.from"]),
         ("a.csv", b"time,hip.positon\n0.0,1.0\n", ["'hip.positon' looks like 'hip.position'"]),
         ("a.csv", b"time,q1,q2\n0.0,1.0,2.0\n", ["wbc init", "time, q1, q2"]),
-        (
-            "a.csv",
-            b"time,a.current,a.current\n0,1,2\n",
-            ["more than one column called 'a.current'", "rows.header = "],
-        ),
+        ("a.csv", b"time,a.current,a.current\n0,1,2\n", ["called 'a.current'", "rows.header = "]),
+        ("run 1.csv", b"time,x\n0,1\n1,2\n2,3\n", ["`wbc init MODEL '/", "run 1.csv'`"]),
         ("a.csv", b"\xff\x00\x01", ["cannot read", "as CSV"]),
         ("a.parquet", b"PAR1 and then nothing", ["cannot read", "Parquet", "damaged"]),
         ("a.npz", b"PK and then nothing", ["cannot read", "NPZ"]),
@@ -148,41 +138,29 @@ def test_a_parquet_cut_off_in_the_middle_is_an_error(swing: Log, tmp_path: Path)
     path.write_bytes(bytes(damaged))
     with pytest.raises(LogError, match=r"log\.parquet"):
         load_log(path)
-
-
-def test_ragged_text_and_pickled_arrays_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.npz"
-    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.arange(4.0)})
-    with pytest.raises(LogError, match=r"differ in length: time 3, hip\.position 4"):
-        load_log(path)
-    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.array([{}, {}, {}])})
-    with pytest.raises(LogError, match="Python objects"):
-        load_log(path)
-    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.array(["a", "b", "c"])})
-    with pytest.raises(LogError, match="instead of numbers"):
-        load_log(path)
-    np.savez(path, **{"time": np.arange(3.0), "hip.position": np.zeros((3, 2))})
-    with pytest.raises(LogError, match="shape"):
-        load_log(path)
-    table = pa.table({"time": [0.0, 1.0], "hip.position": ["a", "b"]})
-    pq.write_table(table, tmp_path / "log.parquet")
+    pq.write_table(pa.table({"time": [0.0, 1.0], "hip.position": ["a", "b"]}), path)
     with pytest.raises(LogError, match="holds 'a' at row 0 instead of numbers"):
-        load_log(tmp_path / "log.parquet")
-
-
-def test_a_printed_command_holds_a_path_with_a_blank_in_quotes(tmp_path: Path) -> None:
-    path = tmp_path / "run 1.csv"
-    path.write_text("time,x\n0,1\n1,2\n2,3\n")
-    with pytest.raises(LogError, match=f"`wbc init MODEL '{path}'`"):
         load_log(path)
 
 
-def test_other_columns_are_passed_over_and_remembered(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("time,hip.position,mood\n0.0,1.0,good\n0.1,2.0,bad\n")
-    log = load_log(path)
-    assert log.names == ("hip.position",)
-    assert log.source.ignored == ("mood",)
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.arange(4.0), r"differ in length: time 3, hip\.position 4"),
+        (np.array([{}, {}, {}]), "Python objects"),
+        (np.array(["a", "b", "c"]), "instead of numbers"),
+        (np.zeros((3, 2)), "shape"),
+        (np.zeros((3, 2, 2)), r"'hip.position' has shape \(3, 2, 2\), expected \(rows,\) or"),
+    ],
+    ids=["ragged", "pickled", "text", "two columns", "three axes"],
+)
+def test_arrays_that_are_no_columns_are_refused(
+    values: np.ndarray, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.npz"
+    np.savez(path, **{"time": np.arange(3.0), "hip.position": values})
+    with pytest.raises(LogError, match=words):
+        load_log(path)
 
 
 def test_a_hash_picks_a_log_only_where_a_map_splits_the_file(tmp_path: Path) -> None:
@@ -192,7 +170,8 @@ def test_a_hash_picks_a_log_only_where_a_map_splits_the_file(tmp_path: Path) -> 
         load_logs([f"{path}#part"])
     odd = tmp_path / "log#1.csv"
     odd.write_text(GOOD)
-    assert len(load_log(odd)) == 3
+    log = load_log(odd)
+    assert (len(log), log.names, log.source.ignored) == (3, ("hip.position",), ("mood",))
 
 
 @pytest.mark.parametrize(
@@ -241,21 +220,6 @@ def test_of_a_file_larger_than_memory_every_nth_row_is_read_and_said(
     steps = np.diff(log.time) / 0.01  # where the head of a text ends one step may be shorter
     assert np.count_nonzero(np.abs(steps - every) > 1e-6) <= 1
     np.testing.assert_allclose(log.column("hip.position"), np.sin(log.time), atol=1e-9)
-
-
-def test_two_runs_in_one_file_are_two_logs(tmp_path: Path) -> None:
-    time = np.arange(100) * 0.01
-    lines = [f"{t:.2f},{k}" for k in (1, 2) for t in time]
-    path = tmp_path / "log.csv"
-    path.write_text("time,hip.position\n" + "\n".join(lines) + "\n")
-    first, second = load_logs([path])
-    assert (first.source.part, second.source.part) == ("run1", "run2")
-    np.testing.assert_array_equal(second.column("hip.position"), 2.0)
-    assert len(load_log(f"{path}#run1")) == 100
-    lines[30], lines[31] = lines[31], lines[30]
-    path.write_text("time,hip.position\n" + "\n".join(lines[:100]) + "\n")
-    with pytest.raises(LogError, match="time goes back at row 31"):
-        load_log(path)
 
 
 def test_rows_that_share_a_stamp_are_spread_or_the_first_kept_as_the_map_says(
@@ -339,3 +303,43 @@ def test_joints_of_a_bag_are_the_same_for_motion_and_effort(tmp_path: Path) -> N
     guess = guess_names(path, joints)
     assert guess.table["columns"]["arm_joint2.motor_torque"] == {"from": "fer_joint2.effort"}
     assert guess.driven == ("arm_joint1", "arm_joint2")
+
+
+TIME = np.arange(300) / 30.0
+MODEL = """<mujoco><worldbody>
+<body name="a"><joint name="pan" axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 0 0 .2" size=".02"/>
+<body name="b" pos="0 0 .2"><joint name="lift" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 .2" size=".02"/></body></body></worldbody></mujoco>"""
+
+
+def test_the_files_of_a_lerobot_dataset_are_read_as_its_vectors(tmp_path: Path) -> None:
+    """Two episodes in one file, whose clock starts again; no map is needed."""
+    (tmp_path / "arm.xml").write_text(MODEL)
+    state = np.stack([np.sin(TIME), 0.5 * np.cos(2.0 * TIME)], axis=1)
+    vectors = {"observation.state": state, "action": 1.01 * state}
+    columns = {
+        name: pa.array(list(np.tile(values, (2, 1))), pa.list_(pa.float64(), 2))
+        for name, values in vectors.items()
+    }
+    path = tmp_path / "episodes.parquet"
+    pq.write_table(pa.table({**columns, "timestamp": np.tile(TIME, 2)}), path)
+    assert main(["init", str(tmp_path / "arm.xml"), str(path), "--out", str(tmp_path / "out")]) == 0
+    logs = load_logs([path], tmp_path / "out" / "columns.toml")
+    assert len(logs) == 2
+    joints = ["pan", "lift"]
+    np.testing.assert_array_equal(logs[1].stack("position", joints), state)
+    np.testing.assert_array_equal(logs[0].stack("target_position", joints), 1.01 * state)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_arrays_of_two_axes_and_two_runs_of_one_file_are_taken_apart(
+    order: str, tmp_path: Path
+) -> None:
+    path, names = tmp_path / "run.npz", tmp_path / "map.toml"
+    positions = np.array(np.stack([np.sin(TIME), np.cos(TIME)], axis=1), order=order)
+    np.savez(path, time=np.tile(TIME, 2), q=np.array(np.tile(positions, (2, 1)), order=order))
+    names.write_text('columns."hip.position" = "q_0"\ncolumns."knee.position" = "q_1"\n')
+    assert [log.source.part for log in load_logs([path], names)] == ["run1", "run2"]
+    log = load_log(f"{path}#run2", names)
+    np.testing.assert_array_equal(log.stack("position", ["hip", "knee"]), positions)
