@@ -29,13 +29,12 @@ from wbc.identification.readings.first_guess import (
 )
 from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import LogFinding, read_table, write_map
+from wbc.measurement.findings import LIKELY
 from wbc.measurement.guess import MapGuess, guess_names
 from wbc.robot.model_file import left_out
 from wbc.view.rows import clock_rows, joint_rows, short_label
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
-
-_LOGS = 4  # that tell whose columns are whose
 
 
 def run_check(options: argparse.Namespace, console: Console) -> Outcome:
@@ -55,8 +54,8 @@ def run_check(options: argparse.Namespace, console: Console) -> Outcome:
         )
     # Of columns that hold something else, motion and torque tell nothing.
     usable = robot is not None and all(quality.usable for quality in qualities)
-    told = told_by_rows(robot, logs[:_LOGS]) if usable else {}
-    if strange := [joint for joint, (own, _) in told.items() if own < 0.5]:
+    told = told_by_rows(robot, logs) if usable else {}
+    if strange := [joint for joint, (own, _) in told.items() if own < 1.0 - LIKELY]:
         said.append(
             f"warning: motion and torque of {', '.join(strange)} fit the columns of other joints "
             "better: compare the column map with the names that the maker of the file gives."

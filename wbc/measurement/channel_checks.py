@@ -32,7 +32,7 @@ def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
 
     Args:
         log: the log.
-        resting: joints that stand still, whose motion is not judged.
+        resting: joints that stand still, whose motion and resolution are not judged.
     """
     findings: list[LogFinding] = []
 
@@ -54,7 +54,7 @@ def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
             warn("constant_channel", name, text, way, "info" if idle else "warning")
             continue
         step, spread = resolution(values), float(np.std(values))
-        if step > _COARSE_SHARE * spread:
+        if step > _COARSE_SHARE * spread and joint not in resting:
             text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's "
             warn("coarse", name, f"{text}spread.", "Excite more, or read it with more bits.")
         # A duty of one is the limit by definition, whether the joint moves or not.

@@ -14,6 +14,7 @@ from tests.outside import outside
 from wbc.dynamics import link_torque
 from wbc.effects import load_robot
 from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
+from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together
 from wbc.robot import Motion, Robot
 from wbc.robot.library import robots_directory
@@ -281,6 +282,31 @@ def test_friction_far_above_the_need_of_a_flange_is_no_other_unit(
         for quantity, values in (("position", position), ("motor_torque", torque))
     }
     assert find_suspicions([Log(time[:-2], columns)], robot) == [[]]
+
+
+@pytest.mark.parametrize("trembling", [0.0, 3e-3])
+def test_joints_that_are_held_while_another_moves_accuse_nobody(
+    trembling: float, arm: tuple[Robot, tuple[Log, ...]]
+) -> None:
+    """Of logs of one joint each "joint_1 holds turns" and "fits other columns" were said."""
+    robot, random, logs = arm[0], np.random.default_rng(0), []
+    time = np.arange(0.0, 6.0, 0.005)
+    smooth = np.hanning(41) / np.sqrt(np.sum(np.hanning(41) ** 2))
+    for moved in range(len(JOINTS)):
+        noise = random.standard_normal((time.size, len(JOINTS)))
+        position = trembling * np.apply_along_axis(np.convolve, 0, noise, smooth, "same")
+        position[:, moved] = np.sin(1.3 * time) + 0.3 * np.sin(3.1 * time)
+        velocity = np.gradient(position, 0.005, axis=0)
+        change = np.gradient(velocity, 0.005, axis=0)
+        torque = link_torque(robot, Motion(position, velocity, change)) + np.tanh(velocity / 0.05)
+        torque += 0.01 * random.standard_normal(torque.shape)
+        columns = {f"{joint}.position": position[:, k] for k, joint in enumerate(JOINTS)}
+        columns |= {f"{joint}.motor_torque": torque[:, k] for k, joint in enumerate(JOINTS)}
+        logs.append(Log(time, columns))
+    assert find_suspicions(logs, robot) == [[]] * len(JOINTS)
+    for own, explained in told_by_rows(robot, logs).values():
+        assert own > 0.9
+        assert explained > 0.8
 
 
 @pytest.mark.parametrize("constant", [0.02, 0.05])

@@ -33,6 +33,7 @@ Zero: TypeAlias = tuple[int, float, float]
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
 _TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
 _OTHER, _OTHER_SPREAD = 0.1, 1.5
+_HELD = _TRAVEL * float(np.exp(-3.0 * _TRAVEL_SPREAD))  # a joint that is held trembles by anything
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +144,7 @@ def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
 def _travels(log: Log, joint: str, factor: float) -> float:
     """Return by how much a joint's travel is more usual if its position is multiplied [nats]."""
     travel = float(np.ptp(log.column(f"{joint}.position")))
-    away = np.log(np.maximum(np.array([1.0, factor]) * travel, 1e-12) / _TRAVEL)
+    away = np.log(np.maximum(np.array([1.0, factor]) * travel, _HELD) / _TRAVEL)
     usual = np.log((1.0 - _OTHER) / _TRAVEL_SPREAD) - 0.5 * (away / _TRAVEL_SPREAD) ** 2
     other = np.log(_OTHER / _OTHER_SPREAD) - 0.5 * (away / _OTHER_SPREAD) ** 2
     density = np.logaddexp(usual, other)

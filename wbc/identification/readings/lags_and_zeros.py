@@ -81,7 +81,7 @@ def _agreed(asked: Asked, joints: Sequence[int], least: float, parts: int) -> fl
         lags, errors = _lags(asked, joints, lag, parts)
         usual = float(np.median(lags))
         # A report that follows no need tells no lag; none tells more than lags are alike.
-        weights = 1.0 / (errors**2 + (_ALIKE_LAGS * usual) ** 2)
+        weights = (1.0 / np.hypot(errors, _ALIKE_LAGS * usual)) ** 2
         whole = float(weights.sum())
         lag = float(weights @ lags) / whole
         count = whole**2 / float(weights @ weights)

@@ -306,14 +306,19 @@ def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, fl
 
     Args:
         robot: whose logs they are.
-        logs: of it.
+        logs: of it; the one in which a joint travels furthest tells of it.
 
     Returns:
         Joint -> (probability that its position and torque are its own, with even odds for every
         exchange with another joint; share of its torque's power that the motion explains). Empty
         where the logs cannot be held against the robot, or nothing can be exchanged.
     """
-    return _whose(robot, logs)[1]
+    far = [
+        max(range(len(logs)), key=lambda k: float(np.ptp(logs[k].column(f"{joint}.position"))))
+        for joint in robot.transmission.joints
+        if all(log.has(f"{joint}.position") for log in logs)
+    ]
+    return _whose(robot, [logs[k] for k in sorted({*far})])[1]
 
 
 def _whose(
@@ -336,9 +341,12 @@ def _whose(
     def judged(sources: Mapping[str, str]) -> tuple[float, float, FloatArray]:
         """Evidence, how far the reports stray, and what is left of each of them."""
         each = [b.judged(Reading(mend=columns_from(sources, log))) for log, b in benches]
-        left = np.mean([[one.left for one in own.reports] for own in each], axis=0)
+        left = np.array([[one.left for one in own.reports] for own in each])
+        # A joint at rest has next to no power in its report: the logs in which it moves count.
+        powers = np.array([[one.size**2 for one in own.reports] for own in each])
+        share = np.sum(left * powers, axis=0) / np.maximum(powers.sum(axis=0), 1e-300)
         strays = float(np.sum([own.strays.sum() for own in each]))
-        return evidence([own.reports for own in each]), strays, left
+        return evidence([own.reports for own in each]), strays, share
 
     while True:
         standing, strays, left = judged(sources)
