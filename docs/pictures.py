@@ -35,11 +35,9 @@ from sims import (
     wedge,
     wedge_forces,
 )
-from sims.fleet import record_fleet
 from sims.plots import sweep_figure
-from wbc import load_robot, save_robot
+from wbc import load_robot
 from wbc.cli import main as wbc
-from wbc.effects import CoulombFriction
 from wbc.files import atomic_write
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
@@ -93,18 +91,17 @@ ARM_POSE = ("--contact", "link_6", "--pose", "joint_2=0.5,joint_3=1.2,joint_5=0.
 
 
 def metrics() -> None:
-    """Draw the paper's two figures, and the first one of a quadruped and an arm."""
+    """Draw the paper's figure of legs, of a quadruped and of an arm."""
     for theme in ("light", "dark"):
         folder = OUT / theme
         for robot, options in (
-            *(("planar_leg_fixed", ()), ("planar_leg", ())),
+            ("planar_leg_fixed", ()),
             *(("solo12", ()), ("staubli_tx40", ARM_POSE)),
             ("differential_biped", ("--contact", "left_toe")),
         ):
             wbc(["metrics", robot, *options, "--figures", str(folder), "--theme", theme])
         ending = "" if theme == "light" else "_dark"
         keep(folder / "planar_leg_fixed_leg.png", "ellipsoids" + ending)
-        keep(folder / "planar_leg_tradeoff.png", "tradeoff" + ending)
         keep(folder / "solo12_leg.png", "metrics_solo12" + ending)
         keep(folder / "differential_biped_leg.png", "metrics_differential" + ending)
         keep(folder / "staubli_tx40_leg.png", "metrics_arm" + ending)
@@ -170,18 +167,6 @@ def experiments() -> None:
             wbc(["experiment", robot, "--lossless", *rest, "--theme", theme,
                  "--figures", str(folder)])  # fmt: skip
             keep(folder / f"{robot}_experiment.png", name + ending)
-
-
-def fleet() -> None:
-    """Follow the two legs of the tutorial over three weeks."""
-    record_fleet(OUT / "fleet")
-    fitted = load_robot("planar_leg_fixed").lossless().with_effect(CoulombFriction("hip", 0.3))
-    robot, logs = save_robot(fitted, OUT / "fitted.toml"), sorted((OUT / "fleet").glob("*/*.csv"))
-    for theme, ending in (("light", ""), ("dark", "_dark")):
-        picture = OUT / f"trend{ending}.png"
-        wbc(["trend", *map(str, logs), "--robot", str(robot), "--png", str(picture),
-             "--theme", theme])  # fmt: skip
-        keep(picture, "trend" + ending)
 
 
 def studies() -> None:
@@ -255,7 +240,6 @@ PARTS = {
         metrics,
         designs,
         experiments,
-        fleet,
         explained,
         stood,
         studies,

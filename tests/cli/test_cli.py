@@ -136,28 +136,6 @@ def test_piped_tables_of_logs_fit_eighty_columns(command, rubbing, monkeypatch, 
     assert shown.err == ""
 
 
-@pytest.mark.parametrize(
-    ("limit", "code", "says"),
-    [
-        ("1000", 0, "not above 1000 noise floors"),
-        ("1.5floors", 3, "above 1.5 noise floors"),
-        ("5Nm", 0, "not above 5 Nm"),
-        ("0.1 N m", 3, "N m at hip"),
-    ],
-)
-def test_fail_above_is_an_exit_code(rubbing, capsys, limit, code, says):
-    assert main(["compare", *rubbing, *LEG, "--quiet", "--fail-above", limit]) == code
-    assert says in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize("limit", ["-1", "0", "1kg", "nan", "much"])
-def test_a_limit_that_is_none_is_refused(rubbing, capsys, limit):
-    with pytest.raises(SystemExit) as stop:
-        main(["compare", *rubbing, *LEG, f"--fail-above={limit}"])
-    assert stop.value.code == 2
-    assert "is no limit" in capsys.readouterr().err
-
-
 def test_python_m_wbc_is_the_command():
     done = subprocess.run(
         [sys.executable, "-m", "wbc", "list", "robots"], capture_output=True, text=True, check=False

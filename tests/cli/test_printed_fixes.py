@@ -75,9 +75,6 @@ def _write_logs(log: Log) -> None:
     Path("t.csv").write_text(re.sub("^time", "t", text), encoding="utf-8")
     half = ["a"] * (len(log) // 2) + ["b"] * (len(log) - len(log) // 2)
     pq.write_table(pa.table({"time": log.time, **log.columns, "part": half}), "runs.parquet")
-    Path("index.csv").write_text("log,machine,date\nrun.csv,leg,2026-03-01\n", encoding="utf-8")
-    two = "log,machine,date\nrun.csv,leg,2026-03-01\nrun.csv,other,2026-03-02\n"
-    Path("two.csv").write_text(two, encoding="utf-8")
 
 
 def _write_robots() -> None:

@@ -7,9 +7,18 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from wbc.effects import CoulombFriction, load_robot
+from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.servo import FitStart, ServoFit, Span, fit_servos, lockstep_fit
+from wbc.identification.readings import with_machine
+from wbc.identification.servo import (
+    FitStart,
+    ServoFit,
+    Span,
+    fit_rollouts,
+    fit_servos,
+    lockstep_fit,
+)
+from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_run import ServoRun
@@ -137,3 +146,56 @@ def test_finds_the_minima_of_the_loss_within_the_bounds() -> None:
             assert cost <= truth.cost * (1.0 + 1e-4)
             np.testing.assert_allclose(x, truth.x, atol=5e-3)
             assert np.all(x <= bounds[1])
+
+
+LOADS = ((0.8, 0.0), (1.5, 0.2), (3.0, 0.4))
+"""Gain of the drive, and mass at the end of the arm [kg], of each setting of one servo."""
+
+
+def swung(gain: float, more: float, rate: float) -> Log:
+    """Return a run of the servo in plain floats, with more mass at the end of its arm."""
+    time, fine = np.arange(0.0, 1.5, 0.005 / 10), slice(None, None, 10)
+    goal = 1.2 * np.sin(rate * time + 0.7 * time**2)
+    q, v, reached = 0.0, 0.0, []
+    mass, kt, step = 0.49 + more, 0.387, 0.005 / 10
+    inertia = mass * 0.1**2 + 0.00181
+    for wanted in goal:
+        reached.append(q)
+        duty = min(max(gain * (wanted - q), -1.0), 1.0)
+        torque = kt * (7.4 * duty - kt * v) / 5.0 - mass * 9.81 * 0.1 * np.sin(q)
+        free = v + step * torque / inertia
+        v = np.sign(free) * max(abs(free) - step * 0.03 / inertia, 0.0)
+        q += step * v
+    columns = {"shaft.position": np.array(reached)[fine], "shaft.target_position": goal[fine]}
+    return Log(time[fine], columns)
+
+
+def test_several_loads_and_gains_make_one_servo() -> None:
+    robot, logs = load_robot("xl330_pendulum"), []
+    for k, (gain, more) in enumerate(LOADS):
+        own = robot.with_effect(PayloadMass("arm", more))
+        gears = own.transmission.with_value("duty_gain", "shaft", gain)
+        logs.append(with_machine(swung(gain, more, 2.0 + k), robot, own.with_transmission(gears)))
+    found = fit_rollouts(robot, logs)
+    assert found.chosen.name == "Coulomb and viscous friction"
+    assert found.to_json()["models"][0]["held_out"] == pytest.approx([0.0] * 3, abs=0.004)
+    assert found.given > 0.03
+    # Without a torque only their ratio is told: viscous friction brakes as the back-EMF does.
+    numbers = found.chosen.fit.values
+    assert numbers["torque_constant"] / numbers["resistance"] == pytest.approx(0.0774, rel=0.05)
+    levels = {effect.name: effect.values for effect in found.effects}
+    assert levels["coulomb_friction"]["level"] == pytest.approx(0.03, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("robot", "says"),
+    [
+        ("xl330_pendulum", "a rollout needs the duty_gain.*LOG@ROBOT"),
+        ("planar_leg_fixed", "for one driven joint"),
+        ("sts3250_pendulum", "supply_voltage; put the number in place of VALUE"),
+    ],
+)
+def test_a_rollout_without_a_gain_says_where_to_state_it(robot: str, says: str) -> None:
+    logs = [swung(gain, more, 2.0) for gain, more in LOADS]
+    with pytest.raises(IdentificationError, match=f"(?s){says}"):
+        fit_rollouts(load_robot(robot), logs)

@@ -25,7 +25,6 @@ from wbc.view.plots import (
     leg_figure,
     power_figure,
     standing_figure,
-    tradeoff_figure,
     write_figure,
 )
 
@@ -53,7 +52,6 @@ def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None
             power_figure(leg, squat, theme),
             energy_figure(leg, squat, theme),
             leg_figure(leg, q, "foot", theme),
-            tradeoff_figure(leg, q, "foot", theme=theme),
         ]
         for figure in figures:
             for axes in figure.axes:
@@ -78,16 +76,6 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
     found = energy_audit(robot, run.log)
     assert found.heat[-1] == pytest.approx(run.audit.flow.mesh, rel=1e-2)  # one step of 300 is less
     assert np.abs(found.unexplained).max() < 2e-3 * np.abs(found.motor_work).max()
-
-
-def test_tradeoff_holds_the_published_numbers(leg: Robot) -> None:
-    # IMF of the paper's floating leg at equal efficiency 0.7, derived outside this library.
-    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
-    axes = tradeoff_figure(leg, q, "foot").axes
-    mitigation = axes[2].get_lines()[-1]
-    assert np.interp(0.7, *mitigation.get_data()) == pytest.approx(0.863272, abs=2e-4)
-    hold = axes[1].get_lines()[0]
-    assert np.interp(0.7, *hold.get_data()) == pytest.approx(1.75, abs=2e-3)
 
 
 def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> None:
@@ -136,7 +124,6 @@ def test_an_arm_without_torque_limits_is_drawn_without_empty_panels() -> None:
     assert "no torque_limit" in " ".join(text.split())
     names = [text.get_text() for text in pose.texts]
     assert names == ["link_6\njoint_6\njoint_5\njoint_4", "joint_3", "joint_2\njoint_1"]
-    assert len(tradeoff_figure(robot, q, "link_6").axes) == 1
 
 
 def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:

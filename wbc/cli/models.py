@@ -1,17 +1,14 @@
-"""`wbc compare`, `diagnose`, `identify`, `rollout`: a robot held against its logs."""
+"""`wbc compare`, `diagnose`, `identify`: a robot held against its logs."""
 
 from __future__ import annotations
 
 import argparse
 import time
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from math import inf
-from pathlib import Path
 from typing import Any
 
-import tomli_w
 from rich.console import Console, RenderableType
 from rich.text import Text
 
@@ -19,31 +16,23 @@ from wbc.cli.inputs import robot_and_logs
 from wbc.cli.options import BUDGET
 from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
-from wbc.effects import effect_class, load_robot, save_robot
+from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError, WbcError
-from wbc.files import write_text
-from wbc.identification import Comparison, Diagnosis, compare, diagnose, rank_robots
-from wbc.identification.answer.shown import plain, provenance
+from wbc.identification import Diagnosis, compare, diagnose
+from wbc.identification.answer.shown import provenance
 from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.identification.readings.first_guess import guessed_numbers
-from wbc.identification.servo import UNITS, Rollouts, fit_rollouts
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.view.rows import (
-    contest_rows,
     fit_rows,
     formula_rows,
     open_loop_rows,
     parameter_rows,
-    servo_model_rows,
-    servo_number_rows,
 )
-
-EXIT_ABOVE = 3
-"""Exit code of an error above --fail-above."""
 
 Simulated = Callable[[], Sequence[OpenLoop]]
 """Returns the open-loop errors of robots, simulating when it is first called."""
@@ -53,7 +42,6 @@ _LEGEND = (
     "logs tell only the sum of the number and this. What is left is the rms [N m] on parts of the "
     "logs that the fit did not see."
 )
-_GEAR = ("torque_constant", "resistance", "rotor_inertia")
 
 
 def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
@@ -64,12 +52,6 @@ def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
     simulated = simulated_later((robot,), logs, console)
     content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     parts = []
-    if options.against:
-        given = f"{options.robot} (lossless)" if options.lossless else options.robot
-        robots = {given: robot, **{name: load_robot(name) for name in options.against}}
-        ranked = rank_robots(robots, logs)
-        parts.append(Part("the robots", table(contest_rows(ranked))))
-        content["robots"] = [contestant.to_json() for contestant in ranked]
     parts.append(Part("the error of every output", table(comparison.error_rows())))
     parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
     if comparison.warnings:
@@ -80,7 +62,7 @@ def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
     _write_report(options, console, robot, logs, simulated)
-    return _judged(options.fail_above, comparison, console), content
+    return 0, content
 
 
 def _write_report(
@@ -101,23 +83,6 @@ def _write_report(
         target, command = options.report, command_line()
         path = write_report(target, robot, logs, command=command, simulated=simulated(), **found)
     console.print(f"wrote {path}")
-
-
-def _judged(limit: tuple[float, str] | None, comparison: Comparison, console: Console) -> int:
-    """Return the exit code: 3 where the error is above the limit, and say where."""
-    if limit is None:
-        return 0
-    size, unit = limit
-    if not unit:
-        above = comparison.error > size
-        error = f"{comparison.error:.3g} noise floors"
-    else:
-        worst = max(comparison.outputs, key=lambda output: output.rms)
-        above = worst.rms > size
-        error = f"{worst.rms:.3g} {worst.unit} at {worst.output}"
-    named = f"{size:g} {unit or 'noise floors'}"
-    console.print(f"{'above' if above else 'not above'} {named}: {error}")
-    return EXIT_ABOVE if above else 0
 
 
 def simulated_later(
@@ -291,47 +256,3 @@ def run_identify(options: argparse.Namespace, console: Console) -> Outcome:
     for warning in fit.warnings:
         console.print(Spoken(warning), crop=False)
     return 0, fit.to_json()
-
-
-def run_rollout(options: argparse.Namespace, console: Console) -> Outcome:
-    """Fit, print, write."""
-    robot, logs = robot_and_logs(options)
-    with working(console, "simulating") as progress:
-        found = fit_rollouts(robot, logs, progress)
-    console.print(_sentence(found))
-    console.print(table(servo_model_rows(found)))
-    console.print(table(servo_number_rows(found)))
-    if options.save:
-        console.print(f"wrote {_save_servo(found, options.save)}", soft_wrap=True)
-        if "source_resistance" in found.chosen.fit.values:
-            console.print(
-                "not in the file, because a robot file has no such number: source_resistance"
-            )
-    return 0, found.to_json()
-
-
-def _sentence(found: Rollouts) -> str:
-    chosen = found.chosen
-    needs = [model.name.removeprefix("and ") for model in found.models[: found.best + 1]]
-    return (
-        f"The servo as given misses its logs by {plain(1e3 * found.given, 2)} mrad; fitted, by "
-        f"{plain(1e3 * chosen.seen, 2)} mrad, and by {plain(1e3 * chosen.error, 2)} mrad on logs "
-        f"that the fit has not seen. It needs: {', '.join(needs)}."
-    )
-
-
-def _save_servo(found: Rollouts, target: str) -> Path:
-    """Write the given robot with the fitted numbers of its motor, and the effects."""
-    known = {effect.key for effect in found.effects}
-    kept = [effect for effect in found.robot.effects if effect.key not in known]
-    base = found.robot.without_effects()
-    path = save_robot(
-        base.with_effects(*kept, *found.effects), target, provenance={"command": command_line()}
-    )
-    written = tomllib.loads(path.read_text(encoding="utf-8"))
-    fitted = found.chosen.fit.robot.transmission
-    numbers = {name: float(getattr(fitted, name)[0]) for name in _GEAR}
-    source = {"source": "wbc rollout"}
-    table = {name: {"value": x, "unit": UNITS[name]} | source for name, x in numbers.items()}
-    written["gears"] = {fitted.joints[0]: table}
-    return write_text(path, tomli_w.dumps(written))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -13,16 +12,6 @@ _LOG = "CSV, Parquet, NPZ, MCAP or bag"
 BUDGET = 240.0
 """Time [s] of a diagnosis with all that is printed of it, unless --budget says another. To print
 and simulate the answer takes 40 s of it for a recorded six-axis arm (AIRBOT)."""
-
-
-def limit(text: str) -> tuple[float, str]:
-    """Return (size, unit) of --fail-above; the unit is empty for noise floors."""
-    told = re.fullmatch(r"\s*(\d*\.?\d+(?:e[-+]?\d+)?)\s*(N ?m|N|floors?|)\s*", text)
-    if told is None or not 0.0 < float(told[1]) < inf:
-        raise argparse.ArgumentTypeError(
-            f"'{text}' is no limit; give 0.5Nm (or N), or a number of noise floors such as 3"
-        )
-    return float(told[1]), told[2].replace(" ", "") if told[2].startswith("N") else ""
 
 
 def _option(metavar: str | None, text: str, **more: Any) -> dict[str, Any]:
@@ -43,7 +32,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "logs": _option(
         "LOG", f"{_LOG}; LOG@ROBOT for other drives or loads, LOG@MAP.toml for a map", nargs="+"
     ),
-    "logs/plain": _option("LOG", _LOG, nargs="+"),
     "logs/any": _option("LOG", _LOG, nargs="*"),
     "run_file": _option("RUN", "a recording or log"),
     "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
@@ -59,12 +47,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--report": _option("FILE.html", "the result as a page for the browser"),
     "--save": _option("FILE.toml", "write the robot with what was found"),
     # compare, diagnose
-    "--against": _option("NAME", "other robots to rank on the same logs", nargs="+", default=[]),
-    "--fail-above": _option(
-        "LIMIT",
-        "exit code 3 if the error is above: 0.5Nm (any output's rms), or 3 (noise floors)",
-        type=limit,
-    ),
     "--add": _option("auto|NAME,...", "effects to consider (default auto)", default="auto"),
     "--budget": _option(
         "SECONDS",
@@ -73,8 +55,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
         type=float,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
-    "--index": _option("FILE.csv", "list of logs: columns log, machine, date"),
-    "--fail-on-drift": _flag("exit code 4 if a machine drifts"),
     # many jobs
     "--workers": _option("N", "processes; -1 for all cores", type=int, default=1),
     "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
@@ -83,7 +63,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
     "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
-    "--html/look": _option("FILE.html", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
     "--html": _option("FILE.html", "write the page"),
@@ -173,12 +152,6 @@ Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
         "prepare.run_init",
     ),
-    "look": Subcommand(
-        "every column of files over time: look before you map",
-        "logs/plain --columns --html/look",
-        "example: wbc look run*.csv --html look.html",
-        "show.run_look",
-    ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
         f"{_LOGS} --json",
@@ -187,7 +160,7 @@ as a guess, with the reason: correct it, then run wbc check.""",
     ),
     "compare": Subcommand(
         "error of the model on logs: how much, and where",
-        f"{_LOGS} --against --fail-above --json --report",
+        f"{_LOGS} --json --report",
         "example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
         "models.run_compare",
     ),
@@ -209,29 +182,6 @@ as a guess, with the reason: correct it, then run wbc check.""",
 
 It says how large each number is, not which are needed: `wbc diagnose` does that.""",
         "models.run_identify",
-    ),
-    "rollout": Subcommand(
-        "a position servo fitted by simulating its runs",
-        f"{_LOGS} --save --json",
-        """example:
-  wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml --save fitted.toml
-
-For a position servo whose torque nobody recorded. Each log may have its own robot file
-(LOG@ROBOT) with another gain, supply voltage or load.""",
-        "models.run_rollout",
-    ),
-    "trend": Subcommand(
-        "parameters and errors over dates and machines: which drifts",
-        "logs/any --index --robot --lossless --columns --workers --fail-on-drift"
-        " --quiet --verbose --png --theme --json",
-        """examples:
-  wbc trend fleet/*/*.csv --robot fitted.toml --png trend.png
-  wbc trend --index runs.csv --robot fitted.toml --workers -1 --json trend.json
-
-The date stands in the file's name or a folder's (2026-03-01); the machine is the
-folder, or what stands before the date where all files lie in one folder. An
-index has the columns log, machine, date.""",
-        "trend.run_trend",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page, a picture, an animation",
@@ -295,8 +245,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
 
 _EPILOG = """\
 example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
-3 above --fail-above, 4 drifts with --fail-on-drift, 130 interrupted"""
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input, 130 interrupted"""
 
 
 class _Version(argparse.Action):

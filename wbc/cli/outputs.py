@@ -19,7 +19,7 @@ from wbc.errors import WbcError
 from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
-_INPUTS = ("run_file", "robot", "columns", "ghost", "index")
+_INPUTS = ("run_file", "robot", "columns", "ghost")
 _OUTPUTS = ("--html", "--report", "--png", "--gif", "--save", "--out", "--file", "--fix", "--json")
 
 

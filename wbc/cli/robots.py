@@ -78,14 +78,10 @@ def run_metrics(options: argparse.Namespace, console: Console) -> Outcome:
     content: dict[str, Any] = {_label(metric): _by_joint(metric) for metric in found}
     content["assumptions"] = {_label(metric): metric.assumption for metric in found}
     if options.figures:
-        from wbc.view.plots import leg_figure, tradeoff_figure
+        from wbc.view.plots import leg_figure
 
-        start = f"{options.figures}/{robot.name}"
-        figures = {
-            f"{start}_leg.png": partial(leg_figure, robot, q, contact, axes=options.axes),
-            f"{start}_tradeoff.png": partial(tradeoff_figure, robot, q, contact, axes=options.axes),
-        }
-        write_figures(options, figures, console)
+        draw = partial(leg_figure, robot, q, contact, axes=options.axes)
+        write_figures(options, {f"{options.figures}/{robot.name}_leg.png": draw}, console)
     return 0, content
 
 

@@ -3,7 +3,7 @@
 from wbc.extras import needs
 
 with needs("view", "drawing plots"):
-    from wbc.view.leg_figures import leg_figure, tradeoff_figure
+    from wbc.view.leg_figures import leg_figure
     from wbc.view.run_figures import (
         LogEnergy,
         energy_audit,
@@ -12,7 +12,7 @@ with needs("view", "drawing plots"):
         power_figure,
         standing_figure,
     )
-    from wbc.view.study_figures import design_map, pareto_figure, trend_figure
+    from wbc.view.study_figures import design_map, pareto_figure
     from wbc.view.style import DASHES, drawing, new_figure, panel_figure, write_figure
 
 __all__ = [
@@ -29,7 +29,5 @@ __all__ = [
     "pareto_figure",
     "power_figure",
     "standing_figure",
-    "tradeoff_figure",
-    "trend_figure",
     "write_figure",
 ]

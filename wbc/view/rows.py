@@ -6,21 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wbc.identification.answer.shown import plain, told, with_deviation, with_interval
+from wbc.identification.answer.shown import plain, told, with_interval
 from wbc.tables import TextTable
 
 if TYPE_CHECKING:
-    from wbc.identification import Contestant, OpenLoop
+    from wbc.identification import OpenLoop
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
     from wbc.identification.readings import LogQuality
-    from wbc.identification.servo import Rollouts
-    from wbc.identification.trend import Trend
-
-
-def _unit(unit: str) -> str:
-    """Return a unit as a table has it: that of a ratio is not written."""
-    return "" if unit == "1" else unit
 
 
 def _percent(share: float) -> str:
@@ -48,21 +41,6 @@ def joint_rows(told: Mapping[str, tuple[float, float]]) -> TextTable:
         "~joint|>columns are its own|>torque explained",
         ((joint, *map(_percent, shares)) for joint, shares in told.items()),
         caption="by motion and torque alone, without names",
-    )
-
-
-def contest_rows(ranked: Sequence[Contestant]) -> TextTable:
-    """Return robots beside the best of them."""
-    cells = []
-    for c in ranked:
-        worse = "" if c.standing == "best" else with_deviation(c.difference, c.deviation)
-        standing = "; ".join((c.standing, *c.warnings))
-        cells.append((str(c.rank), c.name, plain(c.error), worse, str(c.parameters), standing))
-    return TextTable.of(
-        "|robot|>error|>worse by|>numbers|",
-        cells,
-        "robots",
-        "error: rms in floors; worse by: mean square against the best, standard error",
     )
 
 
@@ -100,22 +78,6 @@ def formula_rows(discovery: Discovery) -> TextTable:
     return TextTable.of("~proposed torque|>value|90 % interval|unit|>folds", cells)
 
 
-def drift_rows(trend: Trend, drifting: bool) -> TextTable:
-    """Return the quantities that drift, or those that do not surely."""
-    cells = []
-    for d in trend.drifts:
-        if d.drifts == drifting:
-            ends = plain(d.first.value), plain(d.last.value)
-            change = with_deviation(d.change, d.deviation)
-            cells.append((d.machine, d.name, *ends, change, _unit(d.unit)))
-    # A large change with few sessions may be chance: what is listed second need not stay.
-    return TextTable.of(
-        f"~{'drifts' if drifting else 'no sure drift'}||>first|>last|>change|",
-        cells,
-        caption="change: of the line through all sessions, ± standard error" if drifting else "",
-    )
-
-
 def parameter_rows(fit: ClassicFit) -> TextTable:
     """Return the parameters of a classic fit: names break, numbers do not."""
     cells: list[tuple[str, ...]] = []
@@ -132,28 +94,3 @@ def fit_rows(fit: ClassicFit) -> TextTable:
     """Return what a classic fit leaves at every joint."""
     found = zip(fit.joints, fit.before, fit.left, strict=True)
     return TextTable.of("left at|before|after", ((j, f"{b:.3g}", f"{a:.3g}") for j, b, a in found))
-
-
-def servo_model_rows(found: Rollouts) -> TextTable:
-    """Return the models of a servo that were tried, each with what those above it have."""
-    cells = []
-    for model in found.models:
-        missed = plain(1e3 * model.seen, 2), plain(1e3 * model.error, 2)
-        cells.append((model.name, *missed, "chosen" if model is found.chosen else ""))
-    return TextTable.of(
-        "model|>all logs [mrad]|>held out [mrad]|",
-        cells,
-        caption="mean absolute position error; each model has what those above it have",
-    )
-
-
-def servo_number_rows(found: Rollouts) -> TextTable:
-    """Return the fitted numbers of a servo."""
-    from wbc.identification.servo import UNITS
-
-    fit = found.chosen.fit
-    bound = {name: "at its bound" if name in fit.at_bound else "" for name in fit.values}
-    return TextTable.of(
-        "number|>value|unit|",
-        ((n, plain(x), _unit(UNITS[n]), bound[n]) for n, x in fit.values.items()),
-    )

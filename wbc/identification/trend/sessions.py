@@ -183,7 +183,7 @@ def _run(path: Path, by_folder: bool) -> Run:
         return Run(str(path), folder if by_folder and part == path.stem else named, date)
     raise LogError(
         f"'{path}': no date in the name of the file or of a folder above it, such as 2026-03-01; "
-        "rename it, or give --index FILE.csv with the columns log, machine, date."
+        "rename it, or list it in a file for read_index: columns log, machine, date."
     )
 
 

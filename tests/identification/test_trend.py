@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.moved import swing
 from wbc import load_robot, save_robot
-from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.errors import LogError
-from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.trend import Trend, find_runs, follow, read_index
 from wbc.identification.trend.trend import WRONG, Points, fit_lines, no_chance
-from wbc.measurement import Log, save_log
-from wbc.robot import Robot
+from wbc.measurement import save_log
 
 SLOPE, SCATTER, INTERVAL = 0.02, 0.01, 0.004
 DAYS = np.array([0.0, 7.0, 14.0, 21.0, 28.0])
@@ -72,7 +68,7 @@ def test_machine_and_date_are_read_from_names(tmp_path: Path) -> None:
     assert [run.machine for run in one] == ["arm1", "arm2"]
     days = find_runs(["2026-03-01/arm1.csv", "2026-03-08/arm1.csv"])
     assert [run.machine for run in days] == ["arm1", "arm1"]
-    with pytest.raises(LogError, match="--index"):
+    with pytest.raises(LogError, match="read_index"):
         find_runs(["run1.csv"])
     (tmp_path / "runs.csv").write_text("log,machine,date\na.csv,arm,2026-03-01\n")
     (run,) = read_index(tmp_path / "runs.csv")
@@ -86,16 +82,16 @@ def test_machine_and_date_are_read_from_names(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def logs(excited_log: Callable[..., object], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three machines, four weeks; the dry friction at the hip of one grows."""
     folder = tmp_path_factory.mktemp("fleet")
-    random = np.random.default_rng(5)
+    random, robot = np.random.default_rng(5), load_robot("planar_leg_fixed").lossless()
     for number, growth in enumerate((0.0, 0.06, 0.0)):
         for week in range(4):
             level = 0.5 + growth * week + 0.01 * random.standard_normal()
-            log = excited_log((CoulombFriction("hip", level),), 10 * number + week, 4.0)
+            real = robot.with_effect(CoulombFriction("hip", level))
+            log = swing(real, 10 * number + week, seconds=4.0)
             save_log(log, folder / f"leg{number}" / f"2026-03-{1 + 7 * week:02}.npz")
-    robot = load_robot("planar_leg_fixed").lossless()
     save_robot(robot.with_effects(CoulombFriction("hip", 0.5)), folder / "fitted.toml")
     return folder
 
@@ -115,41 +111,3 @@ def test_the_machine_that_drifts_is_named_with_its_change(trend: Trend) -> None:
     first = trend.sessions[0].values[("coulomb_friction", "hip", "level")]
     assert first.low < first.value < first.high
     assert 0.45 < first.value < 0.55
-
-
-def test_the_command_writes_table_plot_and_json_and_fails_on_drift(
-    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    paths = [str(path) for path in sorted(logs.glob("leg1/*.npz"))]
-    broken = tmp_path / "leg0" / "2026-04-01.npz"
-    broken.parent.mkdir()
-    broken.write_bytes(b"nothing")
-    files = ["--json", str(tmp_path / "t.json"), "--png", str(tmp_path / "t.png")]
-    robot = ["--robot", str(logs / "fitted.toml")]
-    assert main(["trend", *paths, str(broken), *robot, "--fail-on-drift", *files]) == 4
-    shown = capsys.readouterr().out
-    assert "leg1 drifts" in shown
-    assert "not measured: leg0 2026-04-01" in shown
-    assert "no sure drift" in shown
-    assert "stays" not in shown  # a change that may be chance is no promise of none
-    assert len(shown.splitlines()) < 60
-    content = json.loads((tmp_path / "t.json").read_text())
-    assert content["drifting"] == ["leg1"]
-    assert len(content["failures"]) == 1
-    assert (tmp_path / "t.png").stat().st_size > 20_000
-
-
-def test_any_error_of_one_session_is_a_row_of_it_alone(
-    logs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    broken = EstimationProblem.from_logs
-
-    def break_one(robot: Robot, given: Sequence[Log]) -> EstimationProblem:
-        if "2026-03-08" in given[0].source.path:
-            raise ZeroDivisionError("no samples")
-        return broken(robot, given)
-
-    monkeypatch.setattr(EstimationProblem, "from_logs", break_one)
-    followed = follow(str(logs / "fitted.toml"), find_runs(sorted(logs.glob("leg1/*.npz"))))
-    failures = [session.failure for session in followed.sessions]
-    assert failures == ["", "ZeroDivisionError: no samples", "", ""]
