@@ -43,6 +43,8 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
                 raise RobotError(f"{path}: lock: " + unknown_name("joint", joint, known))
         numbers = [model.getJointId(joint) for joint in lock]
         model = pin.buildReducedModel(model, numbers, pin.neutral(model))
+    # Parser and reduction store the speed limit with the same sign on both sides.
+    model.lowerVelocityLimit = -np.abs(model.upperVelocityLimit)
     return model, notes
 
 
@@ -129,8 +131,6 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
     model.damping = np.zeros(model.nv)
     model.upperDryFrictionLimit = np.zeros(model.nv)
     model.lowerDryFrictionLimit = np.zeros(model.nv)
-    # The URDF parser stores the speed limit with the same sign on both sides.
-    model.lowerVelocityLimit = -np.abs(model.upperVelocityLimit)
     tag = "transmission" if path.suffix == ".urdf" else "actuator"
     if _root(path).find(f".//{tag}") is not None:
         notes.append(f"{path.name}: <{tag}> was ignored; gears stand in robot.toml.")
