@@ -7,21 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.control import (
-    CenterOfMassTask,
-    Controller,
-    ControllerSettings,
-    PointContact,
-    PostureTask,
-    Reference,
-    RotorTorqueLimit,
-    SpeedBlend,
-)
+from wbc import control
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
 # The measured speed is believed and every direction is certain: what the paper's equation says.
-CERTAIN = SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
+CERTAIN = control.SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
 
 
 def arm(m, generator, *, lossless=False):
@@ -46,12 +37,12 @@ def arm(m, generator, *, lossless=False):
 
 def points(robot, **settings):
     """Return a point contact for each contact of a robot."""
-    return [PointContact(name=contact.name, **settings) for contact in robot.contacts]
+    return [control.PointContact(name=contact.name, **settings) for contact in robot.contacts]
 
 
 def usual(robot, *more):
     """Return a task of the centre of mass, a weak one of the posture, and more."""
-    return [CenterOfMassTask(weight=10.0), PostureTask.of(robot, weight=0.1), *more]
+    return [control.CenterOfMassTask(weight=10.0), control.PostureTask.of(robot, weight=0.1), *more]
 
 
 def still(robot):
@@ -81,13 +72,13 @@ def leg_controller(robot, **changes):
 
     That of the centre of mass has no limit, as in `leg_rows`.
     """
-    settings = replace(ControllerSettings(speed_blend=CERTAIN), **changes)
+    settings = replace(control.ControllerSettings(speed_blend=CERTAIN), **changes)
     tasks = [
-        CenterOfMassTask(axes="xz", weight=10.0, acceleration_limit=np.inf),
-        PostureTask.of(robot, weight=0.1, stiffness=50.0),
+        control.CenterOfMassTask(axes="xz", weight=10.0, acceleration_limit=np.inf),
+        control.PostureTask.of(robot, weight=0.1, stiffness=50.0),
     ]
-    limits = [RotorTorqueLimit()]
-    return Controller(robot, tasks, [PointContact(name="foot")], limits, settings)
+    limits = [control.RotorTorqueLimit()]
+    return control.Controller(robot, tasks, [control.PointContact(name="foot")], limits, settings)
 
 
 def leg_rows(robot, terms, com_target, posture_target):
@@ -110,8 +101,8 @@ def leg_rows(robot, terms, com_target, posture_target):
 def leg_references(com_target, posture_target):
     """Return the references that go with `leg_rows`."""
     return {
-        "center_of_mass": Reference(com_target),
-        "posture": Reference(posture_target),
+        "center_of_mass": control.Reference(com_target),
+        "posture": control.Reference(posture_target),
     }
 
 

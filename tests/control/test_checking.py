@@ -7,23 +7,7 @@ import pinocchio as pin
 import pytest
 
 import wbc.control
-from wbc.control import (
-    AngularMomentumTask,
-    CapturePointTask,
-    CenterOfMassTask,
-    CentroidalMomentumTask,
-    Contact,
-    FrameDistanceTask,
-    FrameOrientationTask,
-    FramePoseTask,
-    FramePositionTask,
-    LinearMomentumTask,
-    PointContact,
-    PointFootBalanceTask,
-    PostureTask,
-    SurfaceContact,
-    Task,
-)
+from wbc import control
 from wbc.control.checking import check_contact, check_task
 from wbc.effects import load_robot
 
@@ -32,32 +16,37 @@ LEG = load_robot("planar_leg")
 TALOS = load_robot("talos")
 
 CASES = {
-    "com": (SOLO, CenterOfMassTask()),
-    "com_z": (SOLO, CenterOfMassTask(axes="z")),
-    "momentum": (SOLO, AngularMomentumTask()),
-    "posture": (SOLO, PostureTask.of(SOLO)),
-    "position": (SOLO, FramePositionTask(name="foot", frame="FL_FOOT")),
-    "position_xz": (SOLO, FramePositionTask(name="foot", frame="FL_FOOT", axes="xz")),
-    "orientation": (SOLO, FrameOrientationTask(name="base", frame="base_link")),
-    "pose": (SOLO, FramePoseTask(name="base", frame="FL_FOOT")),
-    "linear_momentum": (SOLO, LinearMomentumTask(axes="xz")),
-    "whole_momentum": (SOLO, CentroidalMomentumTask()),
+    "com": (SOLO, control.CenterOfMassTask()),
+    "com_z": (SOLO, control.CenterOfMassTask(axes="z")),
+    "momentum": (SOLO, control.AngularMomentumTask()),
+    "posture": (SOLO, control.PostureTask.of(SOLO)),
+    "position": (SOLO, control.FramePositionTask(name="foot", frame="FL_FOOT")),
+    "position_xz": (SOLO, control.FramePositionTask(name="foot", frame="FL_FOOT", axes="xz")),
+    "orientation": (SOLO, control.FrameOrientationTask(name="base", frame="base_link")),
+    "pose": (SOLO, control.FramePoseTask(name="base", frame="FL_FOOT")),
+    "linear_momentum": (SOLO, control.LinearMomentumTask(axes="xz")),
+    "whole_momentum": (SOLO, control.CentroidalMomentumTask()),
     "position_in_base": (
         SOLO,
-        FramePositionTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
+        control.FramePositionTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
     ),
     "position_in_foot_y": (
         SOLO,
-        FramePositionTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="y"),
+        control.FramePositionTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="y"),
     ),
     "orientation_in_foot": (
         SOLO,
-        FrameOrientationTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="xz"),
+        control.FrameOrientationTask(
+            name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="xz"
+        ),
     ),
-    "pose_in_base": (SOLO, FramePoseTask(name="foot", frame="FL_FOOT", relative_to="base_link")),
-    "distance": (SOLO, FrameDistanceTask(frame="FL_FOOT", other="HR_FOOT")),
-    "leg_momentum": (LEG, AngularMomentumTask(axes="y")),
-    "leg_posture": (LEG, PostureTask.of(LEG, ("base_pitch", "knee"))),
+    "pose_in_base": (
+        SOLO,
+        control.FramePoseTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
+    ),
+    "distance": (SOLO, control.FrameDistanceTask(frame="FL_FOOT", other="HR_FOOT")),
+    "leg_momentum": (LEG, control.AngularMomentumTask(axes="y")),
+    "leg_posture": (LEG, control.PostureTask.of(LEG, ("base_pitch", "knee"))),
 }
 
 
@@ -77,19 +66,21 @@ def test_task_derivatives(case, seed):
 
 
 def test_balance_task_accelerates_the_center_of_mass():
-    task = PointFootBalanceTask(contact="foot", frame="base")
+    task = control.PointFootBalanceTask(contact="foot", frame="base")
     assert check_task(LEG, task, *random_motion(LEG, 0)).drift < 1e-6
 
 
 SOLE = ("left_sole_front_left", "left_sole_front_right")
 CONTACTS = {
-    "point": (SOLO, PointContact(name="FL_foot")),
-    "planar point": (LEG, PointContact(name="foot")),
-    "planar slope": (LEG, PointContact(name="foot", ground_normal=(0.2, 0.0, 1.0))),
-    "slope": (SOLO, PointContact(name="FL_foot", ground_normal=(0.2, -0.1, 1.0))),
+    "point": (SOLO, control.PointContact(name="FL_foot")),
+    "planar point": (LEG, control.PointContact(name="foot")),
+    "planar slope": (LEG, control.PointContact(name="foot", ground_normal=(0.2, 0.0, 1.0))),
+    "slope": (SOLO, control.PointContact(name="FL_foot", ground_normal=(0.2, -0.1, 1.0))),
     "sole": (
         TALOS,
-        SurfaceContact(name="left", corners=(*SOLE, *(c.replace("front", "rear") for c in SOLE))),
+        control.SurfaceContact(
+            name="left", corners=(*SOLE, *(c.replace("front", "rear") for c in SOLE))
+        ),
     ),
 }
 
@@ -103,10 +94,10 @@ def test_contact_drift(case):
 def test_nothing_exported_goes_unchecked():
     exported = {getattr(wbc.control, name) for name in wbc.control.__all__}
     kinds = {kind for kind in exported if isinstance(kind, type)}
-    checked = {type(task) for _, task in CASES.values()} | {PointFootBalanceTask}
-    checked.add(CapturePointTask)  # by the law of its own in test_tasks
-    assert {kind for kind in kinds if issubclass(kind, Task)} - {Task} == checked
-    rests = {kind for kind in kinds if issubclass(kind, Contact)} - {Contact}
+    checked = {type(task) for _, task in CASES.values()} | {control.PointFootBalanceTask}
+    checked.add(control.CapturePointTask)  # by the law of its own in test_tasks
+    assert {kind for kind in kinds if issubclass(kind, control.Task)} - {control.Task} == checked
+    rests = {kind for kind in kinds if issubclass(kind, control.Contact)} - {control.Contact}
     assert rests == {type(contact) for _, contact in CONTACTS.values()}
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
@@ -12,18 +14,22 @@ from wbc.control import (
     CenterOfMassTask,
     Controller,
     ControllerSettings,
+    DisturbanceObserver,
     PointContact,
     PointFootBalanceTask,
     PostureTask,
     Reference,
 )
 from wbc.dynamics import evaluate
-from wbc.effects import load_robot
+from wbc.effects import PayloadMass, load_robot
 from wbc.robot import Motion
 from wbc.sim import Plant
 
 LOSSY = load_robot("planar_leg_strong")
 IDEAL = LOSSY.lossless()
+ARM = replace(load_robot("planar_leg_fixed").lossless(), contacts=())
+LOADED = ARM.with_effect(PayloadMass(ARM.bodies[-1], mass=1.0))
+TARGET = ARM.configuration(hip=0.6, knee=0.5)
 
 
 @cache
@@ -95,3 +101,56 @@ def test_squat_on_lossy_gears_is_as_good_as_on_ideal_ones(noise):
     assert pitch < 0.3
     assert ours <= 1.05 * ideal
     assert blind >= 3.0 * ideal
+
+
+def held(observer, ticks=2500):
+    """Return the error [rad] by tick of an arm that holds a load it does not know of."""
+    controller = Controller(
+        ARM, [PostureTask.of(ARM)], settings=ControllerSettings(disturbance=observer)
+    )
+    plant = Plant(LOADED)
+    state, missed, learned = plant.state(TARGET), [], []
+    for _ in range(ticks):
+        command = controller.step(state, {"posture": Reference(TARGET)})
+        assert command.status.usable
+        state = plant.step(state, command.rotor_torque, 1e-3).state
+        missed.append(np.abs(state.position - TARGET).max())
+        learned.append(controller.disturbance)
+    return np.array(missed), np.array(learned)
+
+
+def test_a_constant_load_is_learned():
+    without, nothing = held(None)
+    missed, learned = held(DisturbanceObserver(rate=4.0, bound=50.0))
+    assert not nothing.any()
+    assert without[-1] > 1e-3
+    assert missed[-1] < 0.02 * without[-1]
+    rest = np.zeros(ARM.model.nv)
+    true, believed = (
+        pin.rnea(r.model, r.model.createData(), TARGET, rest, rest).copy() for r in (LOADED, ARM)
+    )
+    np.testing.assert_allclose(learned[-1], believed - true, rtol=0.02, atol=0.02)
+    jumps = np.abs(np.diff(learned, axis=0)).max()
+    assert jumps < 0.05 * np.abs(learned[-1]).max()
+
+
+def test_what_is_learned_keeps_its_bound():
+    _, learned = held(DisturbanceObserver(rate=4.0, bound=0.5), 800)
+    assert np.abs(learned).max() == pytest.approx(0.5)
+
+
+def test_noise_of_the_encoders_does_not_add_up():
+    """What a velocity adds by its noise it takes away in the next tick."""
+    controller = Controller(
+        ARM,
+        [PostureTask.of(ARM)],
+        settings=ControllerSettings(disturbance=DisturbanceObserver(rate=2.0, bound=50.0)),
+    )
+    plant, generator = Plant(ARM), np.random.default_rng(0)
+    state = plant.state(TARGET)
+    for _ in range(600):
+        noise = 0.01 * generator.normal(size=ARM.model.nv)
+        seen = Motion(state.position, state.velocity + noise)
+        command = controller.step(seen, {"posture": Reference(TARGET)})
+        state = plant.step(state, command.rotor_torque, 1e-3).state
+    assert np.abs(controller.disturbance).max() < 0.5

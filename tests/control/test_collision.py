@@ -12,18 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from sims.legged import feet
-from wbc.control import (
-    CenterOfMassTask,
-    CollisionLimit,
-    Controller,
-    FrameOrientationTask,
-    FramePositionTask,
-    PostureTask,
-    Reference,
-    RotorTorqueLimit,
-    Shape,
-    Status,
-)
+from wbc import control
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
 from wbc.effects import load_robot
@@ -36,15 +25,15 @@ HALF, HAND, OTHER = TALOS.pose(), "arm_left_7_link", "arm_right_7_link"
 
 def hands(**settings):
     shapes = [
-        Shape(name="left", geometry=coal.Capsule(0.06, 0.1), frame=HAND),
-        Shape(name="right", geometry=coal.Box(0.1, 0.12, 0.2), frame=OTHER),
-        Shape(
+        control.Shape(name="left", geometry=coal.Capsule(0.06, 0.1), frame=HAND),
+        control.Shape(name="right", geometry=coal.Box(0.1, 0.12, 0.2), frame=OTHER),
+        control.Shape(
             name="post",
             geometry=coal.Sphere(0.1),
             placement=pin.SE3(np.eye(3), np.array([0.35, 0.3, 0.9])),
         ),
     ]
-    return CollisionLimit(shapes, [("left", "right"), ("left", "post")], **settings)
+    return control.CollisionLimit(shapes, [("left", "right"), ("left", "post")], **settings)
 
 
 JUDGE = Kinematics(TALOS)
@@ -80,15 +69,20 @@ def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
         target = np.array([0.35, 0.3, 0.9])
     least = {}
     for kept in (True, False):
-        task = FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0)
-        trunk = FrameOrientationTask(name="trunk", frame="torso_2_link")
-        limits = [RotorTorqueLimit(), limit] if kept else [RotorTorqueLimit()]
-        tasks = [CenterOfMassTask(weight=10.0), trunk, PostureTask.of(TALOS, weight=0.01), task]
-        controller = Controller(TALOS, tasks, feet(TALOS), limits)
+        task = control.FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0)
+        trunk = control.FrameOrientationTask(name="trunk", frame="torso_2_link")
+        limits = [control.RotorTorqueLimit(), limit] if kept else [control.RotorTorqueLimit()]
+        tasks = [
+            control.CenterOfMassTask(weight=10.0),
+            trunk,
+            control.PostureTask.of(TALOS, weight=0.01),
+            task,
+        ]
+        controller = control.Controller(TALOS, tasks, feet(TALOS), limits)
         q, v, worst = HALF.copy(), np.zeros(TALOS.model.nv), np.inf
         for _ in range(500):
-            command = controller.step(Motion(q, v), {"hand": Reference(target)}, dt=2e-3)
-            assert command.status is Status.SOLVED, command.message
+            command = controller.step(Motion(q, v), {"hand": control.Reference(target)}, dt=2e-3)
+            assert command.status is control.Status.SOLVED, command.message
             v = v + 2e-3 * command.acceleration
             q = pin.integrate(TALOS.model, q, 2e-3 * v)
             worst = min(worst, apart(limit, q).min())
@@ -115,16 +109,16 @@ def test_a_mesh_is_its_convex_hull():
     """Inside a mesh of triangles coal's distance is not negative and points the wrong way."""
     for along in (0.3, 0.12):  # outside, inside
         shapes = [
-            Shape(name="mesh", geometry=mesh(CUBE), frame=HAND),
-            Shape(name="box", geometry=coal.Box(0.2, 0.2, 0.2), frame=HAND),
-            Shape(
+            control.Shape(name="mesh", geometry=mesh(CUBE), frame=HAND),
+            control.Shape(name="box", geometry=coal.Box(0.2, 0.2, 0.2), frame=HAND),
+            control.Shape(
                 name="ball",
                 geometry=coal.Sphere(0.05),
                 frame=HAND,
                 placement=pin.SE3(np.eye(3), np.array([along, 0.01, 0.02])),
             ),
         ]
-        limit = CollisionLimit(shapes, [("mesh", "ball"), ("box", "ball")], influence=1.0)
+        limit = control.CollisionLimit(shapes, [("mesh", "ball"), ("box", "ball")], influence=1.0)
         rows = CollisionRows(limit, TALOS.model)
         JUDGE.update(HALF, np.zeros(TALOS.model.nv))
         rows.fill(JUDGE)
@@ -135,10 +129,10 @@ def test_a_mesh_is_its_convex_hull():
 def test_solids_far_apart_are_found_without_coal():
     """Balls around them tell; a half space, which no ball holds, is always measured."""
     ground = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.2)
-    table = Shape(name="ground", geometry=ground)
-    ball = Shape(name="ball", geometry=coal.Sphere(0.05), frame=HAND)
-    long = Shape(name="long", geometry=coal.Capsule(0.01, 4.0), frame=OTHER)
-    limit = CollisionLimit([table, ball, long], [("ground", "ball"), ("ball", "long")])
+    table = control.Shape(name="ground", geometry=ground)
+    ball = control.Shape(name="ball", geometry=coal.Sphere(0.05), frame=HAND)
+    long = control.Shape(name="long", geometry=coal.Capsule(0.01, 4.0), frame=OTHER)
+    limit = control.CollisionLimit([table, ball, long], [("ground", "ball"), ("ball", "long")])
     near, far = (replace(limit, influence=reach) for reach in (5.0, 0.1))
     data = TALOS.model.createData()
     pin.framesForwardKinematics(TALOS.model, data, HALF)
@@ -151,17 +145,17 @@ def test_solids_far_apart_are_found_without_coal():
 
 def test_what_is_no_convex_solid_is_named():
     with pytest.raises(ControlError, match=r"'flat'.*thin box"):
-        Shape(name="flat", geometry=mesh(CUBE[:4]))
-    thin = Shape(name="thin", geometry=mesh(CUBE * [1.0, 1.0, 1e-7]))
+        control.Shape(name="flat", geometry=mesh(CUBE[:4]))
+    thin = control.Shape(name="thin", geometry=mesh(CUBE * [1.0, 1.0, 1e-7]))
     assert thin.geometry.num_points == 8
     with pytest.raises(ControlError, match=r"'edge'.*four points"):
-        Shape(name="edge", geometry=mesh(CUBE[:2]))
+        control.Shape(name="edge", geometry=mesh(CUBE[:2]))
     with pytest.raises(ControlError, match=r"'hand'.*str"):
-        Shape(name="hand", geometry="hand.stl")
+        control.Shape(name="hand", geometry="hand.stl")
 
 
 def test_a_frame_that_there_is_not_is_named():
-    ball = Shape(name="ball", geometry=coal.Sphere(0.1))
-    lost = Shape(name="lost", geometry=coal.Sphere(0.1), frame="hnd")
+    ball = control.Shape(name="ball", geometry=coal.Sphere(0.1))
+    lost = control.Shape(name="lost", geometry=coal.Sphere(0.1), frame="hnd")
     with pytest.raises(ControlError, match="hnd"):
-        CollisionRows(CollisionLimit([ball, lost], [("ball", "lost")]), TALOS.model)
+        CollisionRows(control.CollisionLimit([ball, lost], [("ball", "lost")]), TALOS.model)

@@ -12,32 +12,7 @@ import pinocchio as pin
 import pytest
 
 from tests.control.scenes import CERTAIN, points
-from wbc.control import (
-    AngularMomentumTask,
-    CapturePointTask,
-    CenterOfMassTask,
-    CentroidalMomentumTask,
-    ContactForceTask,
-    Controller,
-    ControllerSettings,
-    DisturbanceObserver,
-    FrameDistanceTask,
-    FrameOrientationTask,
-    FramePoseTask,
-    FramePositionTask,
-    JointLimit,
-    LinearMomentumTask,
-    MeshLossEffort,
-    MotorBraking,
-    OutputTorqueEffort,
-    PointFootBalanceTask,
-    PostureTask,
-    Reference,
-    RestPolicy,
-    RotorTorqueEffort,
-    RotorTorqueLimit,
-    SurfaceContact,
-)
+from wbc import control
 from wbc.effects import EFFECTS, load_robot
 from wbc.robot import Motion
 
@@ -56,15 +31,15 @@ def every(robot, effect, value):
 
 def base(robot, *more):
     # without the limit that this task has had since then
-    com = CenterOfMassTask(weight=10.0, acceleration_limit=np.inf)
-    return [com, PostureTask.of(robot, weight=0.1), *more]
+    com = control.CenterOfMassTask(weight=10.0, acceleration_limit=np.inf)
+    return [com, control.PostureTask.of(robot, weight=0.1), *more]
 
 
 def soles(robot):
     """Return the contacts of a biped: the corners of either frame as one surface."""
     frames = sorted({contact.frame for contact in robot.contacts})
     return [
-        SurfaceContact(
+        control.SurfaceContact(
             name=f,
             corners=tuple([c.name for c in robot.contacts if c.frame == f]),
             normal_minimum=5.0,
@@ -75,19 +50,21 @@ def soles(robot):
 
 def leg(robot):
     return [
-        PointFootBalanceTask(contact="foot", frame="base", weight=10.0),
-        CenterOfMassTask(axes="z", weight=10.0, acceleration_limit=np.inf),
+        control.PointFootBalanceTask(contact="foot", frame="base", weight=10.0),
+        control.CenterOfMassTask(axes="z", weight=10.0, acceleration_limit=np.inf),
     ]
 
 
 def scenes():
     """Return name -> (robot's name, what makes the controller of it, noise, arguments of step)."""
     solo = "solo12"
-    torque, knee = RotorTorqueLimit(), RotorTorqueLimit(fraction=0.8, knee=0.2)
-    observer = ControllerSettings(disturbance=DisturbanceObserver(rate=20.0, bound=3.0))
+    torque, knee = control.RotorTorqueLimit(), control.RotorTorqueLimit(fraction=0.8, knee=0.2)
+    observer = control.ControllerSettings(
+        disturbance=control.DisturbanceObserver(rate=20.0, bound=3.0)
+    )
 
     def limits(robot, **more):
-        return [torque, JointLimit.of(robot, acceleration=100.0, **more)]
+        return [torque, control.JointLimit.of(robot, acceleration=100.0, **more)]
 
     def quadruped(*more, name=solo, noise=1e-2, limit=None, settings=None, rubs=(), step=None):
         def make(robot):
@@ -95,7 +72,7 @@ def scenes():
                 robot = every(robot, effect, value)
             tasks = base(robot, *[task(robot) for task in more])
             limited = [torque] if limit is None else limit(robot)
-            return Controller(robot, tasks, points(robot), limited, settings)
+            return control.Controller(robot, tasks, points(robot), limited, settings)
 
         return name, make, noise, step or {}
 
@@ -105,7 +82,7 @@ def scenes():
         "standing": quadruped(),
         "noisy": quadruped(noise=0.3),
         "joint limits": quadruped(limit=limits),
-        "braking": quadruped(noise=0.2, limit=lambda r: limits(r, braking=MotorBraking())),
+        "braking": quadruped(noise=0.2, limit=lambda r: limits(r, braking=control.MotorBraking())),
         "knee": quadruped(limit=lambda r: [knee], noise=0.3),
         "no limits": quadruped(limit=lambda r: []),
         "dry": quadruped(rubs=[dry]),
@@ -114,39 +91,41 @@ def scenes():
         "observer": quadruped(settings=observer),
         "limits, dry, observer": quadruped(rubs=[dry], limit=limits, settings=observer),
         "momentum": quadruped(
-            lambda r: LinearMomentumTask(), lambda r: AngularMomentumTask(weight=0.3)
+            lambda r: control.LinearMomentumTask(),
+            lambda r: control.AngularMomentumTask(weight=0.3),
         ),
-        "whole momentum": quadruped(lambda r: CentroidalMomentumTask(weight=0.5)),
-        "capture point": quadruped(lambda r: CapturePointTask(height=0.25)),
+        "whole momentum": quadruped(lambda r: control.CentroidalMomentumTask(weight=0.5)),
+        "capture point": quadruped(lambda r: control.CapturePointTask(height=0.25)),
         "distance": quadruped(
-            lambda r: FrameDistanceTask(frame=frame(r, 0), other=frame(r, 1), weight=0.5)
+            lambda r: control.FrameDistanceTask(frame=frame(r, 0), other=frame(r, 1), weight=0.5)
         ),
         "relative": quadruped(
-            lambda r: FramePoseTask(
+            lambda r: control.FramePoseTask(
                 name="foot", frame=frame(r, 0), relative_to="base_link", weight=0.2
             )
         ),
         "hard": quadruped(
-            lambda r: FrameOrientationTask(name="trunk", frame="base_link", weight=np.inf)
+            lambda r: control.FrameOrientationTask(name="trunk", frame="base_link", weight=np.inf)
         ),
-        "rotor effort": quadruped(lambda r: RotorTorqueEffort(weight=1e-2)),
+        "rotor effort": quadruped(lambda r: control.RotorTorqueEffort(weight=1e-2)),
         "efforts": quadruped(
-            lambda r: OutputTorqueEffort(weight=1e-3), lambda r: MeshLossEffort(weight=1e-2)
+            lambda r: control.OutputTorqueEffort(weight=1e-3),
+            lambda r: control.MeshLossEffort(weight=1e-2),
         ),
         "force task": quadruped(
-            lambda r: ContactForceTask(name="push", contact=r.contacts[0].name),
-            step={"references": {"push": Reference(np.array([0.0, 1.0, 8.0]))}},
+            lambda r: control.ContactForceTask(name="push", contact=r.contacts[0].name),
+            step={"references": {"push": control.Reference(np.array([0.0, 1.0, 8.0]))}},
         ),
-        "level": quadruped(lambda r: PostureTask.of(r, weight=0.1, level=1, name="p1")),
+        "level": quadruped(lambda r: control.PostureTask.of(r, weight=0.1, level=1, name="p1")),
         "levels, limits, efforts": quadruped(
-            lambda r: FramePositionTask(name="swing", frame=frame(r, 0), level=1),
-            lambda r: PostureTask.of(r, level=2, name="p2"),
-            lambda r: OutputTorqueEffort(weight=1e-3),
+            lambda r: control.FramePositionTask(name="swing", frame=frame(r, 0), level=1),
+            lambda r: control.PostureTask.of(r, level=2, name="p2"),
+            lambda r: control.OutputTorqueEffort(weight=1e-3),
             limit=limits,
             noise=0.1,
         ),
         "three feet": quadruped(
-            lambda r: FramePositionTask(name="swing", frame=frame(r, 0), weight=5.0),
+            lambda r: control.FramePositionTask(name="swing", frame=frame(r, 0), weight=5.0),
             step={"contacts": dict.fromkeys(["FR_foot", "HL_foot", "HR_foot"], np.inf)},
         ),
         "ceilings": quadruped(
@@ -154,31 +133,33 @@ def scenes():
         ),
         "flight": quadruped(step={"contacts": {}}),
         "weights": quadruped(step={"weights": {"posture": 2.0}, "activation": {"posture": 0.5}}),
-        "least torque": quadruped(settings=ControllerSettings(rest_policy=RestPolicy.LEAST_TORQUE)),
-        "certain": quadruped(settings=ControllerSettings(speed_blend=CERTAIN), noise=0.1),
+        "least torque": quadruped(
+            settings=control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
+        ),
+        "certain": quadruped(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
         "anchored": (
             solo,
-            lambda r: Controller(r, base(r), points(r, stiffness=50.0), [torque]),
+            lambda r: control.Controller(r, base(r), points(r, stiffness=50.0), [torque]),
             1e-2,
             {},
         ),
-        "leg": ("planar_leg", lambda r: Controller(r, leg(r), points(r)), 1e-2, {}),
+        "leg": ("planar_leg", lambda r: control.Controller(r, leg(r), points(r)), 1e-2, {}),
         "leg, dry, limits": (
             "planar_leg",
-            lambda r: Controller(every(r, "coulomb_friction", 0.1), leg(r), points(r)),
+            lambda r: control.Controller(every(r, "coulomb_friction", 0.1), leg(r), points(r)),
             1e-2,
             {},
         ),
     }
     talos = [
-        lambda r: FrameOrientationTask(name="trunk", frame="torso_2_link"),
-        lambda r: AngularMomentumTask(weight=1e-2),
+        lambda r: control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        lambda r: control.AngularMomentumTask(weight=1e-2),
     ]
 
     def biped(robot, limit=None, settings=None, points_too=False):
         tasks = base(robot, *[task(robot) for task in talos])
         contacts = points(robot) if points_too else soles(robot)
-        return Controller(robot, tasks, contacts, limit or [torque], settings)
+        return control.Controller(robot, tasks, contacts, limit or [torque], settings)
 
     found["talos"] = "talos", biped, 1e-2, {}
     found["talos, limits"] = "talos", lambda r: biped(r, limits(r)), 1e-2, {}

@@ -33,8 +33,6 @@ from wbc.sim import Plant
 
 TALOS, SOLO = load_robot("talos"), load_robot("solo12")
 LEG = load_robot("planar_leg_fixed").lossless()
-STANCE = [contact.name for contact in SOLO.contacts]
-ON_THREE = dict.fromkeys(STANCE[1:], np.inf)
 SETTINGS = ControllerSettings(speed_blend=CERTAIN)
 
 
@@ -86,18 +84,6 @@ def test_a_hard_task_is_kept_whatever_others_weigh(solver, rival):
     assert command.status is Status.SOLVED, command.message
     wanted, found = asked_and_found(TALOS, hand, state, command.acceleration, target)
     np.testing.assert_allclose(found, wanted, atol=1e-5)
-
-
-def test_hard_posture_and_a_hard_task_that_is_off():
-    names = SOLO.transmission.joints[:3]
-    leg = PostureTask.of(SOLO, names, name="leg", weight=np.inf)
-    controller = Controller(SOLO, usual(SOLO, leg), points(SOLO))
-    target = {"leg": Reference(SOLO.pose()[7:10] + 0.1)}
-    on = controller.step(still(SOLO), target, ON_THREE)
-    np.testing.assert_allclose(on.acceleration[6:9], 10.0, atol=1e-6)
-    off = controller.step(still(SOLO), target, ON_THREE, activation={"leg": 0.0})
-    assert off.status is Status.SOLVED
-    assert np.abs(off.acceleration[6:9]).max() < 1.0
 
 
 def test_a_hard_task_that_contradicts_a_contact_gives_way():

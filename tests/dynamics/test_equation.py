@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.reference.mujoco_leg import leg_model
+from tests.reference.test_mujoco import leg_model
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, dissipative_equation, evaluate, redundant_model
 from wbc.effects import load_robot
@@ -118,23 +118,6 @@ def test_contact_jacobian_and_drift_are_derivatives_of_the_contact_position(
     np.testing.assert_allclose(here.contact_drift, turned, atol=1e-7)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_links_power_is_the_rate_of_their_energy(name: str, random_state) -> None:
-    robot = load_robot(name)
-    q, v = random_state(robot, 2)
-    a = np.random.default_rng(3).normal(size=robot.model.nv)
-    terms = evaluate(robot, q, v)
-    step, data = 1e-6, robot.model.createData()
-
-    def energy(h: float) -> float:
-        there = pin.integrate(robot.model, q, h * v + 0.5 * h * h * a)
-        return float(pin.computeMechanicalEnergy(robot.model, data, there, v + h * a))
-
-    rate = (energy(step) - energy(-step)) / (2 * step)
-    assert v @ (terms.mass_matrix @ a + terms.bias) == pytest.approx(rate, rel=1e-5, abs=1e-5)
-    np.testing.assert_array_equal(terms.mass_matrix, terms.mass_matrix.T)
-
-
 def test_lossless_accelerations_are_those_of_mujoco_with_armature(random_state) -> None:
     robot = load_robot("planar_leg")
     gears = robot.transmission
@@ -148,17 +131,6 @@ def test_lossless_accelerations_are_those_of_mujoco_with_armature(random_state) 
     equation = dissipative_equation(robot, evaluate(robot, q, v), np.zeros(2))
     ours = equation.acceleration(torque, np.zeros(robot.model.nv))
     np.testing.assert_allclose(ours, data.qacc, rtol=1e-9, atol=1e-9)
-
-
-def test_evaluating_does_not_change_the_robot(random_state) -> None:
-    robot = load_robot("differential_biped")
-    frames = robot.model.nframes
-    q, v = random_state(robot, 5)
-    first = evaluate(robot, q, v)
-    again = evaluate(robot, q, v)
-    assert robot.model.nframes == frames
-    np.testing.assert_array_equal(first.bias, again.bias)
-    np.testing.assert_array_equal(first.contact_jacobian, again.contact_jacobian)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.dynamics import (
-    contact_torque,
-    dissipative_equation,
-    evaluate,
-    inertial_parameters,
-    inertial_regressor,
-    link_torque,
-    rotor_torque,
-)
+from wbc import dynamics
+from wbc.arrays import FloatArray
 from wbc.effects import load_robot
 from wbc.errors import DynamicsError, RobotError
 from wbc.robot import Motion, Robot
 
 NAMES = ["emps", "planar_leg", "parallelogram_leg", "differential_biped", "solo12"]
 SAMPLES = 12
+COUPLED = ["planar_leg", "parallelogram_leg", "differential_biped", "solo12", "staubli_tx40"]
+MASS, ACROSS = 0.2, 3e-4
 
 
 def random_motion(robot: Robot, seed: int, samples: int = SAMPLES) -> Motion:
@@ -48,15 +45,15 @@ def with_friction(robot: Robot) -> Robot:
 def test_a_log_is_its_samples(name: str) -> None:
     robot = with_friction(load_robot(name))
     motion = random_motion(robot, 1)
-    links = link_torque(robot, motion)
-    torque, rest = rotor_torque(robot, motion, links)
+    links = dynamics.link_torque(robot, motion)
+    torque, rest = dynamics.rotor_torque(robot, motion, links)
     for i in range(SAMPLES):
-        terms = evaluate(robot, motion.position[i], motion.velocity[i])
+        terms = dynamics.evaluate(robot, motion.position[i], motion.velocity[i])
         np.testing.assert_allclose(
             links[i], terms.mass_matrix @ motion.acceleration[i] + terms.bias, atol=1e-9
         )
         single = Motion(motion.position[i], motion.velocity[i], motion.acceleration[i])
-        one, left = rotor_torque(robot, single, links[i])
+        one, left = dynamics.rotor_torque(robot, single, links[i])
         np.testing.assert_allclose(torque[i], one, atol=1e-12)
         np.testing.assert_allclose(rest[i], left, atol=1e-12)
 
@@ -65,18 +62,18 @@ def test_a_log_is_its_samples(name: str) -> None:
 def test_inverse_undoes_forward_dynamics(name: str) -> None:
     robot = load_robot(name)
     motion = random_motion(robot, 2, 40)
-    links = link_torque(robot, motion)
-    torque, rest = rotor_torque(robot, motion, links)
+    links = dynamics.link_torque(robot, motion)
+    torque, rest = dynamics.rotor_torque(robot, motion, links)
     gears, seen = robot.transmission, set()
     for i in range(40):
         speed = gears.motor_from_joint @ motion.velocity[i][robot.actuated]
         output = gears.topology.T @ links[i][robot.actuated]
         mode = np.sign(output * speed)
         seen.add(tuple(mode))
-        terms = evaluate(robot, motion.position[i], motion.velocity[i])
+        terms = dynamics.evaluate(robot, motion.position[i], motion.velocity[i])
         external = np.zeros(robot.model.nv)
         external[robot.unactuated] = rest[i]
-        found = dissipative_equation(robot, terms, mode).acceleration(torque[i], external)
+        found = dynamics.dissipative_equation(robot, terms, mode).acceleration(torque[i], external)
         np.testing.assert_allclose(found, motion.acceleration[i], rtol=1e-8, atol=1e-8)
     assert len(seen) == 4
 
@@ -85,16 +82,16 @@ def test_inverse_undoes_forward_dynamics(name: str) -> None:
 def test_the_regressor_times_the_parameters_is_the_torque(name: str) -> None:
     robot = load_robot(name)
     motion = random_motion(robot, 4)
-    product = inertial_regressor(robot, motion) @ inertial_parameters(robot)
-    np.testing.assert_allclose(product, link_torque(robot, motion), atol=1e-9)
+    product = dynamics.inertial_regressor(robot, motion) @ dynamics.inertial_parameters(robot)
+    np.testing.assert_allclose(product, dynamics.link_torque(robot, motion), atol=1e-9)
     # Another parameter vector gives the torque of the robot that has it.
     last, load = (
         robot.model.njoints - 1,
         pin.Inertia(0.5, np.array([0.1, 0.0, -0.2]), 1e-3 * np.eye(3)),
     )
     heavier = robot.with_inertia(last, robot.model.inertias[last] + load)
-    product = inertial_regressor(robot, motion) @ inertial_parameters(heavier)
-    np.testing.assert_allclose(product, link_torque(heavier, motion), atol=1e-9)
+    product = dynamics.inertial_regressor(robot, motion) @ dynamics.inertial_parameters(heavier)
+    np.testing.assert_allclose(product, dynamics.link_torque(heavier, motion), atol=1e-9)
 
 
 def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
@@ -102,16 +99,16 @@ def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
     motion = random_motion(robot, 5, 3)
     rng = np.random.default_rng(6)
     forces = {"left_toe": rng.normal(size=(3, 3)), "right_heel": rng.normal(size=(3, 3))}
-    torque = contact_torque(robot, motion.position, forces)
+    torque = dynamics.contact_torque(robot, motion.position, forces)
     names = [contact.name for contact in robot.contacts]
     for i in range(3):
-        terms = evaluate(robot, motion.position[i], motion.velocity[i])
+        terms = dynamics.evaluate(robot, motion.position[i], motion.velocity[i])
         speed = (terms.contact_jacobian @ motion.velocity[i]).reshape(-1, 3)
         work = sum(float(f[i] @ speed[names.index(n)]) for n, f in forces.items())
         assert torque[i] @ motion.velocity[i] == pytest.approx(work)
     with pytest.raises(RobotError, match="left_toe"):
-        contact_torque(robot, motion.position, {"toe": np.zeros((3, 3))})
-    np.testing.assert_array_equal(contact_torque(robot, motion.position, {}), 0.0)
+        dynamics.contact_torque(robot, motion.position, {"toe": np.zeros((3, 3))})
+    np.testing.assert_array_equal(dynamics.contact_torque(robot, motion.position, {}), 0.0)
 
 
 def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
@@ -119,8 +116,8 @@ def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
     q = robot.pose("paper")
     weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
     still = Motion(q[None], np.zeros((1, 5)), np.zeros((1, 5)))
-    force = contact_torque(robot, still.position, {"foot": np.array([[0.0, 0.0, weight]])})
-    torque, rest = rotor_torque(robot, still, link_torque(robot, still), force)
+    force = dynamics.contact_torque(robot, still.position, {"foot": np.array([[0.0, 0.0, weight]])})
+    torque, rest = dynamics.rotor_torque(robot, still, dynamics.link_torque(robot, still), force)
     # The foot is straight under the hip. Both links' centres lie 0.1 m ahead of it, the shin's
     # centre 0.1 m behind the knee, the foot 0.2 m behind the knee.
     links = 4.0 * 9.81 * 0.1
@@ -132,4 +129,117 @@ def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
 def test_accelerations_are_needed() -> None:
     robot = load_robot("planar_leg_fixed")
     with pytest.raises(DynamicsError, match="accelerations"):
-        link_torque(robot, Motion(np.zeros((2, 2)), np.zeros((2, 2))))
+        dynamics.link_torque(robot, Motion(np.zeros((2, 2)), np.zeros((2, 2))))
+
+
+def rotor_body(axis: FloatArray, spin: float) -> pin.Inertia:
+    """Return a rotor about `axis`: symmetric, with a mass and an inertia across the axis too."""
+    moment = ACROSS * np.eye(3) + (spin - ACROSS) * np.outer(axis, axis)
+    return pin.Inertia(MASS, np.zeros(3), moment)
+
+
+def with_real_rotors(robot: Robot) -> tuple[pin.Model, list[int]]:
+    """Return the links with one revolute joint and body per rotor, and the order of s in it."""
+    model, gears = pin.Model(), robot.transmission
+    model.gravity = robot.model.gravity
+    new = {0: 0}
+    for number in range(robot.model.njoints):
+        if number:
+            new[number] = model.addJoint(
+                new[robot.model.parents[number]],
+                robot.model.joints[number].copy()
+                if hasattr(robot.model.joints[number], "copy")
+                else robot.model.joints[number],
+                robot.model.jointPlacements[number],
+                robot.model.names[number],
+            )
+            model.appendBodyToJoint(new[number], robot.model.inertias[number], pin.SE3.Identity())
+        # Rotors are leaves right behind their housing, so that subtrees stay contiguous.
+        for gear in np.flatnonzero(robot.mounting.housing == number):
+            axis = robot.mounting.axis[gear]
+            joint = model.addJoint(
+                new[number],
+                pin.JointModelRevoluteUnaligned(*axis),
+                pin.SE3.Identity(),
+                f"rotor:{gears.joints[gear]}",
+            )
+            body = rotor_body(axis, gears.rotor_inertia[gear])
+            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    order: list[int] = []
+    for number in range(1, robot.model.njoints):
+        start = model.joints[new[number]].idx_v
+        order += range(start, start + robot.model.joints[number].nv)
+    order += [model.joints[model.getJointId(f"rotor:{j}")].idx_v for j in gears.joints]
+    return model, order
+
+
+def configuration(robot: Robot, real: pin.Model, q: FloatArray) -> FloatArray:
+    """Return q of the model with rotors for q of the links."""
+    full = pin.neutral(real)
+    for number in range(1, robot.model.njoints):
+        joint = robot.model.joints[number]
+        there = real.joints[real.getJointId(robot.model.names[number])]
+        full[there.idx_q : there.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
+    return full
+
+
+def carrying(robot: Robot) -> Robot:
+    """Return the robot whose links hold their rotors at standstill, as the library asks."""
+    loaded = replace(robot, rotors_turn_with_links=True)
+    for gear, housing in enumerate(robot.mounting.housing.tolist()):
+        if housing:
+            body = rotor_body(robot.mounting.axis[gear], robot.transmission.rotor_inertia[gear])
+            loaded = loaded.with_inertia(housing, loaded.model.inertias[housing] + body)
+    return loaded
+
+
+@pytest.mark.parametrize("name", COUPLED)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(
+    name: str, seed: int, random_state
+) -> None:
+    robot = load_robot(name)
+    real, order = with_real_rotors(robot)
+    ours = carrying(robot)
+    q, v = random_state(ours, seed)
+    model = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v))
+    s_dot = model.nullspace @ v
+    data = real.createData()
+    full_q, full_v = configuration(robot, real, q), np.zeros(real.nv)
+    full_v[order] = s_dot
+    mass = pin.crba(real, data, full_q)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    np.testing.assert_allclose(model.inertia, mass[np.ix_(order, order)], atol=1e-9)
+    bias = pin.nonLinearEffects(real, data, full_q, full_v)
+    np.testing.assert_allclose(model.bias, bias[order], atol=1e-8)
+
+
+@pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg", "solo12"])
+def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(
+    name: str, random_state
+) -> None:
+    robot = load_robot(name).lossless()
+    real, order = with_real_rotors(robot)
+    ours = carrying(robot)
+    q, v = random_state(ours, 3)
+    a = np.random.default_rng(4).normal(size=robot.model.nv)
+    nullspace = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v)).nullspace
+    full_v, full_a = np.zeros((2, real.nv))
+    full_v[order], full_a[order] = nullspace @ v, nullspace @ a
+    whole = configuration(robot, real, q), full_v, full_a
+    effort = pin.rnea(real, real.createData(), *whole)[order]
+    # Perfect gears: the rotor torque does the work of everything that moves with the joint.
+    nv, gears = robot.model.nv, robot.transmission
+    needed = nullspace.T @ effort
+    tau = np.linalg.solve(gears.distribution, needed[robot.actuated])
+    motion = Motion(q[None], v[None], a[None])
+    found, rest = dynamics.rotor_torque(ours, motion, dynamics.link_torque(ours, motion))
+    np.testing.assert_allclose(found[0], tau, atol=1e-9)
+    np.testing.assert_allclose(rest[0], needed[:nv][robot.unactuated], atol=1e-9)
+
+
+def test_a_housing_that_does_not_exist_is_named() -> None:
+    robot = load_robot("planar_leg")
+    gears = robot.transmission.replace(housings=("base", "tigh"))
+    with pytest.raises(RobotError, match="Did you mean 'thigh'"):
+        _ = robot.with_transmission(gears).mounting

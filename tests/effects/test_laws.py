@@ -8,27 +8,9 @@ import numpy as np
 import pytest
 
 from tests.effects.needed import needed
-from wbc import Robot, load_robot
+from wbc import Robot, effects, load_robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque
-from wbc.effects import (
-    CoulombFriction,
-    JointSpring,
-    LoadFriction,
-    LoadStribeckFriction,
-    PayloadMass,
-    QuadraticDrag,
-    RotorInertia,
-    StribeckFriction,
-    SupplySag,
-    ThermalViscousFriction,
-    TorqueConstant,
-    TorqueOffset,
-    TorqueRipple,
-    TransmissionEfficiency,
-    ViscousFriction,
-    VoltageScaling,
-)
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion
 
@@ -36,18 +18,21 @@ REFLECTED = 0.02666666666666667
 Law = Callable[[FloatArray, FloatArray, FloatArray], FloatArray | float]
 # What an effect at the knee adds to the torque at the output of its motor, for q, v and a.
 ADDED: list[tuple[Effect, Law]] = [
-    (ViscousFriction("knee", 0.4), lambda q, v, a: 0.4 * v),
-    (ThermalViscousFriction("knee", 0.4, 0.03), lambda q, v, a: 0.4 * np.exp(-0.6) * v),  # 60 C
-    (CoulombFriction("knee", 0.6), lambda q, v, a: 0.6 * np.sign(v)),
+    (effects.ViscousFriction("knee", 0.4), lambda q, v, a: 0.4 * v),
     (
-        StribeckFriction("knee", 0.5, 0.2),
+        effects.ThermalViscousFriction("knee", 0.4, 0.03),
+        lambda q, v, a: 0.4 * np.exp(-0.6) * v,
+    ),  # 60 C
+    (effects.CoulombFriction("knee", 0.6), lambda q, v, a: 0.6 * np.sign(v)),
+    (
+        effects.StribeckFriction("knee", 0.5, 0.2),
         lambda q, v, a: 0.5 * np.exp(-((v / 0.2) ** 2)) * np.sign(v),
     ),
-    (QuadraticDrag("knee", 0.3), lambda q, v, a: 0.3 * v * np.abs(v)),
-    (JointSpring("knee", 3.0, 0.25), lambda q, v, a: 3.0 * (q - 0.25)),
-    (TorqueRipple("knee", 0.4, 7.0, 0.3), lambda q, v, a: -0.4 * np.sin(7.0 * q + 0.3)),
-    (TorqueOffset("knee", -0.7), lambda q, v, a: 0.7),
-    (RotorInertia("knee", 0.08), lambda q, v, a: (0.08 - REFLECTED) * a),
+    (effects.QuadraticDrag("knee", 0.3), lambda q, v, a: 0.3 * v * np.abs(v)),
+    (effects.JointSpring("knee", 3.0, 0.25), lambda q, v, a: 3.0 * (q - 0.25)),
+    (effects.TorqueRipple("knee", 0.4, 7.0, 0.3), lambda q, v, a: -0.4 * np.sin(7.0 * q + 0.3)),
+    (effects.TorqueOffset("knee", -0.7), lambda q, v, a: 0.7),
+    (effects.RotorInertia("knee", 0.08), lambda q, v, a: (0.08 - REFLECTED) * a),
 ]
 
 
@@ -73,9 +58,9 @@ def test_losses_of_a_gear_depend_on_the_direction_of_power(leg: Robot, motion: M
     assert 0 < forward.sum() < len(forward)
     share = 0.5 * np.exp(-((speed / 0.8) ** 2))
     for effect, lifts, lowers in (
-        (TransmissionEfficiency("knee", 0.75, 0.5), 0.75, 2.0),
-        (LoadFriction("knee", 0.15), 0.85, 1.15),
-        (LoadStribeckFriction("knee", 0.5, 0.8), 1.0 - share, 1.0 + share),
+        (effects.TransmissionEfficiency("knee", 0.75, 0.5), 0.75, 2.0),
+        (effects.LoadFriction("knee", 0.15), 0.85, 1.15),
+        (effects.LoadStribeckFriction("knee", 0.5, 0.8), 1.0 - share, 1.0 + share),
     ):
         found = needed(leg.with_effect(effect), motion)[:, 1]
         expected = output / np.where(forward, lifts, lowers) + rotor
@@ -85,7 +70,7 @@ def test_losses_of_a_gear_depend_on_the_direction_of_power(leg: Robot, motion: M
 def test_a_drive_scales_what_is_reported_and_an_offset_comes_on_top(
     leg: Robot, motion: Motion
 ) -> None:
-    constant, offset = TorqueConstant("knee", 1.2), TorqueOffset("knee", -0.7)
+    constant, offset = effects.TorqueConstant("knee", 1.2), effects.TorqueOffset("knee", -0.7)
     reported = needed(leg.with_effect(constant), motion)
     np.testing.assert_allclose(reported * [1.0, 1.2], needed(leg, motion))
     both = needed(leg.with_effects(offset, constant), motion)
@@ -96,26 +81,28 @@ def test_a_payload_is_a_point_mass_at_its_place(leg: Robot) -> None:
     still = Motion(np.array([[0.3, 0.5]]), np.zeros((1, 2)), np.zeros((1, 2)))
     base = link_torque(leg, still)[0]
     for where, arm in (("shin", 0.2), ("foot", 0.4)):
-        more = link_torque(leg.with_effect(PayloadMass(where, 0.9)), still)[0] - base
+        more = link_torque(leg.with_effect(effects.PayloadMass(where, 0.9)), still)[0] - base
         # Gravity on a point `arm` along the shin; positive angles swing the leg to -x.
         knee = 0.9 * 9.81 * arm * np.sin(0.8)
         np.testing.assert_allclose(more, [knee + 0.9 * 9.81 * 0.4 * np.sin(0.3), knee])
-    inertia = leg.with_effect(PayloadMass("foot", 0.9)).model.inertias[2]
+    inertia = leg.with_effect(effects.PayloadMass("foot", 0.9)).model.inertias[2]
     about_knee = inertia.inertia[1, 1] + inertia.mass * inertia.lever[2] ** 2
     assert about_knee == pytest.approx(2.0 * 0.4**2 / 3 + 0.9 * 0.4**2)
 
 
 def test_effects_at_one_place_add_up(leg: Robot, motion: Motion) -> None:
-    twice = leg.with_effects(ViscousFriction("knee", 0.1), ViscousFriction("knee", 0.3))
-    once = leg.with_effect(ViscousFriction("knee", 0.4))
+    twice = leg.with_effects(
+        effects.ViscousFriction("knee", 0.1), effects.ViscousFriction("knee", 0.3)
+    )
+    once = leg.with_effect(effects.ViscousFriction("knee", 0.4))
     np.testing.assert_allclose(needed(twice, motion), needed(once, motion), atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("effect", "message"),
     [
-        (lambda: PayloadMass("shin", -2.5), "leaves no mass.*the body has 2 kg"),
-        (lambda: TransmissionEfficiency("knee", 0.9, 1.05), r"outside \[-20, 1\]"),
+        (lambda: effects.PayloadMass("shin", -2.5), "leaves no mass.*the body has 2 kg"),
+        (lambda: effects.TransmissionEfficiency("knee", 0.9, 1.05), r"outside \[-20, 1\]"),
     ],
 )
 def test_effects_that_this_robot_cannot_have(effect: Callable[[], Effect], message: str) -> None:
@@ -140,7 +127,7 @@ def at_speed(hip: float, knee: float) -> Motion:
 
 
 def test_a_stalled_motor_draws_what_warms_its_winding(leg: Robot, wound: Robot) -> None:
-    sag, still = SupplySag("robot", 0.002), at_speed(0.0, 0.0)
+    sag, still = effects.SupplySag("robot", 0.002), at_speed(0.0, 0.0)
     torque = np.array([[0.9, -0.6]])
     heat = OHM * (0.9**2 + 0.6**2) / KT**2
     np.testing.assert_allclose(sag.drive(wound, still, torque), torque * (1.0 - 0.002 * heat))
@@ -149,7 +136,7 @@ def test_a_stalled_motor_draws_what_warms_its_winding(leg: Robot, wound: Robot) 
 
 
 def test_a_braking_motor_feeds_the_other_before_the_supply_does(wound: Robot) -> None:
-    sag, torque = SupplySag("robot", 0.002), np.array([[0.2, -0.2]])
+    sag, torque = effects.SupplySag("robot", 0.002), np.array([[0.2, -0.2]])
     heat = OHM * 2 * 0.2**2 / KT**2
     for knee, power in ((1.0, 0.2 * GEAR * 2.0 + heat), (50.0, 0.0)):
         drawn = sag.drive(wound, at_speed(3.0, knee), torque)
@@ -160,7 +147,7 @@ def test_a_braking_motor_feeds_the_other_before_the_supply_does(wound: Robot) ->
 def test_the_reported_torque_is_the_smallest_that_delivers(
     coefficient: float, wound: Robot
 ) -> None:
-    sag, rng = SupplySag("robot", coefficient), np.random.default_rng(4)
+    sag, rng = effects.SupplySag("robot", coefficient), np.random.default_rng(4)
     drives = np.linspace(0.0, 3.0, 300001)[:, None]
     for _ in range(6):
         motion, torque = at_speed(*rng.uniform(-6.0, 6.0, 2)), rng.uniform(-0.7, 0.7, (1, 2))
@@ -175,7 +162,7 @@ def test_the_reported_torque_is_the_smallest_that_delivers(
 
 
 def test_the_torque_follows_the_logged_voltage(leg: Robot) -> None:
-    effect, share = VoltageScaling("knee", 0.75, 48.0), 0.75
+    effect, share = effects.VoltageScaling("knee", 0.75, 48.0), 0.75
     voltage = np.array([[48.0, 48.0], [48.0, 36.0], [36.0, 60.0], [48.0, np.nan]])
     motion = Motion(*np.zeros((2, 4, 2)), supply_voltage=voltage)
     left = effect.drive(leg, motion, np.ones((4, 2)))

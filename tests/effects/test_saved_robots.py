@@ -71,8 +71,7 @@ def test_a_robot_of_one_s_own_is_found_again_from_elsewhere(
     own = tmp_path / "own"
     own.mkdir()
     text = (robots_directory() / "planar_leg_fixed" / "robot.toml").read_text()
-    urdf = (robots_directory() / "planar_leg" / "planar_leg.urdf").as_posix()
-    (own / "robot.toml").write_text(text.replace("../planar_leg/planar_leg.urdf", urdf))
+    (own / "robot.toml").write_text(text.replace("../", f"{robots_directory().as_posix()}/"))
     monkeypatch.chdir(tmp_path)
     path = save_robot(load_robot("own"), tmp_path / "fitted.toml")
     monkeypatch.chdir("/")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from tests.sim.ground.random_grounds import GROUNDS, drawn_scene, made_by_rows, random_scene
 from tests.sim.random_robots import BASES, random_robot
 from wbc import Robot, load_robot
-from wbc.effects import CoulombFriction, StribeckFriction, ViscousFriction
 from wbc.errors import SimulationError
 from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant, SimState
 
@@ -146,43 +144,6 @@ def test_no_random_robot_makes_energy(
 
 
 LEG = load_robot("planar_leg")
-
-
-VARIANTS = {
-    "gears": lambda robot: robot,
-    "coupled rotors": lambda robot: replace(robot, rotors_turn_with_links=True),
-    "compliant": lambda robot: robot.with_transmission(
-        robot.transmission.replace(stiffness=np.full(2, 150.0), damping=np.full(2, 0.3))
-    ),
-    "play": lambda robot: robot.with_transmission(
-        robot.transmission.replace(
-            stiffness=np.full(2, 2000.0), damping=np.full(2, 0.5), backlash=np.full(2, 0.02)
-        )
-    ),
-    "friction": lambda robot: robot.with_effects(
-        CoulombFriction("hip", 0.5),
-        ViscousFriction("knee", 0.2),
-        StribeckFriction("knee", 0.3, 0.1),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("height", [1.0, 0.02])
-def test_the_residual_shrinks_with_the_step(name: str, height: float) -> None:
-    robot = VARIANTS[name](LEG)
-    plant = Plant(robot)
-    q = robot.configuration(hip=0.5, knee=-1.0)
-    q[1] += height - plant.gaps(plant.state(q))[0]
-
-    def torque(time: float) -> np.ndarray:
-        return np.array([0.3 * np.sin(20.0 * time), -0.3 * np.cos(13.0 * time)])
-
-    coarse, _ = _audit(plant, plant.state(q), torque, 2e-3, 0.24)
-    fine, _ = _audit(plant, plant.state(q), torque, 5e-4, 0.24)
-    assert fine.flow.lost > 0.1
-    assert abs(fine.residual) < 0.35 * abs(coarse.residual) + 1e-5
-    assert abs(fine.residual) < 0.02 * fine.flow.lost
 
 
 def test_a_pinned_foot_does_no_work() -> None:

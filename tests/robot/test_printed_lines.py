@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +13,9 @@ from wbc.control import JouleHeatEffort
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
-from wbc.identification import servo as rollouts
 from wbc.identification.readings import check_log, rotor_torques
-from wbc.identification.servo import ServoModels
 from wbc.measurement import Log
 from wbc.robot import Robot
-from wbc.robot.dc_drive import DcDrive
-from wbc.sim.servo_rollout import servo_rollout
-from wbc.sim.servo_run import ServoRun
 
 ROOT = Path(__file__).resolve().parents[2]
 LEG = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
@@ -59,40 +53,6 @@ def checked(log: Log) -> Callable[[Robot], object]:
     return action
 
 
-def servo_of(robot: Robot) -> Robot:
-    """Return a servo whose motor is the one of the hip."""
-    one, hip = load_robot("xl330_pendulum"), robot.transmission
-    drive = replace(
-        one.transmission,
-        torque_constant=hip.torque_constant[:1],
-        resistance=hip.resistance[:1],
-        supply_voltage=hip.supply_voltage[:1],
-        duty_gain=hip.duty_gain[:1],
-        joints=("shaft",),
-    )
-    return replace(one, transmission=drive)
-
-
-def servo(action: Callable[[Robot], object]) -> Callable[[Robot], object]:
-    def of_hip(robot: Robot) -> object:
-        try:
-            return action(servo_of(robot))
-        except WbcError as error:
-            raise type(error)(str(error).replace("gears.shaft", "gears.hip")) from error
-
-    return of_hip
-
-
-def rolled(robot: Robot) -> object:
-    run = ServoRun("run", 2.0, np.zeros(9), np.ones(9), np.zeros(9))
-    return servo_rollout([(robot, DcDrive(7.4))], [run], 1e-3)
-
-
-def recorded(robot: Robot) -> object:
-    columns = {"shaft.position": np.sin(_TIME), "shaft.target_position": np.sin(_TIME)}
-    return rollouts._run(robot, Log(_TIME, columns))  # a fit of the servo takes minutes
-
-
 TARGETS = log_of(target_position=1.1)
 CASES: dict[str, tuple[str, Callable[[Robot], object]]] = {
     "targets without gains": (LOCK + GEARS, torques(TARGETS)),
@@ -107,9 +67,6 @@ CASES: dict[str, tuple[str, Callable[[Robot], object]]] = {
         torques(TARGETS),
     ),
     "heat without resistance": (LOCK + GEARS, JouleHeatEffort(weight=1.0).check),
-    "a servo without constants": (LOCK + GEARS, servo(rolled)),
-    "a servo whose models lack constants": (LOCK + GEARS, servo(ServoModels.of)),
-    "a servo's log without a gain": (LOCK + GEARS, servo(recorded)),
     "positions that the log lacks": (GEARS, checked(log_of(motor_torque=1.0))),
     "no gears": (
         LOCK,

@@ -40,26 +40,6 @@ def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
     assert np.abs(state.velocity[1]) < 1e-9
 
 
-def test_play_leaves_the_joint_alone_until_it_is_crossed() -> None:
-    play = 0.04
-    robot = _arm(backlash=[play, 0.0])
-    plant, gears = Plant(robot), robot.transmission
-    state = plant.state([0.2, 0.3])
-    torque = np.array([0.05, 0.0])
-    acceleration = gears.gear_ratio[0] * torque[0] / gears.reflected_inertia[0]
-    crossing = np.sqrt(play / acceleration)
-    dt = 1e-4
-    while state.time < crossing - 3 * dt:
-        state = plant.step(state, torque, dt).state
-        assert np.abs(state.velocity).max() == 0.0
-    assert state.motor_velocity[0] == pytest.approx(acceleration * state.time, rel=1e-9)
-    for _ in range(200):
-        state = plant.step(state, torque, dt).state
-        assert np.abs(state.deflection).max() < play / 2 + 1.3 * dt
-    assert state.velocity[0] > 0.0
-    assert state.deflection[0] == pytest.approx(play / 2, abs=1.3 * dt)
-
-
 def test_coupled_rotors_move_as_the_redundant_model_says() -> None:
     robot = replace(load_robot("planar_leg").lossless(), rotors_turn_with_links=True, contacts=())
     plant = Plant(robot)

@@ -9,19 +9,11 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from sims.leg import balanced_pose
 from tests.sim.random_robots import geared
-from wbc import Robot, load_robot
+from wbc import load_robot
 from wbc.control import RotorTorqueLimit
 from wbc.effects import CoulombFriction
-from wbc.metrics import impact_mitigation
 from wbc.sim import Plane, Plant, Stairs, simulate
-from wbc.sim.step.impact import LEFT
-
-
-def _slippery(robot: Robot, friction: float) -> Robot:
-    contacts = tuple(replace(contact, friction=friction) for contact in robot.contacts)
-    return replace(robot, contacts=contacts)
 
 
 def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
@@ -44,30 +36,6 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
             assert np.allclose(impact.solution.impulse[:2], expected, atol=1e-9)
             seen |= set(zip(through_rest.tolist(), (taken < 1.0).tolist(), strict=True))
     assert seen == {(False, False), (False, True), (True, False), (True, True)}
-
-
-@pytest.mark.parametrize("eta_f", [0.55, 0.7, 1.0])
-def test_impact_mitigation_is_what_the_metric_predicts(eta_f: float) -> None:
-    robot = geared(
-        _slippery(load_robot("planar_leg"), 0.0),
-        forward_efficiency=eta_f,
-        backward_efficiency=2.0 - 1.0 / eta_f,
-    )
-    blocked = geared(robot, rotor_inertia=1e9)
-    q = robot.configuration(hip=np.pi / 6, knee=-np.pi / 3)
-    q[1] -= Plant(robot).gaps(Plant(robot).state(q))[0] - 0.05
-
-    def impulse(chosen: Robot) -> float:
-        plant = Plant(chosen)
-        state, impacts = plant.state(q), ()
-        while not impacts:
-            result = plant.step(state, np.zeros(2), 1e-3)
-            state, impacts = result.state, result.impacts
-        return float(impacts[0].contact_impulse[0, 2])
-
-    measured = 1.0 - impulse(robot) / impulse(blocked)
-    predicted = impact_mitigation(robot, q, "foot").along([0.0, 0.0, 1.0])
-    assert measured == pytest.approx(predicted, rel=1e-3)
 
 
 def test_a_passive_robot_on_self_locking_gears_stands_for_ever() -> None:
@@ -109,36 +77,6 @@ def test_a_landing_on_a_step_happens_at_its_height() -> None:
         result = plant.step(state, np.zeros(2), 1e-3)
         state, impacts = result.state, result.impacts
     assert impacts[0].time == pytest.approx(np.sqrt(2 * (height - 0.15) / 9.81), abs=2e-6)
-
-
-def test_ends_that_miss_laws_are_counted_and_named() -> None:
-    plant = Plant(load_robot("planar_leg_strong"))
-    pose = balanced_pose(plant.robot, 0.001)
-    state = plant.state(pose, [0.0, -2.0, *np.zeros(plant.robot.model.nv - 2)])
-    result = plant.step(state, np.zeros(plant.robot.transmission.size), 1e-3)
-    assert result.impacts
-    assert result.unsettled == 0
-    numbers = np.where(np.arange(8) == LEFT, 0.25, result.impacts[0].numbers)
-    missed = replace(result, impacts=tuple(replace(i, numbers=numbers) for i in result.impacts))
-    assert missed.unsettled == len(result.impacts)
-    assert ("unsettled", 0.25) in [(event.kind, event.size) for event in missed.events]
-
-
-def test_long_steps_make_no_energy_and_are_named() -> None:
-    """A leg without motors falls and bounces; at 10 ms some of its steps gained 0.06 to 0.65 J."""
-    leg = load_robot("planar_leg")
-    plant, rng, named = Plant(leg), np.random.default_rng(1), 0
-    for _ in range(3):
-        q = leg.pose()
-        q[1] += 0.3 - plant.gaps(plant.state(q)).min()
-        state = plant.state(q, rng.normal(size=5) * np.array([1.0, 1.0, 1.0, 3.0, 3.0]))
-        for _ in range(80):
-            before = plant.mechanical_energy(state)
-            result = plant.step(state, np.zeros(2), 1e-2)
-            state = result.state
-            assert plant.mechanical_energy(state) < before + 0.05
-            named += any(event.kind == "coarse" for event in result.events)
-    assert named > 0
 
 
 def test_a_motor_at_its_voltage_limit_runs_into_its_speed() -> None:

@@ -8,27 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc import load_robot
+from wbc import load_robot, sim
 from wbc.effects import JointCompliance
-from wbc.sim import (
-    Plane,
-    Plant,
-    Sensor,
-    SensorModel,
-    SimState,
-    Simulation,
-    StepEvent,
-    simulate,
-)
 from wbc.view import write_playback
 
 
-def _run(robot=None, duration: float = 0.2) -> Simulation:
+def _run(robot=None, duration: float = 0.2) -> sim.Simulation:
     robot = load_robot("planar_leg") if robot is None else robot
-    plant = Plant(robot)
+    plant = sim.Plant(robot)
     q = robot.configuration(hip=0.5, knee=-1.0)
     q[1] = 0.8 * np.cos(0.5) + 0.01
-    return simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
+    return sim.simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
 
 
 def test_the_playback_shows_what_steps_had_to_say(tmp_path: Path) -> None:
@@ -37,7 +27,7 @@ def test_the_playback_shows_what_steps_had_to_say(tmp_path: Path) -> None:
     kinds = ("overlap", "overlap", "overlap", "energy")
     times = (0.02, 0.021, 0.1, 0.05)
     events = tuple(
-        StepEvent(kind, time, 1.0, f"{kind} of {time}")
+        sim.StepEvent(kind, time, 1.0, f"{kind} of {time}")
         for kind, time in zip(kinds, times, strict=True)
     )
     marks = replace(run, events=events).marks
@@ -71,8 +61,8 @@ def test_the_audit_counts_the_heat_of_windings_that_are_known() -> None:
     """A constant torque heats by R (tau / k_t)^2, whatever moves."""
     known = load_robot("planar_leg_strong")
     gears, torque = known.transmission, np.array([1.5, -2.5])
-    plant = Plant(known)
-    audit = simulate(plant, lambda _: torque, plant.state(known.pose()), 0.05).audit
+    plant = sim.Plant(known)
+    audit = sim.simulate(plant, lambda _: torque, plant.state(known.pose()), 0.05).audit
     heat = 0.05 * np.sum(gears.resistance * (torque / gears.torque_constant) ** 2)
     assert audit.joule_heat == pytest.approx(heat, rel=1e-12)
     assert audit.electric == pytest.approx(audit.flow.motor + heat)
@@ -85,10 +75,10 @@ def test_the_audit_counts_the_heat_of_windings_that_are_known() -> None:
 def test_sensors_are_seeded_and_do_what_they_say() -> None:
     robot = load_robot("planar_leg")
     log = _run().log
-    model = SensorModel(
-        position=Sensor(resolution=1e-3),
-        velocity=Sensor(noise=0.01, bias=0.5),
-        columns={"knee.position": Sensor(delay=0.01)},
+    model = sim.SensorModel(
+        position=sim.Sensor(resolution=1e-3),
+        velocity=sim.Sensor(noise=0.01, bias=0.5),
+        columns={"knee.position": sim.Sensor(delay=0.01)},
         every=2,
     )
     one, same, other = (model.measure(robot, log, seed) for seed in (1, 1, 2))
@@ -109,15 +99,15 @@ def test_encoders_on_the_motors_see_the_gear_wind_up() -> None:
     """A gear held still under gravity: the encoder stays, the link sags by load over stiffness."""
     robot = load_robot("planar_leg_fixed").lossless()
     soft = robot.with_effect(JointCompliance("knee", stiffness=200.0, damping=3.0))
-    plant = Plant(soft, Plane(height=-10.0))
+    plant = sim.Plant(soft, sim.Plane(height=-10.0))
     q = soft.configuration(hip=0.0, knee=1.0)
 
-    def held(state: SimState) -> np.ndarray:
+    def held(state: sim.SimState) -> np.ndarray:
         seen = plant.encoders(state)
         return (300.0 * (q - seen.position) - 10.0 * seen.velocity) / 20.0
 
-    log = simulate(plant, held, plant.state(q), 3.0).log
-    shown = SensorModel().measure(soft, log, seed=0)
+    log = sim.simulate(plant, held, plant.state(q), 3.0).log
+    shown = sim.SensorModel().measure(soft, log, seed=0)
     assert not shown.has("knee.rotor_position")
     link, motor = log.column("knee.position")[-1], shown.column("knee.position")[-1]
     load = log.column("knee.joint_torque")[-1]

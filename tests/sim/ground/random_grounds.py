@@ -8,45 +8,34 @@ import numpy as np
 import pinocchio as pin
 
 from tests.sim.random_robots import BASES, random_robot, softened
-from wbc import Robot
-from wbc.sim import (
-    Box,
-    HeightField,
-    Plane,
-    Plant,
-    SimState,
-    Sphere,
-    Stairs,
-    StepResult,
-    Terrain,
-    Together,
-)
+from wbc import Robot, sim
 from wbc.sim.step.tables import INERTIA, STIFFNESS
 
 GROUNDS = ("plane", "stairs", "boxes", "balls", "field")
 
 
-def random_ground(rng: np.random.Generator, kind: str) -> Terrain:
+def random_ground(rng: np.random.Generator, kind: str) -> sim.Terrain:
     """Return a ground of some kind about the origin, nowhere higher than 0.6 m."""
     if kind == "plane":
-        return Plane(np.array([*rng.uniform(-0.5, 0.5, 2), 1.0]))
+        return sim.Plane(np.array([*rng.uniform(-0.5, 0.5, 2), 1.0]))
     if kind == "stairs":
         edges = np.cumsum(rng.uniform(0.02, 0.4, 6)) - 0.6
-        return Stairs(edges, rng.uniform(-0.1, 0.2, 7))
+        return sim.Stairs(edges, rng.uniform(-0.1, 0.2, 7))
     if kind == "boxes":
         turns = [pin.Quaternion(*_unit(rng)).toRotationMatrix() for _ in range(4)]
         parts = [
-            Box(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.1, 0.5, 3), R) for R in turns
+            sim.Box(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.1, 0.5, 3), R)
+            for R in turns
         ]
-        return Together((Plane(height=-0.1), *parts))
+        return sim.Together((sim.Plane(height=-0.1), *parts))
     if kind == "balls":
         balls = [
-            Sphere(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.05, 0.3))
+            sim.Sphere(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.05, 0.3))
             for _ in range(4)
         ]
-        return Together((Plane(), *balls))
+        return sim.Together((sim.Plane(), *balls))
     x = np.linspace(-2.0, 2.0, 21)
-    return HeightField(x, x, 0.08 * rng.normal(size=(21, 21)))
+    return sim.HeightField(x, x, 0.08 * rng.normal(size=(21, 21)))
 
 
 def _unit(rng: np.random.Generator) -> np.ndarray:
@@ -62,7 +51,7 @@ def random_scene(
     least: float = -0.2,
     *,
     soft: bool = False,
-) -> tuple[Plant, SimState]:
+) -> tuple[sim.Plant, sim.SimState]:
     """Return a robot with lossy gears, stops and round feet just over a ground, in motion.
 
     `least` is the lowest backward efficiency; below zero gears lock. `soft` lets gears yield.
@@ -75,13 +64,13 @@ def random_scene(
     robot = _with_stops(rng, robot, q)
     radius = rng.choice([0.0, 0.03])
     robot = replace(robot, contacts=tuple(replace(c, radius=radius) for c in robot.contacts))
-    plant = Plant(robot, random_ground(rng, ground), restitution)
+    plant = sim.Plant(robot, random_ground(rng, ground), restitution)
     if base != "fixed":
         q[1 if base == "planar" else 2] += 3.0
         for _ in range(60):  # down until a point touches: no gap is larger than the distance
             q[1 if base == "planar" else 2] -= plant.gaps(plant.state(q)).min()
     elif plant.gaps(plant.state(q)).min() < 0.0:
-        plant = Plant(robot, Plane(height=-10.0), restitution)
+        plant = sim.Plant(robot, sim.Plane(height=-10.0), restitution)
     # A height field's gap is not quite the distance: the way down may end inside.
     velocity = 2.0 * rng.normal(size=robot.model.nv)
     return plant, plant.state(q, velocity, lifted=base != "fixed")
@@ -89,7 +78,7 @@ def random_scene(
 
 def drawn_scene(
     seed: int, ground: str, *, soft: bool = False
-) -> tuple[Plant, SimState, np.ndarray, float]:
+) -> tuple[sim.Plant, sim.SimState, np.ndarray, float]:
     """Return a scene, a rotor torque for it and a step between 10 us and 30 ms."""
     rng = np.random.default_rng(seed)
     base, back = str(rng.choice(BASES)), float(rng.choice([0.0, 0.5, 1.0]))
@@ -110,7 +99,7 @@ def _with_stops(rng: np.random.Generator, robot: Robot, q: np.ndarray) -> Robot:
     return replace(robot, model=model)
 
 
-def made_by_rows(result: StepResult) -> float:
+def made_by_rows(result: sim.StepResult) -> float:
     """Return the most that contacts, stops and gears of a part made at frozen H, over its energy.
 
     The links' and the rotors' kinetic energy after the rows have acted, less that with which they

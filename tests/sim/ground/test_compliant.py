@@ -65,8 +65,6 @@ def test_a_quadruped_and_a_plank_stand_on_compliant_ground() -> None:
     assert plant.pair_gaps(state).min() > -1e-3
     assert state.position[2] > 0.08
     plant = Plant(load_robot("solo12"), Plane(), compliance=soft)
-    q = plant.robot.pose().copy()
-    q[2] -= plant.gaps(plant.state(q)).min()
-    result = plant.run(plant.state(q), np.zeros(12), 1.0, 1000)
-    assert result.impacts == () or all(not i.contact_impulse.any() for i in result.impacts)
+    result = plant.run(plant.state(plant.robot.pose(), lifted=True), np.zeros(12), 0.5, 500)
+    assert all(not impact.contact_impulse.any() for impact in result.impacts)
     assert plant.gaps(result.state).min() > -2e-3

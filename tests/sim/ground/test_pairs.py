@@ -15,7 +15,7 @@ from sims import bodies
 from tests.sim.bodies import free, hull_of, placed, solid, watched
 from wbc.measurement import load_log, save_log
 from wbc.robot import FreeBody
-from wbc.sim import Plane, Plant, Recorder, Sphere, Stairs, Together
+from wbc.sim import Plane, Plant, Recorder, Sphere, Stairs
 from wbc.view.channels import configuration
 from wbc.view.channels import velocity as measured_velocity
 
@@ -80,19 +80,6 @@ def test_a_plank_lies_on_the_edge_of_a_stair(turn: list[float]) -> None:
     edge = np.column_stack((0.0 * along, along, 0.0 * along + 0.1)) - state.position[:3]
     inside = np.min([0.3, 0.2, 0.05] - np.abs(edge @ rotation), axis=1)
     assert inside.max() < 1e-6
-
-
-def test_a_plank_lies_on_a_ball_and_on_the_plane_beside_it() -> None:
-    """Only its corners met the ball, which went through the plank."""
-    center, radius = np.array([0.1, 0.05, 0.0]), 0.1
-    ground = Together((Plane(), Sphere(center, radius)))
-    plant = solid(coal.Box(0.6, 0.4, 0.05), ground)
-    state, deepest = watched(plant, plant.state(placed(([0.02, 0.01, 0.2], [0.0] * 3))), 3.0)
-    assert np.abs(state.velocity).max() < 1e-9
-    assert deepest > -1e-6
-    own = pin.Quaternion(state.position[3:]).matrix().T @ (center - state.position[:3])
-    away = np.linalg.norm(np.maximum(np.abs(own) - [0.3, 0.2, 0.025], 0.0))
-    assert away == pytest.approx(radius, abs=1e-6)
 
 
 def test_a_plank_on_a_ball_rocks_as_a_rolling_body_does() -> None:

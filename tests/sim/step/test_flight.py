@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim.bodies import free_body
 from tests.sim.random_robots import random_robot
-from wbc import Robot, load_robot
+from wbc import Robot
 from wbc.sim import Plane, Plant, SimState
 
 FAR = Plane(height=-100.0)
@@ -46,23 +46,6 @@ def test_a_spinning_body_keeps_its_speed(lever) -> None:
         drift.append(abs(plant.mechanical_energy(state) / energy - 1.0))
     assert drift[0] < 1e-4
     assert drift[1] < 0.3 * drift[0]
-
-
-def test_a_thrown_solo12_flies_along_its_parabola() -> None:
-    robot = load_robot("solo12")
-    plant = Plant(robot, FAR)
-    q = np.array(robot.poses["standing"])
-    v = np.zeros(robot.model.nv)
-    v[:3], v[3:6] = [1.0, 1.0, np.sqrt(2.0)], 6.0 * np.array([0.48, 0.64, 0.6])
-    v[6:] = 2.0 * np.random.default_rng(0).normal(size=12)
-    state = plant.state(q, v)
-    center, speed, turn = _motion(robot, state)
-    for _ in range(600):
-        state = plant.step(state, np.zeros(12), 1e-3).state
-    after = _motion(robot, state)
-    fallen = center + 0.6 * speed - np.array([0.0, 0.0, 0.5 * 9.81 * 0.6**2])
-    assert np.abs(after[0] - fallen).max() < 1e-4
-    assert np.linalg.norm(after[2] - turn) < 1e-4 * np.linalg.norm(turn)
 
 
 @pytest.mark.parametrize("base", ["fixed", "free"])

@@ -1,0 +1,231 @@
+"""`step` never raises, is always bounded and always safe: hostile states and inputs."""
+
+from __future__ import annotations
+
+import gc
+from itertools import islice
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.controller_hostile import budget, hostile_inputs, kept, quiet
+from benchmarks.controller_scenes import controller
+from tests.control.scenes import points, still
+from wbc.control import (
+    Controller,
+    ControllerSettings,
+    LetDown,
+    PostureTask,
+    Reference,
+    RotorTorqueEffort,
+    Status,
+    explain,
+)
+from wbc.control.qp.problem import QPStatus
+from wbc.control.qp.solvers import solve
+from wbc.effects import load_robot
+from wbc.robot import Motion
+from wbc.robot.library import robot_names
+from wbc.sim import Plant
+
+ROUNDS = ControllerSettings().max_rounds
+DT = 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "ticks"),
+    [("planar_leg_strong", 1500), ("solo12", 1200), ("anymal", 600), ("talos", 500)],
+)
+def test_hostile_ticks_are_bounded_and_safe_and_contradictions_explained(name, ticks):
+    robot, generator = load_robot(name), np.random.default_rng(1)
+    ours = controller(robot)
+    cases, refused = hostile_inputs(robot, ours, generator), []
+    for tick in range(ticks):
+        command = ours.step(*next(cases))
+        assert kept(robot, command, budget(ours)), (tick, command.message)
+        assert command.rounds <= ROUNDS
+        assert command.iterations <= budget(ours)
+        assert command.status.usable or command.message
+        if command.status is Status.INFEASIBLE and "cannot be kept" in command.message:
+            refused.append(command)
+    assert len(refused) > 10
+    for command in refused[:25]:  # another solver finds no motion either
+        problem = command.refused.problem.dense()
+        assert solve("daqp", problem, tolerance=1e-6, most=10000).status is not QPStatus.SOLVED
+        assert "missing" in explain(command)  # by its own program, although ticks have passed
+    ours.reset()  # wild targets are held, as any target is
+    calm = ours.step(quiet(robot, generator))
+    assert calm.status is Status.SOLVED
+    assert explain(calm) == ""
+    assert "position" in explain(ours.step(None))
+
+
+@pytest.mark.parametrize("name", ["solo12", "talos"])
+def test_a_motion_is_found_where_there_is_one(name):
+    """Whatever the solvers may cost, and however many directions may be searched."""
+    robot, generator = load_robot(name), np.random.default_rng(0)
+    ours = controller(robot)
+    patient = controller(robot, max_iterations=10000, max_rounds=100)
+    ticks = possible = missed = 0
+    for arguments in islice(hostile_inputs(robot, ours, generator), 120):
+        command, ticks = ours.step(*arguments), ticks + 1
+        if patient.step(*arguments).status.usable:
+            possible += 1
+            missed += not command.status.usable
+    assert possible > 0.3 * ticks
+    assert missed < 0.01 * possible
+
+
+def test_a_tick_leaves_nothing_for_the_garbage_collector():
+    """A full collection takes 64 ms in a process of usual size: a loop may turn it off."""
+    robot, generator = load_robot("solo12"), np.random.default_rng(0)
+    ours = controller(robot)
+    cases = list(islice(hostile_inputs(robot, ours, generator), 200))
+    gc.collect()
+    gc.disable()
+    try:
+        for arguments in cases:
+            ours.step(*arguments)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_shipped_robot_keeps_the_promise(name):
+    """With efforts, joint limits and a second level, and without contacts."""
+    robot, generator = load_robot(name), np.random.default_rng(2)
+    tasks = [
+        PostureTask.of(robot, robot.transmission.joints[:1], name="first"),
+        PostureTask.of(robot, name="rest", level=1),
+        RotorTorqueEffort(weight=1e-3),
+    ]
+    ours = Controller(robot, tasks)
+    for _ in range(40):
+        speed = generator.choice([0.1, 3.0, 100.0, 1e9])
+        q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=robot.model.nv))
+        command = ours.step(Motion(q, speed * generator.normal(size=robot.model.nv)))
+        assert np.isfinite(command.rotor_torque).all()
+        assert kept(robot, command, budget(ours))
+        assert command.rounds <= 2 * ROUNDS
+        assert command.iterations <= budget(ours)
+
+
+def controller_of(robot, contacts=(), **policy):
+    settings = ControllerSettings(safety=LetDown(**policy))
+    return Controller(robot, [PostureTask.of(robot)], list(contacts), settings=settings)
+
+
+def braked(robot, speed, generator, **policy):
+    """Yield q, v and torque of refused ticks, on ideal gears and without contacts or limits.
+
+    M dv = dt (B torque - bias), from random speeds of the joints.
+    """
+    controller, model, data = controller_of(robot, **policy), robot.model, robot.model.createData()
+    q, v = robot.pose() if robot.poses else robot.neutral(), np.zeros(model.nv)
+    gears, m = robot.transmission, robot.actuated
+    v[m] = speed * generator.normal(size=gears.size)
+    for _ in range(100):
+        command = controller.step(Motion(q, v), contacts={"nowhere": 0.0})
+        assert not command.status.usable
+        yield q, v, command.rotor_torque
+        force = -pin.nonLinearEffects(model, data, q, v)
+        force[m] += gears.motor_from_joint.T @ (gears.gear_ratio * command.rotor_torque)
+        v = v + DT * np.linalg.solve(with_rotors(robot, pin.crba(model, data, q)), force)
+        q = pin.integrate(model, q, DT * v)
+
+
+def with_rotors(robot, mass):
+    gears, m = robot.transmission, robot.actuated
+    mass[np.ix_(m, m)] += (
+        gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
+    )
+    return mass
+
+
+def kinetic(robot, q, v):
+    """Return the energy of links and rotors [J], for a floating base that beside the fall."""
+    data = robot.model.createData()
+    energy = 0.5 * v @ with_rotors(robot, pin.crba(robot.model, data, q)) @ v
+    if robot.floating_size:
+        pin.centerOfMass(robot.model, data, q, v)
+        energy -= 0.5 * pin.computeTotalMass(robot.model) * (data.vcom[0] @ data.vcom[0])
+    return energy
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_safe_torque_takes_energy_on_every_shipped_robot(name):
+    """A floating base falls freely: what counts is the motion beside the fall."""
+    robot = load_robot(name).lossless()
+    if robot.floating_size not in (0, 3, 6):
+        pytest.skip("it hangs on a joint without a drive, at which gravity does work")
+    unlimited = robot.transmission.replace(torque_limit=np.full(robot.transmission.size, 1e9))
+    robot, generator = robot.with_transmission(unlimited), np.random.default_rng(0)
+    for _ in range(2):
+        energy = []
+        for q, v, _ in braked(robot, 1.0, generator, hold=100.0):
+            energy.append(kinetic(robot, q, v))
+            assert energy[-1] <= min(energy) * (1.0 + 1e-3) + 1e-9
+        assert np.abs(v[robot.actuated]).max() < 0.2
+
+
+@pytest.mark.parametrize("name", ["solo12", "anymal", "talos", "planar_leg_strong", "tiago"])
+def test_safe_torque_does_not_hammer(name):
+    """No joint's torque jumps by more than its limit from one tick to the next."""
+    robot, generator = load_robot(name).lossless(), np.random.default_rng(1)
+    torques = [torque for *_, torque in braked(robot, 0.3, generator, ride_through=0)]
+    jumps = np.abs(np.diff(torques, axis=0)) / robot.transmission.torque_limit
+    assert (jumps > 1.0).sum() == 0
+
+
+def test_a_wrong_reference_does_not_drop_the_hand():
+    """An arm that gets a target of the wrong shape stays up for a second, then sinks slowly."""
+    robot = load_robot("planar_leg_fixed")
+    controller = Controller(robot, [PostureTask.of(robot)])
+    plant = Plant(robot)
+    q = robot.configuration(hip=np.pi / 2.0, knee=0.3)
+    state, heights = plant.state(q), []
+    for tick in range(4000):
+        wish = {"posture": Reference(q if tick < 50 else np.zeros(7))}
+        command = controller.step(state, wish)
+        assert command.status.usable is (tick < 50)
+        state = plant.step(state, command.rotor_torque, DT).state
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, state.position)
+        heights.append(data.oMf[robot.model.getFrameId("foot")].translation[2])
+    heights = np.array(heights)
+    assert np.abs(heights[:1000] - heights[0]).max() < 0.01
+    assert heights[-1] < heights[0] - 0.05
+    assert np.abs(np.diff(heights)).max() < 0.5 * DT
+
+
+def test_a_standing_robot_stays_up_and_is_let_down():
+    robot = load_robot("solo12")
+    controller = controller_of(robot, points(robot), hold=0.2, lowering=0.5)
+    plant = Plant(robot)
+    state = plant.state(robot.pose())
+    heights, speeds = [], []
+    for tick in range(900):
+        wrong = {} if tick < 20 else {"postur": None}
+        command = controller.step(state, wrong)
+        state = plant.step(state, command.rotor_torque, DT).state
+        heights.append(state.position[2])
+        speeds.append(abs(state.velocity[2]))
+    assert abs(heights[219] - heights[19]) < 0.01
+    assert heights[-1] < heights[0] - 0.02
+    assert max(speeds) < 0.7
+
+
+def test_a_few_bad_ticks_are_ridden_through():
+    robot = load_robot("solo12")
+    controller = controller_of(robot, points(robot), ride_through=3)
+    state = still(robot)
+    good = controller.step(state).rotor_torque
+    moving = Motion(state.position, np.full(robot.model.nv, 0.1))
+    for _ in range(3):
+        command = controller.step(moving, {"postur": None})
+        np.testing.assert_allclose(command.rotor_torque, good, atol=1e-12)
+    assert np.abs(controller.step(moving, {"postur": None}).rotor_torque - good).max() > 1e-6
+    controller.step(state)
+    np.testing.assert_allclose(controller.step(None).rotor_torque, good, atol=1e-6)
