@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import sparse
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 from scipy.signal import butter, sosfilt_zi
 
 from wbc.arrays import FloatArray, IntArray
@@ -334,7 +334,7 @@ def align_velocity(log: Log) -> Log:
 def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatArray:
     velocity = log.column(f"{joint}.velocity")
     if not fit.filtered:
-        return np.asarray(CubicSpline(log.time, velocity)(time + fit.delay))
+        return np.asarray(PchipInterpolator(log.time, velocity)(time + fit.delay))
     width = WINDOW_SAMPLES * log.sample_time
     slope = local_polynomial_operator(log.time, width, derivative=1) @ velocity
     return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))

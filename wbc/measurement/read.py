@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import LogError, unknown_name
@@ -225,7 +225,7 @@ def _shifted(log: Log, rules: ColumnMap) -> Log:
         kept = log.between(log.time[0] - early, log.time[-1] - late + 1e-12)
         log = kept.with_columns(
             {
-                name: CubicSpline(log.time, log.column(name))(kept.time + lag)
+                name: PchipInterpolator(log.time, log.column(name))(kept.time + lag)
                 for name, lag in lags.items()
             }
         )

@@ -9,7 +9,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 from scipy.signal import lfilter
 
 from wbc.arrays import BoolArray, FloatArray, frozen
@@ -377,7 +377,7 @@ def _late(
     if not delay > 0.0 or len(log) < 2:
         return told
     then = np.maximum(log.time - delay, log.time[0])
-    return np.asarray(CubicSpline(log.time, told)(then))
+    return np.asarray(PchipInterpolator(log.time, told)(then))
 
 
 def _lagging(values: FloatArray, lag: float) -> FloatArray:
