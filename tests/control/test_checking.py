@@ -26,24 +26,6 @@ CASES = {
     "pose": (SOLO, control.FramePoseTask(name="base", frame="FL_FOOT")),
     "linear_momentum": (SOLO, control.LinearMomentumTask(axes="xz")),
     "whole_momentum": (SOLO, control.CentroidalMomentumTask()),
-    "position_in_base": (
-        SOLO,
-        control.FramePositionTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
-    ),
-    "position_in_foot_y": (
-        SOLO,
-        control.FramePositionTask(name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="y"),
-    ),
-    "orientation_in_foot": (
-        SOLO,
-        control.FrameOrientationTask(
-            name="foot", frame="FL_FOOT", relative_to="HR_FOOT", axes="xz"
-        ),
-    ),
-    "pose_in_base": (
-        SOLO,
-        control.FramePoseTask(name="foot", frame="FL_FOOT", relative_to="base_link"),
-    ),
     "distance": (SOLO, control.FrameDistanceTask(frame="FL_FOOT", other="HR_FOOT")),
     "leg_momentum": (LEG, control.AngularMomentumTask(axes="y")),
     "leg_posture": (LEG, control.PostureTask.of(LEG, ("base_pitch", "knee"))),

@@ -99,22 +99,10 @@ def scenes():
         "distance": quadruped(
             lambda r: control.FrameDistanceTask(frame=frame(r, 0), other=frame(r, 1), weight=0.5)
         ),
-        "relative": quadruped(
-            lambda r: control.FramePoseTask(
-                name="foot", frame=frame(r, 0), relative_to="base_link", weight=0.2
-            )
-        ),
-        "hard": quadruped(
-            lambda r: control.FrameOrientationTask(name="trunk", frame="base_link", weight=np.inf)
-        ),
         "rotor effort": quadruped(lambda r: control.RotorTorqueEffort(weight=1e-2)),
         "efforts": quadruped(
             lambda r: control.OutputTorqueEffort(weight=1e-3),
             lambda r: control.MeshLossEffort(weight=1e-2),
-        ),
-        "force task": quadruped(
-            lambda r: control.ContactForceTask(name="push", contact=r.contacts[0].name),
-            step={"references": {"push": control.Reference(np.array([0.0, 1.0, 8.0]))}},
         ),
         "level": quadruped(lambda r: control.PostureTask.of(r, weight=0.1, level=1, name="p1")),
         "levels, limits, efforts": quadruped(
@@ -137,12 +125,6 @@ def scenes():
             settings=control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
         ),
         "certain": quadruped(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
-        "anchored": (
-            solo,
-            lambda r: control.Controller(r, base(r), points(r, stiffness=50.0), [torque]),
-            1e-2,
-            {},
-        ),
         "leg": ("planar_leg", lambda r: control.Controller(r, leg(r), points(r)), 1e-2, {}),
         "leg, dry, limits": (
             "planar_leg",

@@ -15,7 +15,6 @@ from wbc.control import (
     CapturePointTask,
     CenterOfMassTask,
     CollisionLimit,
-    ContactForceTask,
     ContactRamp,
     Controller,
     ControllerSettings,
@@ -51,7 +50,6 @@ def controller():
         FrameOrientationTask(name="trunk", frame="base_link"),
         FramePoseTask(name="pose", frame="base_link", weight=0.1),
         PostureTask.of(SOLO, weight=0.1),
-        ContactForceTask(name="load", contact=FEET[0]),
         RotorTorqueEffort(weight=1e-4),
     ]
     return Controller(SOLO, tasks, points(SOLO))
@@ -100,9 +98,6 @@ REFERENCES = [
         for wish in (REST[:3], 2.0 * np.eye(3), np.diag([1.0, 1.0, -1.0]), np.zeros((3, 3)), TRUNK)
     ],
     ("not finite", {"trunk": Reference(np.full((3, 3), np.nan))}),
-    ("shape", {"load": Reference(np.zeros(2))}),
-    ("load", {"load": Reference(NONE)}),
-    ("not finite", {"load": Reference(NAN)}),
 ]
 BAD = [
     *[(word, {"state": state}) for word, state in STATES],

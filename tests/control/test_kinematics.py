@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from wbc.arrays import frozen
-from wbc.control.kinematics import FrameTable, Kinematics, StateRows
-from wbc.control.tree import RowKind, place_turn
+from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.tree import RowKind, fill_state_rows, place_turn
 from wbc.effects import load_robot
 from wbc.robot import Robot, robot_names
 from wbc.transmission import Transmission
@@ -32,9 +32,12 @@ def compare(robot, seed):
     )
     pin.centerOfMass(model, data, q, v, rest)
     np.testing.assert_allclose(kinematics.center_of_mass(), data.com[0], atol=1e-12)
-    np.testing.assert_allclose(kinematics.center_of_mass_drift(), data.acom[0], atol=1e-10)
+    com = StateRows(RowKind.CENTER_OF_MASS, "", slice(0, 3))
+    whole = rows_of(model, [com], [0], np.zeros((3, nv)), np.zeros(3))
+    fill_state_rows(kinematics.tree, whole, kinematics.mass)
+    np.testing.assert_allclose(whole.drift, data.acom[0], atol=1e-10)
     rows = pin.jacobianCenterOfMass(model, data, q).reshape(3, nv)
-    np.testing.assert_allclose(kinematics.center_of_mass_jacobian(), rows, atol=1e-12)
+    np.testing.assert_allclose(whole.jacobian, rows, atol=1e-12)
     pin.forwardKinematics(model, data, q, v, rest)
     pin.computeJointJacobians(model, data, q)
     frames = [f.name for f in model.frames if f.type == pin.FrameType.BODY][-4:]
@@ -42,8 +45,8 @@ def compare(robot, seed):
         count = 6 * len(frames)
         jacobian, drift = np.zeros((count, nv)), np.zeros(count)
         rows, firsts = [StateRows(kind, n, slice(0, 6)) for n in frames], range(0, count, 6)
-        table = FrameTable(model, rows, firsts, jacobian, drift)
-        table.fill(kinematics)
+        table = rows_of(model, rows, firsts, jacobian, drift)
+        fill_state_rows(kinematics.tree, table, kinematics.mass)
         for i, name in enumerate(frames):
             number, part = model.getFrameId(name), slice(6 * i, 6 * i + 6)
             known = pin.getFrameJacobian(model, data, number, axes).reshape(6, nv)
@@ -57,8 +60,8 @@ def compare(robot, seed):
                 drift[part], bends(model, data, number, axes).vector, atol=1e-10
             )
             place = pin.updateFramePlacement(model, data, number)
-            np.testing.assert_allclose(table.rows.places[i, 9:], place.translation, atol=1e-12)
-            np.testing.assert_allclose(table.rows.places[i, :9].reshape(3, 3).T, place.rotation)
+            np.testing.assert_allclose(table.places[i, 9:], place.translation, atol=1e-12)
+            np.testing.assert_allclose(table.places[i, :9].reshape(3, 3).T, place.rotation)
 
 
 @pytest.mark.parametrize("name", robot_names())

@@ -51,7 +51,7 @@ def test_hostile_ticks_are_bounded_and_safe_and_contradictions_explained(name, t
             refused.append(command)
     assert len(refused) > 10
     for command in refused[:25]:  # another solver finds no motion either
-        problem = command.refused.problem.dense()
+        problem = command.refused.problem
         assert solve("daqp", problem, tolerance=1e-6, most=10000).status is not QPStatus.SOLVED
         assert "missing" in explain(command)  # by its own program, although ticks have passed
     ours.reset()  # wild targets are held, as any target is

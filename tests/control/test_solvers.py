@@ -54,12 +54,9 @@ TASKS = {
     "momentum": lambda r: control.CentroidalMomentumTask(weight=0.1),
     "distance": lambda r: control.FrameDistanceTask(frame=TRUNK[r.name], other=foot(r)),
     "orientation": trunk,
-    "pose": lambda r: trunk(r, control.FramePoseTask, relative_to=foot(r)),
+    "pose": lambda r: trunk(r, control.FramePoseTask),
     "position": lambda r: trunk(r, control.FramePositionTask, axes="xz"),
     "linear momentum": lambda r: control.LinearMomentumTask(weight=0.1),
-    "force": lambda r: control.ContactForceTask(
-        name="load", contact="left" if r.name == "talos" else CORNER[r.name]
-    ),
     "heat": lambda r: control.JouleHeatEffort(weight=1e-4),
     "loss": lambda r: control.MeshLossEffort(weight=1e-3),
     "output torque": lambda r: control.OutputTorqueEffort(weight=1e-4),

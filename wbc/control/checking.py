@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
-from wbc.control.rows.contacts import Contact
+from wbc.control.rows.contacts import Contact, ContactSet
 from wbc.control.rows.task import Task
 from wbc.robot import Robot
 
@@ -73,16 +73,15 @@ def check_contact(
     step: float = 1e-5,
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
-    bound, nv = contact.bind(robot), robot.model.nv
+    bound = contact.bind(robot)
     at = _along(robot, position, velocity, acceleration, bound.frames)
-    here, ahead, behind = at(0.0), at(step), at(-step)
-    jacobian, drift = np.zeros((bound.rows, nv)), np.zeros(bound.rows)
-    bound.fill(ahead, jacobian, drift)
-    found = jacobian @ ahead.velocity
-    bound.fill(behind, jacobian, drift)
-    found = (found - jacobian @ behind.velocity) / (2.0 * step)
-    bound.fill(here, jacobian, drift)
-    return float(np.abs(jacobian @ acceleration + drift - found).max())
+    rows, rates = ContactSet((bound,), at(0.0).model), []
+    for time in (step, -step, 0.0):
+        kinematics = at(time)
+        rows.fill(kinematics)
+        rates.append(rows.memory.rows.jacobian @ kinematics.velocity)
+    stated = rows.memory.rows.jacobian @ acceleration + rows.memory.rows.drift
+    return float(np.abs(stated - (rates[0] - rates[1]) / (2.0 * step)).max())
 
 
 def _along(

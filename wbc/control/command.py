@@ -1,24 +1,24 @@
-"""What one tick of the controller returns."""
+"""What one tick of the controller returns, and why it had no solution."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import Enum
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from proxsuite import proxqp
 
 from wbc.arrays import FloatArray
-from wbc.control.gears import gear_directions
-from wbc.control.qp.problem import BlockProblem, QPSolution
+from wbc.control.qp.problem import QPProblem, QPSolution
+from wbc.errors import ControlError
+from wbc.transmission import Direction
 
 
 class Refused(NamedTuple):
     """A program without a usable solution, and the `Program` that names its rows."""
 
-    problem: BlockProblem
+    problem: QPProblem
     names: Any
 
 
@@ -39,7 +39,6 @@ class Status(Enum):
         return self in (Status.SOLVED, Status.INACCURATE, Status.LATE)
 
 
-@dataclass(frozen=True, eq=False)
 class Command:
     """Rotor torques for one tick, and what they were computed from.
 
@@ -58,7 +57,13 @@ class Command:
         rounds: programs solved; more than one where a predicted direction was revised.
         iterations: of the solvers, counted as `ControllerSettings.max_iterations` counts them.
         solution: of the last program, None where none was solved.
-        prospect: the `SolvedLevel` that other fields are read from, None where they are given.
+        forces: by name of every active contact, (3,) [N] in world axes for a point, (6,) [N, N m]
+            in its frame for a surface.
+        position, velocity: of the driven joints (m,) [rad], [rad/s] one tick later, as the expected
+            acceleration leads there: targets of drives with a loop of their own. A tick without a
+            solution asks them to stay where they are; NaN where no state was ever known.
+        prospect: the `SolvedLevel` that fields are read from which are not given; None where all
+            are.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
         passed: limit of a joint or distance -> by how much [rad/s^2, m/s^2] the acceleration is
             beyond it, because nothing that the motors and the ground can do keeps it.
@@ -78,60 +83,28 @@ class Command:
     rounds: int
     iterations: int
     solution: QPSolution | None
-    prospect: Any = field(repr=False)
-    refused: Refused | None = None
-    passed: Mapping[str, float] = field(default_factory=dict)
+    forces: Mapping[str, FloatArray]
+    position: FloatArray
+    velocity: FloatArray
+    refused: Refused | None
+    passed: Mapping[str, float]
+    prospect: Any
 
-    @classmethod
-    def of(cls, **fields: Any) -> Command:
-        """Return a command of some fields, the others as its prospect has them.
-
-        This takes a third of the time of the class itself: a frozen dataclass sets its fields one
-        by one through `object.__setattr__`.
-        """
-        made = object.__new__(cls)
-        object.__setattr__(made, "__dict__", fields)
-        return made
+    def __init__(self, **fields: Any) -> None:
+        """Take some fields; the others are read from `prospect`, which is one of these."""
+        self.__dict__.update(fields)
 
     def __getattr__(self, name: str) -> Any:
         """Return a field that the command was made without."""
         prospect = self.__dict__.get("prospect")
-        if prospect is None or name not in self.__dataclass_fields__:
+        if prospect is None or name not in Command.__annotations__:
             raise AttributeError(f"a command has no '{name}'.")
         found = self.__dict__[name] = prospect.field(name)
         return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for a copy, with what the prospect leads to in its place."""
-        found = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {**found, "forces": self.forces, "_targets": self._targets, "prospect": None}
-
-    @cached_property
-    def forces(self) -> Mapping[str, FloatArray]:
-        """Force of every active contact.
-
-        (3,) [N] in world axes for a point, (6,) [N, N m] in its frame for a surface.
-        """
-        return {} if self.prospect is None else self.prospect.forces()
-
-    @property
-    def position(self) -> FloatArray:
-        """Positions (m,) [rad] of the driven joints one tick later.
-
-        As the expected acceleration leads there: targets of drives with a loop of their own. A
-        tick without a solution asks them to stay where they are; NaN where no state was ever known.
-        """
-        return self._targets[0]
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities (m,) [rad/s] of the driven joints one tick later, see `position`."""
-        return self._targets[1]
-
-    @cached_property
-    def _targets(self) -> tuple[FloatArray, FloatArray]:
-        unknown = np.full(len(self.rotor_torque), np.nan)
-        return (unknown, unknown) if self.prospect is None else self.prospect.targets()
+        return {name: getattr(self, name) for name in Command.__annotations__} | {"prospect": None}
 
     @property
     def directions(self) -> FloatArray:
@@ -145,3 +118,68 @@ class Command:
     def mesh_power(self) -> FloatArray:
         """Power (m,) [W] predicted into each mesh: mesh torque times expected motor speed."""
         return self.mesh_torque * self.expected_speed
+
+
+_KEPT = 1e-4
+
+
+def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the `Direction` of each gear (m,): STUCK unless it surely turns under load."""
+    return np.where(np.abs(sigma) >= 1.0, np.sign(output * sigma), float(Direction.STUCK))
+
+
+def consistent(
+    output: FloatArray,
+    mesh_input: FloatArray,
+    sigma: FloatArray,
+    forward: FloatArray,
+    backward: FloatArray,
+) -> bool:
+    """Whether the mesh law allows t and T (m,) in the directions that gears turn.
+
+    FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all within
+    1e-6 of the largest torque. `forward` and `backward` (m,) are 1/eta_f and eta_b.
+    """
+    directions, ends = gear_directions(output, sigma), np.array([forward, backward]) * output
+    surely = np.where(directions > 0.0, ends[0], ends[1])
+    low, high = (np.where(directions == 0.0, end, surely) for end in (ends.min(0), ends.max(0)))
+    slack = 1e-6 * (1.0 + np.abs(output).max(initial=0.0))
+    return bool(((low - slack <= mesh_input) & (mesh_input <= high + slack)).all())
+
+
+def explain(command: Command) -> str:
+    """Return in one sentence why a tick had no solution; empty where nothing is in the way.
+
+    For a program whose constraints contradict one another it names the one that the
+    closest-to-feasible motion breaks most, and by how much. It solves a second program, which may
+    break constraints in the least-squares sense and take a hundred times as long as a tick: ask
+    outside the loop.
+
+    Raises:
+        ControlError: this is no command.
+    """
+    if not isinstance(command, Command):
+        raise ControlError(f"explain takes a Command, got {type(command).__name__}.")
+    if command.refused is None:
+        return command.message
+    problem, names = command.refused
+    qp = proxqp.dense.QP(len(problem.g), len(problem.b), len(problem.lower))
+    qp.settings.primal_infeasibility_solving = True
+    qp.settings.max_iter = qp.settings.max_iter_in = 200
+    qp.init(*problem)
+    qp.solve()
+    x = np.array(qp.results.x)
+    if not np.isfinite(x).all():
+        return "the program cannot be kept: its numbers are too large."
+    rows = problem.C @ x
+    beyond = np.maximum(np.maximum(rows - problem.upper, problem.lower - rows), 0.0)
+    broken = np.concatenate([np.abs(problem.A @ x - problem.b), beyond])
+    worst = int(np.argmax(broken)) if broken.size else -1
+    if worst < 0 or broken[worst] <= _KEPT:
+        return "a motion that keeps all constraints exists; the solver did not find it."
+    scale = 1.0
+    if worst < len(problem.b):
+        name, unit = names.equality_label(worst)
+    else:
+        name, scale, unit = names.inequality_label(worst - len(problem.b))
+    return f"{name} cannot be kept: {scale * broken[worst]:.3g} {unit} missing."

@@ -18,6 +18,8 @@ from wbc.control.fallback import Fallback
 from wbc.control.inputs import (
     Complaint,
     InputCheck,
+    Reference,
+    State,
     StateCheck,
     TickInputError,
     TickInputs,
@@ -28,17 +30,15 @@ from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLeve
 from wbc.control.qp.problem import QPProblem
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import check_solver
-from wbc.control.reference import Reference, State
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
-from wbc.control.rows.contact_set import ContactSet
-from wbc.control.rows.contacts import Contact
-from wbc.control.rows.efforts import ContactForceTask, Effort
+from wbc.control.rows.contacts import Contact, ContactSet
+from wbc.control.rows.efforts import Effort
 from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.task import Task
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import DRIVE, MOVED, RESTED, TORQUE_ROW
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
 _BUSY: Complaint = (
@@ -66,7 +66,7 @@ class Controller:
     def __init__(
         self,
         robot: Robot,
-        tasks: Sequence[Task | Effort | ContactForceTask],
+        tasks: Sequence[Task | Effort],
         contacts: Sequence[Contact] = (),
         limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit] | None = None,
         settings: ControllerSettings | None = None,
@@ -75,8 +75,8 @@ class Controller:
 
         Args:
             robot: the robot model to obey; `robot.lossless()` makes a conservative controller.
-            tasks: tasks, efforts and contact-force tasks with different names; at least one
-                moves the robot at level 0.
+            tasks: tasks and efforts with different names; at least one moves the robot at
+                level 0.
             contacts: contacts that may be active; all are, unless `step` says otherwise.
             limits: at most one of each kind; left out, the rotor torque limits hold and the
                 limits of joints that the model states. `[RotorTorqueLimit()]` leaves these out.
@@ -107,18 +107,13 @@ class Controller:
         efforts = tuple(task for task in self.tasks if isinstance(task, Effort))
         for effort in efforts:
             effort.check(robot)
-        force_tasks = tuple(task for task in self.tasks if isinstance(task, ContactForceTask))
-        for wish in force_tasks:
-            if wish.contact not in self._contacts:
-                unknown = unknown_name("contact", wish.contact, self._contacts)
-                raise ControlError(f"task '{wish.name}': {unknown}")
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
-        self._inputs = InputCheck(names, weighed, self._contacts, force_tasks)
+        self._inputs = InputCheck(names, weighed, tuple(self._contacts))
         joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
         if joint_limit is not None and not joint_limit.joints:
             joint_limit = JointLimit.of(robot)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
-        self._joints = (joint_limit or JointLimit()).structure()
+        self._joints = (joint_limit or JointLimit()).structure(robot.model.nv)
         recipe = Recipe(
             robot=robot,
             drivetrain=self._drivetrain,
@@ -128,7 +123,6 @@ class Controller:
             collision=self._collision,
             settings=settings,
             efforts=efforts,
-            force_tasks=force_tasks,
             stacks=self._stacks,
         )
         self._levels = Levels(recipe, self._contacts)
@@ -159,7 +153,6 @@ class Controller:
         """Forget references, directions and the last good torque, as when newly made."""
         for stack in self._stacks:
             stack.forget()
-        self._anchors: Mapping[str, FloatArray] = {}
         self._last: FloatArray = np.zeros(self._levels.shared)  # block of results
         self._joints.load[:] = np.nan
         self._drivetrain.forget()
@@ -237,7 +230,7 @@ class Controller:
             for stack in self._stacks:
                 stack.weigh(given.weights, given.activation)
                 moved = stack.take(given.references) or moved
-            rested = contacts.asked
+            rested = contacts.rank < contacts.rows
             told = (MOVED if moved or rested else 0) | (RESTED if rested else 0)
             if told:
                 kinematics.update(motion.position, motion.velocity)
@@ -250,19 +243,19 @@ class Controller:
         if self._collision is not None:
             self._collision.fill(kinematics)
         if rested:
-            contacts.fill(kinematics, self._anchors)
+            contacts.fill(kinematics)
         self._drivetrain.take(motion, contacts.contacts)
         return PendingTick(motion, given.references, ceilings, given.dt, self._last, told)
 
     def _command(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
         """Return the command of a usable solution of a tick that began at `start` [s]."""
         found, (status, message), drive = answer.found, answer.verdict, answer.row(DRIVE)
-        if self._drivetrain.differs or answer.bent:
+        if self._drivetrain.differs:
             drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
         elapsed, deadline = perf_counter() - start, self.settings.deadline
         if deadline is not None and elapsed > deadline:
             status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
-        return Command.of(
+        return Command(
             rotor_torque=drive,
             status=status,
             message=message,
@@ -285,7 +278,7 @@ class Controller:
         refused = None
         if refusal.found is not None:
             program = refusal.level.program
-            refused = Refused(program.blocks().copied(), program)
+            refused = Refused(program.dense(), program)
         return self._fallback.command(
             asked.motion, complaint, asked.dt, start, refusal.found, refused
         )
@@ -297,10 +290,6 @@ class Controller:
         program, block = answer.level.program, answer.block
         self._last, contacts = block, program.contacts
         self._fallback.remember(answer, contacts.contacts)
-        if contacts.pulls:
-            self._anchors = contacts.anchored(self._anchors)
-        elif self._anchors:
-            self._anchors = {}
         if self._drivetrain.learns:
             leads_to = asked.motion.velocity + asked.dt * block[program.at.x][: program.nv]
             self._drivetrain.remember(leads_to, contacts.contacts)

@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.gears import GearLaw
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.gear_rows import GEARS, place_slopes
-from wbc.control.qp.problem import QPProblem
-from wbc.control.qp.solvers import solve
+from wbc.control.qp.gear_rows import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
-from wbc.control.settings import ControllerSettings
-from wbc.control.tick import CLIPPED, MESH, OUTPUT, SHARE, SIGMA, TORQUE_ROW
+from wbc.control.settings import ControllerSettings, RestPolicy
 from wbc.dynamics import rotor_coupling
 from wbc.effects.tables import (
     effect_table,
@@ -42,7 +38,6 @@ class GearModel:
 
     Attributes:
         memory: the GEARS.
-        law: of the meshes.
         size: how many gears there are.
         limited: numbers of the gears that have a torque limit to keep.
         coupled: whether rotors turn with links, so that a state takes more than its kinematics.
@@ -64,10 +59,9 @@ class GearModel:
         """
         gears, nv = robot.transmission, robot.model.nv
         blend, observer = settings.speed_blend, settings.disturbance
-        self.law = law = GearLaw(gears, settings.rest_policy, settings.rest_margin)
-        self.robot, self._settings, self._limit, self.size = robot, settings, limit, gears.size
+        self.robot, self._limit, self.size = robot, limit, gears.size
+        self._settings = settings
         self._ratio, self._kinematics = gears.gear_ratio, kinematics
-        self._serial = bool(np.array_equal(gears.topology, np.eye(gears.size)))
         self.coupled = robot.rotors_turn_with_links
         self.limited: IntArray = np.flatnonzero(
             np.isfinite(gears.torque_limit) & (limit is not None)
@@ -99,9 +93,9 @@ class GearModel:
             dry=np.abs(self._ratio) * gears.rotor_coulomb_friction,
             viscous=self._ratio**2 * gears.rotor_viscous_friction,
             rotor_added=np.zeros(gears.size),
-            rest=law.rest,
-            forward=law.forward,
-            backward=law.backward,
+            rest=np.empty(gears.size),
+            forward=np.empty(gears.size),
+            backward=np.empty(gears.size),
             lower=-unlimited,
             upper=unlimited,
             laws=self._table.joints,
@@ -121,6 +115,7 @@ class GearModel:
             rubs=np.zeros(nv),
             joint=np.zeros(gears.size),
         )
+        self._take_efficiencies(gears.forward_efficiency, gears.backward_efficiency)
         if limit is not None:
             self._take_limits(*limit.bounds(robot, np.zeros(gears.size)), None)
 
@@ -159,9 +154,28 @@ class GearModel:
             gears, now = self.robot.transmission, np.empty((2, self.size))
             given = gears.forward_efficiency, gears.backward_efficiency
             fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
-            self.law.follow(*now)
+            self._take_efficiencies(*now)
         if self._efficient:
-            self.law.follow(*self.robot.gear_efficiencies(motion))
+            self._take_efficiencies(*self.robot.gear_efficiencies(motion))
+
+    def _take_efficiencies(self, forward: FloatArray, backward: FloatArray) -> None:
+        """Write the slopes of the mesh law t(T) from efficiencies (m,).
+
+        With sigma in [-1, 1] how surely a gear turns and which way, t = T/eta_f where T sigma > 0
+        and eta_b T where T sigma < 0, at sigma = +-1; in between it is blended with what the policy
+        prefers at rest. Every blend of the three lies inside the interval that holds T at rest.
+        """
+        memory, policy = self.memory, self._settings.rest_policy
+        memory.forward[:], memory.backward[:] = 1.0 / forward, backward
+        low = np.minimum(memory.forward, memory.backward)
+        high = np.maximum(memory.forward, memory.backward)
+        preferred = {
+            RestPolicy.NEUTRAL: np.ones(self.size),
+            RestPolicy.LEAST_TORQUE: np.zeros(self.size),
+            RestPolicy.MOST_MARGIN: 0.5 * (low + high),
+        }[policy]
+        free = self._settings.rest_margin * (high - low)
+        memory.rest[:] = np.clip(preferred, low + free, high - free)
 
     def on_joints(self, motion: Motion, smooth: FloatArray, dry: FloatArray) -> None:
         """Write the torque of effects on the coordinates, and the level of their dry friction."""
@@ -242,54 +256,3 @@ class GearModel:
         for effect in self._drive:
             rotor = effect.drive_inverse(self.robot, motion, rotor)
         return np.asarray(rotor)
-
-    def bend(self, block: FloatArray) -> None:
-        """Bend the torques of a tick so that the limits leave all of them.
-
-        With t = w + d, w inside the interval that transmits T exactly and d what the limits force
-        the gear to miss,
-
-            min  1/2 |D^-T (d / e)|^2 + eps/2 |w + d - t_wanted|^2
-            s.t. interval_low <= w <= interval_high,  lower <= w + d + rotor share <= upper
-
-        t_wanted being the blended mesh law. Where t_wanted itself is inside the limits it is the
-        solution (zero cost), and for serial drives the program falls apart into clipping each gear;
-        only coupled gears that hit a limit need the solver. What clipping costs is weighed at the
-        joints, behind the topology D, where it disturbs the motion.
-
-        Args:
-            block: the rows of the gears of a tick (9, m), of which those of t and N tau_phi are
-                written.
-        """
-        torque, share, gears = block[CLIPPED], block[SHARE], self.memory
-        if not self._serial:
-            problem, m, settings = self._bent(block), len(share), self._settings
-            tolerance, most = settings.tolerance, settings.max_iterations
-            x = solve(settings.solver, problem, tolerance=tolerance, most=most).x
-            mesh = x[:m] + x[m:]
-            if not np.isfinite(mesh).all():
-                mesh = block[MESH]
-            torque = np.minimum(np.maximum(mesh + share, gears.lower), gears.upper)
-        block[TORQUE_ROW], block[MESH] = torque, torque - share
-
-    def _bent(self, block: FloatArray) -> QPProblem:
-        """Return the program in x = [w, d]."""
-        gears, output, sigma, share = self.memory, block[OUTPUT], block[SIGMA], block[SHARE]
-        m = len(output)
-        positive, negative = np.empty(m), np.empty(m)
-        place_slopes(gears, sigma, positive, negative)
-        slope = np.where(output > 0.0, positive, negative)
-        loss = gears.from_joints.T / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
-        both = np.hstack([np.eye(m), np.eye(m)])
-        H = 1e-6 * both.T @ both
-        H[m:, m:] += loss.T @ loss
-        low, high = self.law.interval(output, sigma)
-        return QPProblem(
-            H=H,
-            g=-1e-6 * both.T @ block[MESH],
-            A=np.zeros((0, 2 * m)),
-            b=np.zeros(0),
-            C=np.vstack([np.eye(m, 2 * m), both]),
-            lower=np.concatenate([low, gears.lower - share]),
-            upper=np.concatenate([high, gears.upper - share]),
-        )

@@ -12,21 +12,25 @@ from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.kinematics import Kinematics
-from wbc.control.policies import LastGood, Situation, Statics
 from wbc.control.qp.level import SolvedLevel
 from wbc.control.qp.search import DirectedSolution
-from wbc.control.rows.contact_set import ContactSet
-from wbc.control.rows.contacts import BoundContact
+from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import TORQUE_ROW
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
 _SOFT = 1e-9
+_SHARE = 0.25
+"""Greatest part of a speed that damping may take away in one tick.
+
+With k ticks between encoder and motor a share above 2 sin(pi/(4 k + 2)) oscillates: 2 without
+any, 0.28 with five.
+"""
 
 
 class Fallback:
-    """Commands what a safety policy chooses, from the last tick that had a solution."""
+    """Commands what `LetDown` says, from the last tick that had a solution."""
 
     def __init__(
         self,
@@ -39,7 +43,7 @@ class Fallback:
 
         Args:
             robot, drivetrain: of the controller.
-            settings: of the controller, with the policy that chooses the torque.
+            settings: of the controller, with its `LetDown`.
             contacts: that carry the robot until a good tick says which do.
         """
         self._robot, self._motors = robot, drivetrain
@@ -48,7 +52,7 @@ class Fallback:
         self._kinematics = Kinematics(robot, [f for bound in contacts for f in bound.frames])
         self._sets: dict[tuple[str, ...], ContactSet] = {}
         self._policy, self._time_step = settings.safety, settings.time_step
-        gears = robot.transmission
+        gears, self._size = robot.transmission, robot.transmission.size
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
         self.forget()
 
@@ -67,7 +71,7 @@ class Fallback:
     def _torque(self) -> FloatArray:
         """N tau_phi (m,) [N m] of the last good tick."""
         if self._last is None:
-            return np.zeros(self._robot.transmission.size)
+            return np.zeros(self._size)
         return self._last.row(TORQUE_ROW)
 
     @property
@@ -115,74 +119,79 @@ class Fallback:
         found: DirectedSolution | None,
         refused: Refused | None,
     ) -> Command:
-        m, nv = self._robot.transmission.size, self._robot.model.nv
-        status, message = complaint
-        return Command.of(
+        place, nothing = self._position if motion is None else motion.position, np.zeros(self._size)
+        unknown = np.full(self._size, np.nan)
+        return Command(
             rotor_torque=torque,
-            acceleration=np.zeros(nv),
+            acceleration=np.zeros(self._robot.model.nv),
             consistent=False,
-            output_torque=np.zeros(m),
-            mesh_torque=np.zeros(m),
-            expected_speed=np.zeros(m),
-            certainty=np.zeros(m),
-            status=status,
-            message=message,
+            output_torque=nothing,
+            mesh_torque=nothing,
+            expected_speed=nothing,
+            certainty=nothing,
+            status=complaint[0],
+            message=complaint[1],
             solve_time=0.0 if found is None else found.solve_time,
             tick_time=perf_counter() - start,
             rounds=0 if found is None else found.rounds,
             iterations=0 if found is None else found.iterations,
             solution=None if found is None else found.solution,
-            prospect=None,
-            _targets=(self._place(motion), np.zeros(m)),
+            forces={},
+            position=unknown if place is None else place[self._robot.actuated_position],
+            velocity=nothing,
             refused=refused,
             passed={},
+            prospect=None,
         )
 
-    def _place(self, motion: Motion | None) -> FloatArray:
-        """Return where the driven joints are (m,), or last were; NaN where nobody knows."""
-        position = self._position if motion is None else motion.position
-        if position is None:
-            return np.full(self._robot.transmission.size, np.nan)
-        return np.array(position[self._robot.actuated_position])
-
     def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
-        """Return the drive command (m,); the last good torque if the policy fails."""
-        ratio = self._robot.transmission.gear_ratio
+        """Return the drive command (m,) of the present phase, see `LetDown`."""
+        last, limits, policy = self._torque, self._robot.transmission.torque_limit, self._policy
+        over, known = self._ticks - policy.ride_through, self._last is not None
         with np.errstate(all="ignore"):
-            try:
-                chosen = self._policy.rotor_torque(self._situation(motion, dt))
-                torque = _clipped(chosen, self._nameplate)
-            except Exception:  # a policy of the user's own may raise anything
-                torque = _clipped(self._torque, self._nameplate)
-            rotor = torque / ratio
+            torque = last
+            if not known or over > 0:
+                share = 1.0 - (self._time - policy.hold) / policy.lowering
+                with suppress(np.linalg.LinAlgError):  # poses far beyond all joints
+                    torque = self._resting(motion, dt, min(max(share, 0.0), 1.0))
+                if known and over <= policy.ride_through:
+                    mixed = over / (policy.ride_through + 1.0)
+                    torque = mixed * torque + (1.0 - mixed) * last
+            torque = _clipped(torque, self._nameplate)
+            rotor = torque / self._robot.transmission.gear_ratio
             if motion is not None:
                 # An effect of the user's own may raise anything; then it is not compensated.
                 with suppress(Exception):
                     rotor = self._motors.to_drive(motion, torque)
-        return _clipped(rotor, self._robot.transmission.torque_limit)
+        return _clipped(rotor, limits)
 
-    def _situation(self, motion: Motion | None, dt: float) -> Situation:
-        """Return what policies see, with statics of the present pose or the last known one."""
-        m, last = self._robot.transmission.size, self._position
-        unknown, place = np.full(m, np.nan), last if motion is None else motion.position
+    def _resting(self, motion: Motion | None, dt: float, share: float) -> FloatArray:
+        """Return a share of what holds the robot against gravity, and damping (m,) [N m].
 
-        def statics() -> Statics:
-            if place is None:
-                return Statics(np.zeros(m), np.zeros((m, m)), np.zeros((m, m)))
-            return self._statics(place)
+        The damping slows all motions alike at `rate`. With F and C the accelerations per torque,
+        free and with the contacts at rest, and h the time in which a quarter of the speed may go in
+        every tick, it is -((1 / rate - h) C + h F)^-1 dpsi. What no contact hinders (C = F) slows
+        at `rate`; with the contacts at rest, where the motors feel more inertia, nothing slows
+        faster; and should the contacts be gone, nothing loses more than a quarter of its speed in a
+        tick. The matrix is positive definite: the torque only takes energy. There is none where the
+        speed or the pose is unknown, the pose being the last one known.
+        """
+        place = self._position if motion is None else motion.position
+        if place is None:
+            return np.zeros(self._size)
+        hold, free, rested = self._statics(place)
+        if motion is None or not self._policy.rate > 0.0:
+            return share * hold
+        least = dt / _SHARE
+        more = max(1.0 / self._policy.rate - least, 0.0)
+        speed = self._motors.speed(motion.velocity)
+        return np.asarray(share * hold - np.linalg.solve(more * rested + least * free, speed))
 
-        return Situation(
-            last=LastGood(self._torque, None if last is None else self._motors.position(last)),
-            position=unknown if motion is None else self._motors.position(motion.position),
-            speed=unknown if motion is None else self._motors.speed(motion.velocity),
-            ticks=self._ticks,
-            time=self._time,
-            dt=dt,
-            find_statics=statics,
-        )
-
-    def _statics(self, position: FloatArray) -> Statics:
+    def _statics(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what holds the robot at q (nq,) on the contacts of the last good tick.
+
+        It is a torque (m,) [N m], and accelerations per torque (m, m) [1/(kg m^2)] without any
+        contact and while the contacts rest, rotors included, all at the motor outputs.
 
         Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
         coordinates u as far as they can; what they cannot balance moves the base, and the driven
@@ -215,14 +224,9 @@ class Fallback:
         free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
         normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
         rested = free - across.T @ np.linalg.solve(normal, across)
-        return Statics(gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T)
+        return gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T
 
 
-def _clipped(torque: object, limit: FloatArray) -> FloatArray:
-    """Return torques within +-limit (m,); what is not finite counts as zero.
-
-    Raises:
-        TypeError, ValueError: no numbers, or neither one nor m of them.
-    """
-    values = np.broadcast_to(np.asarray(torque, dtype=np.float64), limit.shape)
-    return np.clip(np.where(np.isfinite(values), values, 0.0), -limit, limit)
+def _clipped(torque: FloatArray, limit: FloatArray) -> FloatArray:
+    """Return torques (m,) within +-limit (m,); what is not finite counts as zero."""
+    return np.clip(np.where(np.isfinite(torque), torque, 0.0), -limit, limit)

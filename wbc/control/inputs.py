@@ -1,10 +1,11 @@
-"""What is wrong with the inputs of a tick, said in words."""
+"""What a controller is given in a tick, and what is wrong with it, said in words."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -12,12 +13,46 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
 from wbc.compiled import Number, Places, Vector, compiled
 from wbc.control.command import Status
-from wbc.control.reference import Reference, State
-from wbc.control.rows.contacts import BoundContact
-from wbc.control.rows.efforts import ContactForceTask
-from wbc.control.rows.task import vector_target
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
+
+Target: TypeAlias = Any
+"""A task's own kind of value: an array (k,), a rotation matrix (3, 3), or a `pin.SE3`."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Reference:
+    """Target, velocity and feed-forward acceleration of one task.
+
+    Attributes:
+        position: where the task's value should be, of the kind that `Task.value` returns; None
+            holds the value that the task had when the controller first saw it.
+        velocity: (k,) rate of change of the target, in the task's rows; None is zero.
+        acceleration: (k,) feed-forward, in the task's rows; None is zero.
+    """
+
+    position: Target | None = None
+    velocity: FloatArray | None = None
+    acceleration: FloatArray | None = None
+
+    def is_finite(self) -> bool:
+        """Whether every number in it is finite."""
+        position = self.position
+        parts = (getattr(position, "homogeneous", position), self.velocity, self.acceleration)
+        return all(p is None or bool(np.isfinite(np.asarray(p, np.float64)).all()) for p in parts)
+
+
+class State(Protocol):
+    """What the controller reads of a state: `wbc.robot.Motion` is one."""
+
+    @property
+    def position(self) -> FloatArray:
+        """q (nq,)."""
+
+    @property
+    def velocity(self) -> FloatArray:
+        """v (nv,)."""
+
 
 Complaint = tuple[Status, str]
 
@@ -220,14 +255,12 @@ class InputCheck(NamedTuple):
     Attributes:
         names: of everything that takes a reference.
         weighed: names of the tasks that have a weight to change.
-        contacts: every contact, by name.
-        force_tasks: the tasks on contact forces.
+        contacts: names of all contacts.
     """
 
     names: Collection[str]
     weighed: Collection[str]
-    contacts: Mapping[str, BoundContact]
-    force_tasks: tuple[ContactForceTask, ...]
+    contacts: Collection[str]
 
     def check(self, given: TickInputs) -> None:
         """Raise TickInputError where something besides the state is wrong."""
@@ -236,18 +269,4 @@ class InputCheck(NamedTuple):
         _check_numbers(limits, "contact", given.contacts, self.contacts)
         _check_numbers("weights", "task", given.weights, self.weighed)
         _check_numbers("activation", "task", given.activation, self.weighed, 1.0)
-        for task in self.force_tasks:
-            reference = given.references.get(task.name)
-            if reference is not None and reference.position is not None:
-                self._check_force(task, reference)
         check_step(given.dt)
-
-    def _check_force(self, task: ContactForceTask, reference: Reference) -> None:
-        """Check the force asked of a contact."""
-        told = f"the reference of task '{task.name}'"
-        try:
-            vector_target(reference.position, self.contacts[task.contact].size)
-        except ControlError as cause:
-            raise TickInputError(f"{told}: {cause}.") from cause
-        if not reference.is_finite():
-            raise TickInputError(f"{told} is not finite.", Status.NOT_FINITE)

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.control.tree import ROWS, TREE, RowKind, fill_state_rows, move_joints
+from wbc.control.tree import ROWS, TREE, RowKind, move_joints
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
 from wbc.mechanics.tree import joints_of
@@ -151,11 +151,6 @@ class Kinematics:
         rows: FloatArray = pin.getFrameJacobian(self.model, self._data, frame, axes)
         return rows
 
-    def frame_velocity(self, frame: int) -> FloatArray:
-        """Return the velocity (6,) of the frame's origin over the angular one, world axes."""
-        rate: FloatArray = pin.getFrameVelocity(self.model, self.data, frame, _WORLD).vector
-        return rate
-
     def frame_drift(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
         """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0."""
         motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
@@ -165,18 +160,6 @@ class Kinematics:
     def center_of_mass(self) -> FloatArray:
         """Return the centre of mass (3,) [m], world."""
         return np.asarray(self.tree.com)
-
-    def center_of_mass_jacobian(self) -> FloatArray:
-        """Return J_com (3, nv), world axes."""
-        return np.asarray(self.tree.momentum[:3] / self.mass)
-
-    def center_of_mass_drift(self) -> FloatArray:
-        """Return dJ_com/dt v (3,) [m/s^2], world axes."""
-        return np.asarray(self.tree.com_drift)
-
-    def momentum_drift(self) -> FloatArray:
-        """Return dA_g/dt v (6,), linear [N] over angular [N m]."""
-        return np.asarray(self.tree.momentum_drift)
 
 
 def _places(model: pin.Model, data: pin.Data) -> FloatArray:
@@ -231,49 +214,37 @@ class StateRows(NamedTuple):
     other: str = ""
 
 
-class FrameTable:
-    """Evaluates many `StateRows` in one call.
+def rows_of(
+    model: pin.Model,
+    wanted: Sequence[StateRows],
+    first: Sequence[int],
+    jacobian: FloatArray,
+    drift: FloatArray,
+) -> Any:
+    """Return the ROWS that evaluate many `StateRows` in one call.
 
-    Attributes:
-        rows: the structure that compiled functions read, with J (k, nv) and dJ/dt v (k,).
+    Args:
+        model: of the `Kinematics` that is read, with all frames.
+        wanted: what to evaluate.
+        first: row at which each begins.
+        jacobian, drift: results (k, nv) and (k,); columns that never move stay zero.
     """
-
-    def __init__(
-        self,
-        model: pin.Model,
-        wanted: Sequence[StateRows],
-        first: Sequence[int],
-        jacobian: FloatArray,
-        drift: FloatArray,
-    ) -> None:
-        """Resolve the frames.
-
-        Args:
-            model: of the `Kinematics` that is read, with all frames.
-            wanted: what to evaluate.
-            first: row at which each begins.
-            jacobian, drift: results (k, nv) and (k,); columns that never move stay zero.
-        """
-        plan = np.zeros((len(wanted), 7), dtype=np.int_)
-        offsets = np.zeros((len(wanted), 27))
-        for i, (entry, start) in enumerate(zip(wanted, first, strict=True)):
-            begin, end, step = entry.rows.indices(6)
-            joint, offsets[i, :12] = _fixed_at(model, entry.frame)
-            other, offsets[i, 15:] = _fixed_at(model, entry.other)
-            plan[i] = entry.kind, joint, start, begin, len(range(begin, end, step)), step, other
-            offsets[i, 12:15] = entry.arm
-        self.rows: Any = ROWS.of(
-            plan=plan,
-            offsets=frozen(offsets),
-            used=np.ones(len(wanted), dtype=np.int_),
-            places=np.zeros((len(wanted), 12)),
-            jacobian=jacobian,
-            drift=drift,
-        )
-
-    def fill(self, kinematics: Kinematics) -> None:
-        """Write J and dJ/dt v at the present state."""
-        fill_state_rows(kinematics.tree, self.rows, kinematics.mass)
+    plan = np.zeros((len(wanted), 7), dtype=np.int_)
+    offsets = np.zeros((len(wanted), 27))
+    for i, (entry, start) in enumerate(zip(wanted, first, strict=True)):
+        begin, end, step = entry.rows.indices(6)
+        joint, offsets[i, :12] = _fixed_at(model, entry.frame)
+        other, offsets[i, 15:] = _fixed_at(model, entry.other)
+        plan[i] = entry.kind, joint, start, begin, len(range(begin, end, step)), step, other
+        offsets[i, 12:15] = entry.arm
+    return ROWS.of(
+        plan=plan,
+        offsets=frozen(offsets),
+        used=np.ones(len(wanted), dtype=np.int_),
+        places=np.zeros((len(wanted), 12)),
+        jacobian=jacobian,
+        drift=drift,
+    )
 
 
 def _fixed_at(model: pin.Model, frame: str) -> tuple[int, FloatArray]:

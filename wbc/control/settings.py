@@ -4,17 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from enum import Enum
+from typing import Any, final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.gears import RestPolicy, SpeedBlend
-from wbc.control.inputs import TickInputError, check_step
-from wbc.control.policies import LetDown, SafetyPolicy
+from wbc.control.inputs import State, TickInputError, check_step
 from wbc.control.qp.solvers import WarmStart
-from wbc.control.reference import State
 from wbc.errors import ControlError
+
+
+class RestPolicy(Enum):
+    """Which mesh input torque to choose where a gear stands still and T fixes only an interval.
+
+    NEUTRAL passes T through as if without loss; LEAST_TORQUE takes the end of least magnitude and
+    lets friction carry the rest; MOST_MARGIN takes the middle, farthest from slipping either way.
+    """
+
+    NEUTRAL = "neutral"
+    LEAST_TORQUE = "least_torque"
+    MOST_MARGIN = "most_margin"
+
+
+@dataclass(frozen=True)
+class SpeedBlend:
+    """How sure the controller is of the direction of a joint.
+
+    The measured sign flips with every count of encoder noise while a joint stands, and each flip
+    costs the full width of the stiction interval; the velocity of a reference knows nothing of
+    the feedback's own motions. The controller therefore goes by the speed that its own
+    accelerations lead to, drawn slowly towards the measurement:
+
+        v <- v + step qdd,   then with e = v_meas - v
+        v <- v + correction step clip(e, +-trusted_error) + (e beyond trusted_error)
+        sigma = clip(v / full_speed, -1, 1)
+
+    A joint that sticks although it should move gathers expected speed until its gear is driven
+    into the branch that breaks it loose; an impact, an error beyond all noise, is taken over at
+    once.
+
+    Attributes:
+        full_speed: [rad/s] of the motor output from which a direction counts as certain.
+        correction: [1/s] rate at which the expected speed follows the measured one.
+        trusted_error: [rad/s] that noise and small disturbances explain, some five standard
+            deviations of the velocity noise. With zero the measured speed is believed.
+    """
+
+    full_speed: float = 0.02
+    correction: float = 30.0
+    trusted_error: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.full_speed > 0.0:
+            raise ControlError(f"full_speed must be > 0 rad/s, got {self.full_speed:g}.")
+        for name in ("correction", "trusted_error"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +108,37 @@ class DisturbanceObserver:
         return np.array(np.broadcast_to(bound, (nv,)))
 
 
+@final
+@dataclass(frozen=True)
+class LetDown:
+    """Rides through, holds the robot against gravity, then lets it down gently.
+
+    The last good torque is repeated for a few ticks, as most bad ticks come alone. Then the torque
+    goes over, within as many ticks, to what holds the robot still, and damping. After `hold` the
+    part against gravity fades out over `lowering`; the damping stays. Compensating gravity and
+    damping put no energy into a motion on an arm: with g the gravity torque,
+    d/dt (1/2 v'M v) = v'(tau - g) <= 0, and losses of the gears only take more.
+
+    Attributes:
+        ride_through: ticks that repeat the last good torque.
+        hold: [s] for which gravity is held in full.
+        lowering: [s] in which the robot is let down then.
+        rate: [1/s] of the damping.
+    """
+
+    ride_through: int = 5
+    hold: float = 1.0
+    lowering: float = 3.0
+    rate: float = 50.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not self.ride_through >= 0 or not self.hold >= 0.0:
+            raise ControlError("let down: ride_through and hold must be >= 0.")
+        if not self.lowering > 0.0 or not 0.0 <= self.rate < np.inf:
+            raise ControlError("let down: lowering must be > 0 s and rate >= 0 1/s.")
+
+
 @dataclass(frozen=True)
 class ControllerSettings:
     """Settings of a controller.
@@ -105,7 +183,7 @@ class ControllerSettings:
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     contact_ramp: float = 0.02
-    safety: SafetyPolicy = field(default_factory=LetDown)
+    safety: LetDown = field(default_factory=LetDown)
     deadline: float | None = None
     disturbance: DisturbanceObserver | None = None
     state_hook: Callable[[Any], State] | None = None

@@ -43,13 +43,11 @@ from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
     BALANCE,
     CENTER_OF_MASS,
-    DISTANCE,
-    MOMENTUM,
     ROWS,
     TREE,
     fill_state_rows,
     move_joints,
-    place_turn,
+    place_missing,
 )
 from wbc.effects.tables import fill_commands
 from wbc.structures import Structure
@@ -128,10 +126,10 @@ MOVED, RESTED, BASED, TRIES = 1, 2, 4, 8
 """What is told to a tick: joints and contacts are evaluated; rows of contacts are written as a
 basis; a guess is worth a try."""
 
-TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, CLIPPED, DRIVE = range(9)
+TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(8)
 """Rows of gears in a block: expected and measured dpsi, certainty, T, what the rotors
-take, t, N tau_phi, what limits leave of it, and what the drives are told."""
-GEAR_ROWS = 9
+take, t, N tau_phi within the limits, and what the drives are told."""
+GEAR_ROWS = 8
 
 TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE, DECIDED = range(5)
 """How a tick ends: numbers too large, no solution from a guess, a torque limit, or well; or with
@@ -228,8 +226,8 @@ def want(
     """
     rows, parts, gains, targets = tasks.rows, tasks.parts, tasks.gains, tasks.targets
     wanted, pull, chosen, jacobian = tasks.wanted, tasks.pull, tasks.chosen, tasks.rows.jacobian
-    plan, places, total = rows.plan, rows.places, len(tasks.wanted)
-    count, turn = total - len(chosen), np.empty(3)
+    plan, total = rows.plan, len(tasks.wanted)
+    count = total - len(chosen)
     for i in range(count):
         rate = 0.0
         for j in range(len(velocity)):
@@ -238,22 +236,10 @@ def want(
     for e in range(len(plan)):
         if rows.used[e] == 0:
             continue
-        row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
-        if plan[e, 0] == DISTANCE:
-            parts[0, row] = targets[e, 0] - places[e, 9]
-            continue
         if plan[e, 0] == BALANCE:
-            parts[0, row] = balancing(tree, rows, e, velocity, mass, targets[e, 0])
-            continue
-        if plan[e, 0] == MOMENTUM:
-            for k in range(width):
-                parts[0, row + k] = targets[e, k] - parts[1, row + k]
-            continue
-        if begin + (width - 1) * step >= 3:
-            place_turn(places[e], targets[e], turn)
-        for k in range(width):
-            a = begin + k * step
-            parts[0, row + k] = targets[e, 9 + a] - places[e, 9 + a] if a < 3 else turn[a - 3]
+            parts[0, plan[e, 2]] = balancing(tree, rows, e, velocity, mass, targets[e, 9])
+        else:
+            place_missing(rows, e, targets[e], parts[1], parts[0])
     for i in range(len(chosen)):
         parts[1, count + i] = velocity[chosen[i]]
         parts[0, count + i] = tasks.goals[i] - position[tasks.positions[i]]
@@ -487,7 +473,7 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
         block: holds x; results.
 
     Returns:
-        DONE, or LIMITED_TORQUE where the limits do not leave all of it.
+        DONE, or LIMITED_TORQUE where the limits did not leave all of it.
     """
     counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
     nq, n = counts[NQ], program.solver.rows.shape[1]
@@ -502,10 +488,8 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
         load[driven[i]] = program.gears.joint[i]
         for j in range(nv):
             load[driven[i]] -= mass[driven[i], j] * x[j]
-    results = gears[MESH], gears[TORQUE_ROW], gears[CLIPPED]
+    results = gears[MESH], gears[TORQUE_ROW], gears[DRIVE]
     exact = place_torques(program.gears, gears[OUTPUT], gears[SHARE], gears[SIGMA], results)
-    for i in range(m):
-        gears[DRIVE, i] = gears[TORQUE_ROW, i] * program.gears.inverse_ratio[i]
     fill_commands(program.gears.drives, gears[DRIVE], gears[DRIVE])
     return DONE if exact else LIMITED_TORQUE
 

@@ -172,6 +172,31 @@ def place_turn(place: FloatArray, target: FloatArray, turn: FloatArray) -> None:
     turn[0], turn[1], turn[2] = scale * x, scale * y, scale * z
 
 
+@compiled(Nothing, ROWS.kind, Count, *[Vector] * 2, OutVector)
+def place_missing(
+    rows: Any, e: int, target: FloatArray, rates: FloatArray, missing: FloatArray
+) -> None:
+    """Write what the present state misses of the target of an entry; call after its rows.
+
+    Args:
+        rows: ROWS.
+        e: number of the entry.
+        target: as a placement (12,), of a momentum the momentum in front.
+        rates: J v of all rows (k,); a momentum is a rate itself.
+        missing: result (k,), of the rows of this entry.
+    """
+    plan, place, turn = rows.plan, rows.places[e], np.empty(3)
+    row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
+    if plan[e, 0] != MOMENTUM and begin + (width - 1) * step >= 3:
+        place_turn(place, target, turn)
+    for k in range(width):
+        a = begin + k * step
+        if plan[e, 0] == MOMENTUM:
+            missing[row + k] = target[a] - rates[row + k]
+        else:
+            missing[row + k] = target[9 + a] - place[9 + a] if a < 3 else turn[a - 3]
+
+
 @compiled(Nothing, OutDense, Count, OutVector)
 def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
     """Turn a linear and an angular vector (6,) from world axes into those of a placement."""

@@ -61,6 +61,7 @@ SOLVER = Structure(
     upper=OutRow,
     give=OutRow,
     inverse=OutRow,
+    lengths=OutRow,
     free=OutRow,
     force=OutRow,
     active=OutPlaces,
@@ -69,7 +70,11 @@ SOLVER = Structure(
     system=OutDense,
     left=OutRow,
 )
-"""A program in blocks (`BlockProblem`), and memory for its solution.
+"""A program that keeps its structure, a diagonal D and rows, and memory for its solution.
+
+    min   1/2 x'D x - pull'x + 1/2 sum over the soft rows of (G x - right)^2 / softness
+                             + 1/2 sum over the bounds that give of (beyond)^2 / give
+    s.t.  G x = right in the hard rows, lower <= C x <= upper in all other bounds
 
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
 do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
@@ -217,18 +222,17 @@ def _most_violated(
     solver: Any, bounds: tuple[int, int], tolerance: float, x: FloatArray
 ) -> tuple[int, int]:
     """Return the bound that x (n,) breaks most for its size, -1 if none, and on which side."""
-    C, lower, upper, inverse = solver.C, solver.lower, solver.upper, solver.inverse
+    C, lower, upper, lengths = solver.C, solver.lower, solver.upper, solver.lengths
     best, side, worst = -1, 0, 0.0
     for i in range(bounds[0], bounds[1]):
         if solver.taken[i] != 0:
             continue
-        value, length = 0.0, solver.give[i]
+        value = 0.0
         for j in range(len(x)):
             value += C[i, j] * x[j]
-            length += C[i, j] * C[i, j] * inverse[j]
         beyond = max(value - upper[i], lower[i] - value)
-        if beyond > tolerance and beyond * beyond > worst * length:
-            best, worst = i, beyond * beyond / length
+        if beyond > tolerance and beyond * beyond > worst * lengths[i]:
+            best, worst = i, beyond * beyond / lengths[i]
             side = 1 if value > upper[i] else -1
     return best, side
 
@@ -371,6 +375,10 @@ def settle(
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
+    for i in range(bounds[0], bounds[1]):
+        solver.lengths[i] = solver.give[i]
+        for j in range(len(x)):
+            solver.lengths[i] += solver.C[i, j] * solver.C[i, j] * solver.inverse[j]
     push = np.zeros(len(taken))
     size = _begin(solver, first, base, bounds, tolerance, push, x)
     known, fresh, exact = 0, True, True

@@ -217,24 +217,26 @@ def place_torques(
     sigma: FloatArray,
     results: MotorRows,
 ) -> bool:
-    """Write t, N tau_phi = t + share and what the limits leave of it (m,).
+    """Write t and N tau_phi = t + share (m,), clipped to the limits.
 
     Args:
         gears: GEARS.
         output, share, sigma: T, what the rotors take themselves, certainty (m,).
-        results: t, N tau_phi and what the limits leave of it (m,).
+        results: t, N tau_phi, and the command before what the drives do (m,).
 
     Returns:
         whether the limits leave all of it.
     """
     rest, forward, backward = gears.rest, gears.forward, gears.backward
-    (mesh, torque, clipped), whole = results, True
+    (mesh, torque, drive), whole = results, True
     for i in range(len(output)):
         moving = forward[i] if output[i] * sigma[i] > 0.0 else backward[i]
         mesh[i] = (rest[i] + abs(sigma[i]) * (moving - rest[i])) * output[i]
-        torque[i] = mesh[i] + share[i]
-        clipped[i] = min(max(torque[i], gears.lower[i]), gears.upper[i])
-        whole = whole and clipped[i] == torque[i]
+        needed = mesh[i] + share[i]
+        torque[i] = min(max(needed, gears.lower[i]), gears.upper[i])
+        if torque[i] != needed:
+            mesh[i], whole = torque[i] - share[i], False
+        drive[i] = torque[i] * gears.inverse_ratio[i]
     return whole
 
 

@@ -10,17 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.control.command import Status
-from wbc.control.gears import consistent
-from wbc.control.inputs import Complaint
+from wbc.control.command import Status, consistent
+from wbc.control.inputs import Complaint, Reference
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
 from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
 from wbc.control.qp.search import DirectedSolution, DirectionSearch
 from wbc.control.qp.solvers import WarmStart
-from wbc.control.reference import Reference
-from wbc.control.rows.contact_set import ContactRanks, ContactSet
-from wbc.control.rows.contacts import BoundContact
+from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
 from wbc.control.tick import (
     BASED,
@@ -87,7 +84,6 @@ class SolvedLevel(NamedTuple):
         verdict: how usable it is.
         time: [s] it took.
         dt: time until the next tick [s].
-        bent: whether torque limits bent the torques.
         consistent: whether the mesh law allows the torques.
         passed: limit -> by how much it is passed, as it could not be kept.
         hard: how many hard rows the program has, where the block holds the solution.
@@ -100,7 +96,6 @@ class SolvedLevel(NamedTuple):
     verdict: Complaint
     time: float
     dt: float
-    bent: bool = False
     consistent: bool = True
     passed: Mapping[str, float] = _NOTHING_PASSED
     hard: int = 0
@@ -119,18 +114,25 @@ class SolvedLevel(NamedTuple):
         """Return a field of `Command`."""
         return self.row(_ROWS[name]) if name in _ROWS else getattr(self, name)
 
+    @property
     def forces(self) -> Mapping[str, FloatArray]:
-        """Return the force of every active contact."""
+        """The force of every active contact."""
         program = self.level.program
-        return program.contacts.wrenches(program.forces_of(self.block[program.at.x]))
+        x = self.block[program.at.x]
+        return program.contacts.wrenches(program.force_scale * x[program.nv :])
 
-    def targets(self) -> tuple[FloatArray, FloatArray]:
-        """Return position and velocity of the driven joints (m,) after the time step."""
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocity of the driven joints (m,) after the time step."""
+        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at.velocity
+        return np.asarray(self.block[now][driven] + self.dt * self.acceleration[driven])
+
+    @property
+    def position(self) -> FloatArray:
+        """Position of the driven joints (m,) after the time step."""
         robot, at = self.level.program.recipe.robot, self.level.program.at
-        rate = self.block[at.velocity][robot.actuated]
-        gain = self.acceleration[robot.actuated]
-        place = self.block[at.position][robot.actuated_position]
-        return place + self.dt * (rate + 0.5 * self.dt * gain), rate + self.dt * gain
+        rate = 0.5 * (self.block[at.velocity][robot.actuated] + self.velocity)
+        return np.asarray(self.block[at.position][robot.actuated_position] + self.dt * rate)
 
     @property
     def solution(self) -> QPSolution:
@@ -182,9 +184,8 @@ class Level:
         ended = self._pass(asked, above, block)
         if ended == DONE:
             hard = int(program.memory.counts[HARD])
-            stated = program.stated(block, hard) if program.hardens else None
             elapsed = perf_counter() - start
-            return SolvedLevel(self, block, stated, None, _SOLVED, elapsed, asked.dt, hard=hard)
+            return SolvedLevel(self, block, None, None, _SOLVED, elapsed, asked.dt, hard=hard)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
@@ -195,7 +196,7 @@ class Level:
         """Do the compiled part of a tick; return how it ended."""
         program, memory = self.program, self.program.memory
         motion, _, _, dt, last, told = asked
-        program.take(asked.ceilings, asked.references)
+        program.take(asked.ceilings)
         if program.repeats:
             program.place_basis()
             told |= BASED
@@ -210,7 +211,7 @@ class Level:
         if program.has_efforts:
             memory.positive[:] = above.row(OUTPUT) > 0.0
         left = self._hold(above, program.gear_rows(block)[SIGMA])
-        if left == 0 and not program.chooses_forces:
+        if left == 0 and not program.has_efforts:
             return DECIDED
         return solve(memory, dt, block) if tries else ended
 
@@ -257,15 +258,14 @@ class Level:
         self._decided = found.decided
         solution = found.solution
         block[program.at.x] = solution.x
-        bent, agrees = finish(program.memory, asked.dt, block) != DONE, True
-        if bent:
-            program.recipe.drivetrain.bend(gears)
+        agrees = True
+        if finish(program.memory, asked.dt, block) != DONE:
             slopes = program.memory.gears.forward, program.memory.gears.backward
             agrees = consistent(gears[OUTPUT], gears[MESH], gears[SIGMA], *slopes)
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
         elapsed = perf_counter() - start
-        told = bent, agrees, passed
-        return SolvedLevel(self, block, solution, found, verdict, elapsed, asked.dt, *told)
+        told = asked.dt, agrees, passed
+        return SolvedLevel(self, block, solution, found, verdict, elapsed, *told)
 
     def _giving_way(
         self, output: FloatArray
@@ -317,7 +317,7 @@ class Level:
         passing = None if self.program.lock is None else self._passing
         self._search.start(self.program.gear_rows(self._block)[SIGMA], passing)
         self._search.place(self._decided, self.program.gear_rows(last)[OUTPUT])
-        return self.program.blocks().dense().copied()
+        return self.program.dense()
 
 
 def _told(passed: Mapping[str, float], stops: str) -> str:
@@ -339,13 +339,13 @@ def _judged(found: DirectedSolution, program: Program, blocking: int) -> Complai
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
-        beyond = program.blocks().beyond(solution.x) if finite else np.zeros(1)
+        beyond = program.beyond(solution.x) if finite else np.zeros(1)
         known = beyond.max(initial=0.0) > _ACCURATE
         broken = program.labels[int(np.argmax(beyond))] if known else "a constraint"
         what = program.labels[blocking] if blocking >= 0 else broken
         return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
     if solution.status is QPStatus.ITERATION_LIMIT and finite:
-        residual = program.blocks().violation(solution.x)
+        residual = program.violation(solution.x)
         if residual < _ACCURATE:
             message = f"iteration limit; constraints are kept within {residual:.1e}."
             return Status.INACCURATE, message
@@ -430,7 +430,7 @@ class Levels:
         levels = self._made.get(names)
         if levels is None:
             recipe, chosen = self._recipe, [self._contacts[name] for name in names]
-            contacts = ContactSet(chosen, recipe.kinematics.model, self._ranks.rank(names))
+            contacts = ContactSet(tuple(chosen), recipe.kinematics.model, self._ranks.rank(names))
             ranks = range(len(recipe.stacks))
             levels = tuple(Level(Program(recipe, contacts, rank), rank) for rank in ranks)
             self._made[names] = levels

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -38,10 +38,6 @@ class QPProblem(NamedTuple):
     lower: FloatArray
     upper: FloatArray
 
-    def copied(self) -> QPProblem:
-        """Return a copy that the next tick does not overwrite."""
-        return QPProblem(*(array.copy() for array in self))
-
     def save(self, path: str | Path) -> Path:
         """Write the program to a compressed `.npz` file, whole or not at all; return its path."""
         return atomic_write(path, lambda file: np.savez_compressed(file, **self._asdict()))
@@ -58,86 +54,6 @@ class QPProblem(NamedTuple):
                 return cls(*(np.asarray(archive[name], dtype=np.float64) for name in cls._fields))
         except (OSError, ValueError, KeyError, BadZipFile) as cause:
             raise ControlError(f"'{path}' holds no saved program: {cause}.") from cause
-
-
-class BlockProblem(NamedTuple):
-    """A program that keeps its structure: a diagonal, and rows that are soft or hard.
-
-        min   1/2 x'D x - p'x + 1/2 sum over the soft rows of (G x - t)^2 / s
-                              + 1/2 sum over the bounds that give of (beyond)^2 / s
-        s.t.  G x = t in the hard rows, lower <= C x <= upper in all other bounds
-
-    Attributes:
-        diagonal: D (n,).
-        pull: p (n,).
-        rows: G (k, n), soft rows first.
-        right: t (k,).
-        softness: s (k,), the inverse of a soft row's weight, zero for a hard row. A task of
-            infinite weight stands among the soft rows with a softness of zero.
-        soft: how many rows are soft.
-        C: (r, n).
-        lower: (r,); -INFINITE or less is no bound.
-        upper: (r,); INFINITE or more is no bound.
-        give: softness s (r,) of the bounds, zero for one that must be kept.
-    """
-
-    diagonal: FloatArray
-    pull: FloatArray
-    rows: FloatArray
-    right: FloatArray
-    softness: FloatArray
-    soft: int
-    C: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    give: FloatArray
-
-    def dense(self) -> QPProblem:
-        """Return the same program with its Hessian and gradient written out, all bounds kept."""
-        k, hard = self.soft, self.hard
-        rows, right, softness = self.rows[:k], self.right[:k], self.softness[:k]
-        A, b = self.rows[k:], self.right[k:]
-        if hard.size:
-            kept = softness > 0.0
-            A, b = np.vstack([A, rows[hard]]), np.concatenate([b, right[hard]])
-            rows, right, softness = rows[kept], right[kept], softness[kept]
-        weighted = rows / softness[:, None]
-        H = weighted.T @ rows
-        H.reshape(-1)[:: len(H) + 1] += self.diagonal
-        return QPProblem(H, -(right @ weighted) - self.pull, A, b, self.C, self.lower, self.upper)
-
-    @property
-    def hard(self) -> IntArray:
-        """Which rows among the soft ones have no softness left: hard tasks."""
-        return np.flatnonzero(self.softness[: self.soft] == 0.0)
-
-    def beyond(self, x: FloatArray) -> FloatArray:
-        """Return how far x (n,) is beyond each bound (r,), 0 within."""
-        rows = self.C @ x
-        return np.maximum(np.maximum(rows - self.upper, self.lower - rows), 0.0)
-
-    def violation(self, x: FloatArray) -> float:
-        """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
-        hard = np.concatenate([self.hard, np.arange(self.soft, len(self.right))])
-        misses = np.abs(self.rows[hard] @ x - self.right[hard])
-        return max(_largest(misses), _largest(self.beyond(x)[self.give == 0.0]))
-
-    def copied(self) -> BlockProblem:
-        """Return a copy that the next tick does not overwrite."""
-        arrays: Any = {k: v.copy() for k, v in self._asdict().items() if isinstance(v, np.ndarray)}
-        return self._replace(**arrays)
-
-    def cost(self, x: FloatArray) -> float:
-        """Return the cost of x (n,); hard rows, and bounds that must be kept, cost nothing."""
-        softness = self.softness[: self.soft]
-        misses = self.rows[: self.soft] @ x - self.right[: self.soft]
-        weights = np.divide(1.0, softness, out=np.zeros(self.soft), where=softness > 0.0)
-        cost = (0.5 * self.diagonal * x - self.pull) @ x + 0.5 * misses @ (weights * misses)
-        if self.give.any():
-            gives = self.give > 0.0
-            passed = self.beyond(x)[gives]
-            cost += 0.5 * passed @ (passed / self.give[gives])
-        return float(cost)
 
 
 class QPStatus(Enum):

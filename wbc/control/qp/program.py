@@ -16,11 +16,10 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
-from wbc.control.qp.problem import INFINITE, BlockProblem, QPSolution, QPStatus
-from wbc.control.reference import Reference
+from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.control.rows.collision import CollisionRows
-from wbc.control.rows.contact_set import ContactSet
-from wbc.control.rows.efforts import ContactForceTask, Effort
+from wbc.control.rows.contacts import ContactSet
+from wbc.control.rows.efforts import Effort
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
@@ -33,12 +32,11 @@ _WEAK = 1e-6
 # Tolerances by which a level may at most be beyond a bound, which the next one then lets pass, and
 # within which a bound counts as reached.
 REACH = 30.0
-# Tasks of infinite weight that give way cost _RIGID times the heaviest other, limits _FIRM times
-# the heaviest task of all. What costs less than that task over _FIRM is raised to it: with costs
-# that span more than six decades daqp and the dual method call programs infeasible that are not,
-# and with 1e2 to 1e4 the passings are the same to three digits (Solo12, a joint at its stop at 1 to
-# 30 rad/s).
-_FIRM, _RIGID = 1e3, 10.0
+# Limits that give way cost _FIRM times the heaviest task. What costs less than that task over _FIRM
+# is raised to it: with costs that span more than six decades daqp and the dual method call programs
+# infeasible that are not, and with 1e2 to 1e4 the passings are the same to three digits (Solo12, a
+# joint at its stop at 1 to 30 rad/s).
+_FIRM = 1e3
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
@@ -55,7 +53,6 @@ class Recipe:
         collision: distances to keep, or None.
         settings: of the controller.
         efforts: costs on torques, which the least important level bears.
-        force_tasks: costs on contact forces, likewise.
         stacks: tasks by level, the most important first.
     """
 
@@ -67,7 +64,6 @@ class Recipe:
     collision: CollisionRows | None
     settings: ControllerSettings
     efforts: Sequence[Effort]
-    force_tasks: Sequence[ContactForceTask]
     stacks: tuple[TaskStack, ...]
 
     @property
@@ -138,22 +134,14 @@ class Program:
         self.has_efforts, self.repeats = bool(self._efforts), contacts.rank < contacts.rows
         self._undriven, m = robot.floating_size, robot.transmission.size
         self.unlocked = self._undriven + contacts.rank
-        self.hardens = any(bool(np.isinf(task.weight).any()) for task in self.stack.tasks)
         above = sum(len(stack.memory.wanted) for stack in recipe.stacks[:rank])
         cost = len(self.stack.memory.rows.jacobian) + m * len(self._efforts)
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
         self._lay_out_rows(cost, most, rank)
-        self._shared = contacts.load_share(weight) * (
-            recipe.settings.force_weight / self.force_scale
-        )
-        self._wishes = [
-            (task, rows, contact.axes)
-            for contact, rows in zip(contacts.contacts, contacts.slices, strict=True)
-            for task in (recipe.force_tasks if last else ())
-            if task.contact == contact.name
-        ]
-        self._write_force_costs({})
+        solver, shared = self.memory.solver, contacts.load_share(weight) / self.force_scale
+        solver.diagonal[self.nv :] = recipe.settings.force_weight
+        solver.pull[self.nv :] = recipe.settings.force_weight * shared
         self._write_normals(None)
         self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.bounds)
         sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.bounds]
@@ -208,6 +196,7 @@ class Program:
             upper=upper,
             give=np.zeros(bounds),
             inverse=np.zeros(n),
+            lengths=np.zeros(bounds),
             free=np.zeros(n),
             force=np.zeros(size),
             active=np.zeros(size, dtype=np.int_),
@@ -248,23 +237,14 @@ class Program:
         self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
 
-    def take(
-        self, ceilings: Mapping[str, float] | None, references: Mapping[str, Reference]
-    ) -> None:
-        """Take the greatest normal forces of a tick [N], and what is asked of contact forces."""
+    def take(self, ceilings: Mapping[str, float] | None) -> None:
+        """Take the greatest normal forces of a tick [N], and the distances of solids."""
         if ceilings is not self._ceilings:
             self._write_normals(ceilings)
-        if self._wishes:
-            self._write_force_costs(references)
         if self.recipe.collision is not None:
             apart, memory = self.recipe.collision, self.memory
             memory.solver.C[self.distance, : self.nv] = apart.rows
             memory.stated_lower[self.distance] = apart.least
-
-    @property
-    def chooses_forces(self) -> bool:
-        """Whether it asks something of torques or contact forces that other levels do not ask."""
-        return self.has_efforts or bool(self._wishes)
 
     def place_basis(self) -> None:
         """Write rows of contacts that repeat each other as an orthonormal basis B of them.
@@ -289,29 +269,26 @@ class Program:
 
     @property
     def may_give(self) -> bool:
-        """Whether it has limits of joints or distances, or tasks of infinite weight."""
-        return self.hardens or self.joint.start < self.bounds
+        """Whether it has limits of joints or distances."""
+        return bool(self.joint.start < self.bounds)
 
     @contextmanager
     def giving_way(self, *, dropped: bool = False) -> Iterator[None]:
-        """Let tasks of infinite weight and limits of joints and distances be passed, at a cost.
+        """Let limits of joints and distances be passed, at a cost.
 
         Limits that are `dropped` are passed at no cost. Torque limits, cones, contacts at rest and
         the balance are what the motors and the ground can do; they stay.
         """
         solver, counts = self.memory.solver, self.memory.counts
-        diagonal, pull, softness = solver.diagonal, solver.pull, solver.softness
-        tasks = softness[counts[FIRST] : counts[COST]]
-        kept = diagonal.copy(), pull.copy(), tasks.copy()
-        heaviest = max(np.max(1.0 / tasks[tasks > 0.0], initial=0.0), diagonal.max())
-        if (tasks == 0.0).any():
-            heaviest *= _RIGID
-            tasks[tasks == 0.0] = 1.0 / heaviest
+        diagonal, pull = solver.diagonal, solver.pull
+        tasks = solver.softness[counts[FIRST] : counts[COST]]
+        kept = diagonal.copy(), pull.copy()
         limits = slice(self.joint.start, self.bounds)
         bounds = solver.lower[limits].copy(), solver.upper[limits].copy()
         if dropped:
             solver.lower[limits], solver.upper[limits] = -INFINITE, INFINITE
         else:
+            heaviest = max(np.max(1.0 / tasks, initial=0.0), diagonal.max())
             raised = np.maximum(diagonal, heaviest / _FIRM)
             pull *= raised / diagonal
             diagonal[:] = raised
@@ -319,18 +296,18 @@ class Program:
         try:
             yield
         finally:
-            diagonal[:], pull[:], tasks[:] = kept
+            diagonal[:], pull[:] = kept
             solver.lower[limits], solver.upper[limits] = bounds
             solver.give[:] = 0.0
 
     def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
         """Return what a solution passes, by how much [rad/s^2 or m/s^2], and what is in the way."""
-        blocks, gives = self.blocks(), slice(self.joint.start, self.bounds)
-        beyond, (rigid, misses) = blocks.beyond(solution.x)[gives], self._missed(solution.x)
-        least = _TOLD * max(beyond.max(initial=0.0), misses.max(initial=0.0))
-        labels, sizes = [*self.labels[gives], *rigid], [*beyond, *misses]
-        found = {a: float(b) for a, b in zip(labels, sizes, strict=True) if b > least}
-        push = np.abs(solution.z) * np.linalg.norm(blocks.C, axis=1)
+        gives, C = slice(self.joint.start, self.bounds), self.memory.solver.C
+        beyond = self.beyond(solution.x)[gives]
+        least = _TOLD * beyond.max(initial=0.0)
+        sizes = zip(self.labels[gives], beyond.tolist(), strict=True)
+        found = {label: size for label, size in sizes if size > least}
+        push = np.abs(solution.z) * np.linalg.norm(C, axis=1)
         share = _TOLD * push.max(initial=0.0)
         push[gives][beyond > least] = 0.0
         stops = int(np.argmax(push)) if push.size else 0
@@ -338,59 +315,54 @@ class Program:
             return found, self.labels[stops]
         return found, "what rests on the ground" if self.contacts.rows else "the balance of forces"
 
-    def _missed(self, x: FloatArray) -> tuple[list[str], FloatArray]:
-        """Return the rows of tasks of infinite weight by name, and what x (n,) misses of them."""
-        tasks, k = self.stack.memory, len(self.stack.memory.rows.jacobian)
-        rows = np.flatnonzero(np.isinf(tasks.weights[:k]))
-        misses = tasks.rows.jacobian[rows] @ x[: self.nv] - tasks.wanted[rows]
-        return [f"task '{self.stack.names[row]}'" for row in rows], np.abs(misses)
+    def _soft_and_hard(self) -> tuple[slice, slice]:
+        """Return which rows of the solver are soft, and which are hard."""
+        counts = self.memory.counts
+        soft, end = slice(counts[FIRST], counts[COST]), counts[COST] + counts[HARD]
+        return soft, slice(counts[COST], end)
 
-    def blocks(self) -> BlockProblem:
-        """Return the program as it stands, in views."""
-        solver, counts = self.memory.solver, self.memory.counts
-        used = slice(counts[FIRST], counts[COST] + counts[HARD])
-        return BlockProblem(
-            diagonal=solver.diagonal,
-            pull=solver.pull,
-            rows=solver.rows[used],
-            right=solver.right[used],
-            softness=solver.softness[used],
-            soft=int(counts[COST] - counts[FIRST]),
-            C=solver.C,
-            lower=solver.lower,
-            upper=solver.upper,
-            give=solver.give,
-        )
+    def dense(self) -> QPProblem:
+        """Return a copy of the program as it stands, Hessian and gradient written out.
+
+        All bounds are to be kept.
+        """
+        solver, (soft, hard) = self.memory.solver, self._soft_and_hard()
+        weighted = solver.rows[soft] / solver.softness[soft, None]
+        H = weighted.T @ solver.rows[soft]
+        H.reshape(-1)[:: len(H) + 1] += solver.diagonal
+        g = -(solver.right[soft] @ weighted) - solver.pull
+        A, b = solver.rows[hard].copy(), solver.right[hard].copy()
+        return QPProblem(H, g, A, b, solver.C.copy(), solver.lower.copy(), solver.upper.copy())
+
+    def beyond(self, x: FloatArray) -> FloatArray:
+        """Return how far x (n,) is beyond each bound (r,), 0 within."""
+        solver = self.memory.solver
+        rows = solver.C @ x
+        return np.asarray(np.maximum(np.maximum(rows - solver.upper, solver.lower - rows), 0.0))
+
+    def violation(self, x: FloatArray) -> float:
+        """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
+        solver, (_, hard) = self.memory.solver, self._soft_and_hard()
+        misses = np.abs(solver.rows[hard] @ x - solver.right[hard])
+        kept = self.beyond(x)[solver.give == 0.0]
+        return float(max(misses.max(initial=0.0), kept.max(initial=0.0)))
+
+    def cost(self, x: FloatArray) -> float:
+        """Return the cost of x (n,); rows and bounds that must be kept cost nothing."""
+        solver, (soft, _) = self.memory.solver, self._soft_and_hard()
+        misses, gives = solver.rows[soft] @ x - solver.right[soft], solver.give > 0.0
+        cost = (0.5 * solver.diagonal * x - solver.pull) @ x
+        cost += 0.5 * misses @ (misses / solver.softness[soft])
+        if gives.any():
+            passed = self.beyond(x)[gives]
+            cost += 0.5 * passed @ (passed / solver.give[gives])
+        return float(cost)
 
     def stated(self, block: FloatArray, hard: int) -> QPSolution:
         """Return the solution in a block of results of a program with some hard rows."""
         found = block[self.at.multipliers]
-        y, z = self.with_hard_tasks(found[:hard]), found[hard : hard + self.bounds]
+        y, z = found[:hard], found[hard : hard + self.bounds]
         return QPSolution(block[self.at.x], y, z, QPStatus.SOLVED, 0)
-
-    def with_hard_tasks(self, y: FloatArray) -> FloatArray:
-        """Return multipliers (n_eq,) with those of tasks of infinite weight behind them."""
-        if not self.hardens:
-            return y
-        hard = self.blocks().hard
-        return np.concatenate([y, -self.memory.solver.force[hard]])
-
-    def _write_force_costs(self, references: Mapping[str, Reference]) -> None:
-        """Write what contact forces cost: beside a shared load, and beside what tasks ask of them.
-
-        Tasks without a reference ask nothing.
-        """
-        solver, scale = self.memory.solver, self.force_scale
-        diagonal, pull = solver.diagonal[self.nv :], solver.pull[self.nv :]
-        diagonal[:], pull[:] = self.recipe.settings.force_weight, self._shared
-        for task, rows, components in self._wishes:
-            reference = references.get(task.name)
-            if reference is None or reference.position is None:
-                continue
-            wanted = np.asarray(reference.position)
-            weight = np.broadcast_to(task.weight, wanted.shape)[components]
-            diagonal[rows] += scale**2 * weight
-            pull[rows] += scale * weight * wanted[components]
 
     def _write_normals(self, ceilings: Mapping[str, float] | None) -> None:
         """Write the bounds of the normal forces; a low ceiling lowers the floor."""
@@ -406,10 +378,6 @@ class Program:
         """Return the rows of the gears (9, m) at the end of a block of results."""
         return block[self.at.gears].reshape(GEAR_ROWS, -1)
 
-    def forces_of(self, x: FloatArray) -> FloatArray:
-        """Return the contact forces (k,) [N, N m] at a solution."""
-        return np.asarray(self.force_scale * x[self.nv :])
-
     def equality_label(self, row: int) -> tuple[str, str]:
         """Return what an equality row is called in messages, and its unit."""
         if row < self._undriven:
@@ -420,9 +388,7 @@ class Program:
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self._undriven < rows.stop:
                 return f"contact {contact.name} at rest", "m/s^2"
-        if row < self.memory.counts[HARD]:
-            return "what the more important tasks have decided", "m/s^2"
-        return "a task of infinite weight", "m/s^2"
+        return "what the more important tasks have decided", "m/s^2"
 
     def inequality_label(self, row: int) -> tuple[str, float, str]:
         """Return what an inequality is called, the scale of a violation, and its unit."""

@@ -195,7 +195,7 @@ class DirectionSearch:
                 if quick:
                     break
                 continue
-            cost, beyond = self._program.blocks().cost(solution.x), self._beyond(solution.x)
+            cost, beyond = self._program.cost(solution.x), self._beyond(solution.x)
             gears = [gear for gear in np.flatnonzero(beyond).tolist() if gear not in node]
             if cost >= lowest:
                 continue
@@ -265,11 +265,10 @@ class DirectionSearch:
         if self._guesses:
             found = self._guessed(goes_on)
         if found is NOTHING:
-            blocks = self._program.blocks()
-            dense = blocks.dense()
+            dense, give = self._program.dense(), self._program.memory.solver.give
             for name in self._names:
                 most = max(self._most - self.iterations, 1)
-                found = solve(name, dense, tolerance=self._tolerance, most=most, give=blocks.give)
+                found = solve(name, dense, tolerance=self._tolerance, most=most, give=give)
                 self.iterations += found.iterations
                 # alone ProxQP calls programs infeasible that leave hardly any room
                 sure = name == "daqp" and found.status is QPStatus.INFEASIBLE
@@ -301,7 +300,7 @@ class DirectionSearch:
         if size < 0:
             return CONTRADICTORY if size == CONTRADICTION else NOTHING
         place_multipliers(solver, last - first, last - first - hard, size, y, z)
-        return QPSolution(x, program.with_hard_tasks(y), z, QPStatus.SOLVED, 0)
+        return QPSolution(x, y, z, QPStatus.SOLVED, 0)
 
 
 def _turned(

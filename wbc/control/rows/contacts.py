@@ -1,17 +1,20 @@
-"""Contacts: where the robot may push against the ground, and how hard; points among them."""
+"""Contacts: where the robot may push against the ground and how hard, and those of one tick."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
-from typing import final
+from itertools import pairwise, product
+from typing import Any, final
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen
-from wbc.control.kinematics import FrameTable, Kinematics, StateRows
+from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.tick import CONTACTS, rest
 from wbc.control.tree import RowKind
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
@@ -24,9 +27,8 @@ _LEVEL = 0.1  # of the normal, that leans where a point stands on level ground
 class Contact(ABC):
     """A place of the robot that rests on the ground; subclasses are final and frozen.
 
-    The controller demands J qdd + dJ/dt v = -damping J v - stiffness d in the contact's rows and
-    gives it forces in the same rows, J' f on the robot. d is how far the contact is from where it
-    was in the first tick with a solution in which it was active.
+    The controller demands J qdd + dJ/dt v = -damping J v in the contact's rows and gives it forces
+    in the same rows, J' f on the robot.
 
     Attributes:
         name: how forces, statuses and messages call it.
@@ -34,8 +36,6 @@ class Contact(ABC):
         normal_minimum: least normal force while active [N].
         normal_maximum: greatest normal force [N].
         damping: [1/s] with which a contact that still moves is brought to rest.
-        stiffness: [1/s^2] with which drift away from its place is taken back; 0 leaves it to the
-            ground, which holds a foot by itself and may be soft where the foot sinks in.
     """
 
     name: str
@@ -43,7 +43,6 @@ class Contact(ABC):
     normal_minimum: float = 0.0
     normal_maximum: float = np.inf
     damping: float = 10.0
-    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -54,9 +53,8 @@ class Contact(ABC):
                 f"contact '{self.name}': 0 <= normal_minimum <= normal_maximum is violated: "
                 f"{self.normal_minimum:g}, {self.normal_maximum:g}."
             )
-        for gain in ("damping", "stiffness"):
-            if not 0.0 <= getattr(self, gain) < np.inf:
-                raise ControlError(f"contact '{self.name}': {gain} must be >= 0.")
+        if not 0.0 <= self.damping < np.inf:
+            raise ControlError(f"contact '{self.name}': damping must be >= 0.")
 
     @abstractmethod
     def bind(self, robot: Robot) -> BoundContact:
@@ -85,14 +83,14 @@ class Cone:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoundContact:
-    """A contact resolved on a robot; one whose rows are not those of a frame overrides `fill`.
+    """A contact resolved on a robot.
 
     Attributes:
         contact: what it was made from.
         cone: rows <= 0 that its force must keep.
         axes: which components (k,) of the force as users see it its own rows are.
         size: how many components that force has: 3 [N] in world axes, 6 [N, N m] in its frame.
-        state_rows: its rows where they are those of a frame.
+        state_rows: its rows, which are those of a frame.
         frames: that it reads and that the robot's model does not have.
         corners: (c, 3) [m] what it can rest on, in the axes of its frame and from that; none
             where it does not face up, so that how it carries weight is another question.
@@ -101,8 +99,8 @@ class BoundContact:
     contact: Contact
     cone: Cone
     axes: IntArray
+    state_rows: StateRows
     size: int = 3
-    state_rows: StateRows | None = None
     frames: tuple[pin.Frame, ...] = ()
     corners: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -116,16 +114,6 @@ class BoundContact:
         """How many rows its Jacobian, and components its force have."""
         return len(self.axes)
 
-    def fill(self, kinematics: Kinematics, jacobian: FloatArray, drift: FloatArray) -> None:
-        """Write J (k, nv) and dJ/dt v (k,) at the present state; columns without motion are zero.
-
-        Raises:
-            ControlError: the contact has neither `state_rows` nor a `fill` of its own.
-        """
-        if self.state_rows is None:
-            raise ControlError(f"contact '{self.name}' must define state_rows or fill.")
-        FrameTable(kinematics.model, [self.state_rows], [0], jacobian, drift).fill(kinematics)
-
     def wrench(self, force: FloatArray) -> FloatArray:
         """Return the force (k,) as users see it, (size,)."""
         if self.rows == self.size:
@@ -135,27 +123,18 @@ class BoundContact:
         return result
 
 
-class ConeApproximation(Enum):
-    """How a pyramid stands to the cone: wholly inside it, or around it."""
-
-    INNER = "inner"
-    OUTER = "outer"
-
-
-def pyramid(friction: float, faces: int, approximation: ConeApproximation) -> FloatArray:
+def pyramid(friction: float, faces: int) -> FloatArray:
     """Return rows (faces, 3) with rows @ [fx, fy, fz] <= 0, the linearised friction cone.
 
-    The outer pyramid's faces touch the cone, the inner one's edges lie on it (its slope is mu
-    cos(pi/faces)). The first face looks along x, so that four faces bound |fx| and |fy|.
+    The pyramid's edges lie on the cone (its slope is mu cos(pi/faces)). The first face looks along
+    x, so that four faces bound |fx| and |fy|.
 
     Args:
         friction: mu >= 0.
         faces: number of faces, at least 3.
-        approximation: INNER or OUTER.
     """
     angles = 2.0 * np.pi * np.arange(faces) / faces
-    inside = approximation is ConeApproximation.INNER
-    slope = friction * (np.cos(np.pi / faces) if inside else 1.0)
+    slope = friction * np.cos(np.pi / faces)
     return np.column_stack([np.cos(angles), np.sin(angles), np.full(faces, -slope)])
 
 
@@ -172,8 +151,7 @@ class PointContact(Contact):
     """One of the robot's contact points on flat ground, force (3,) along the world axes.
 
     A contact point with a radius is the centre of a ball that rolls without slipping: at rest is
-    the point of the ball that touches, and the force acts there. `stiffness` then keeps the height
-    of the ball alone.
+    the point of the ball that touches, and the force acts there.
 
     Axes in which the robot can never move the point (y of a planar robot) get neither rows nor
     forces, so that no row of the program is singular by construction. On a slope the rows stay
@@ -183,12 +161,10 @@ class PointContact(Contact):
         ground_normal: direction (3,) away from the ground, world axes, of any length; straight
             up when left out.
         faces: faces of the friction pyramid, at least 3; a planar robot's cone is exact.
-        approximation: whether the pyramid stands inside the cone or around it.
     """
 
     ground_normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     faces: int = 4
-    approximation: ConeApproximation = ConeApproximation.INNER
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -215,10 +191,7 @@ class PointContact(Contact):
         if 2 not in axes:
             raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
         mu = point.friction if self.friction is None else self.friction
-        if len(axes) == 3:
-            matrix = pyramid(mu, self.faces, self.approximation)
-        else:
-            matrix = planar_cone(mu, len(axes))
+        matrix = pyramid(mu, self.faces) if len(axes) == 3 else planar_cone(mu, len(axes))
         turn = self._ground_axes(axes)
         labels = tuple(f"friction cone, face {i}" for i in range(len(matrix)))
         cone = Cone(frozen(matrix @ turn), labels, frozen(turn[-1]))
@@ -265,3 +238,219 @@ def movable_axes(robot: Robot, index: int) -> list[int]:
         rows = evaluate(robot, q, np.zeros(robot.model.nv), space).contact_jacobian
         reach = np.maximum(reach, np.abs(rows[3 * index : 3 * index + 3]).max(axis=1))
     return [axis for axis in range(3) if reach[axis] > 1e-9]
+
+
+_FLAT = 1e-6  # [m] that corners written with six decimals are off
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceContact(Contact):
+    """A convex sole between some of the robot's contact points, in the x-y plane of a frame.
+
+    The wrench (6,) is force over torque at the mean of the corners, along the frame's axes, z away
+    from the ground. It can be borne if it is the sum of forces at the corners, each in its friction
+    pyramid: friction, centre of pressure, and the yaw torque that friction leaves are the faces of
+    that cone, found by Qhull. For a rectangle they are the sixteen rows of Caron, Pham & Nakamura
+    (ICRA 2015).
+
+    Attributes:
+        corners: names of the contact points, three or more, in any order.
+    """
+
+    corners: tuple[str, ...]
+
+    def _check_outline(self, corners: FloatArray) -> None:
+        """Raise ControlError unless all corners (n, 2) are corners of their convex hull."""
+        try:
+            used = ConvexHull(corners).vertices
+        except QhullError:
+            used = np.zeros(0, dtype=np.int_)
+        for i in range(len(corners)):
+            if i not in used:
+                raise ControlError(
+                    f"contact '{self.name}': '{self.corners[i]}' lies between the other corners."
+                )
+
+    def bind(self, robot: Robot) -> BoundContact:
+        """Return the contact with its placement and its cone.
+
+        Raises:
+            ControlError: fewer than three corners, corners in several frames, not in one plane
+                z = const., or one that lies between the others.
+            RobotError: no such contact point.
+        """
+        points = [robot.contact(name) for name in self.corners]
+        if len(points) < 3:
+            raise ControlError(f"contact '{self.name}': a surface has at least three corners.")
+        if len({point.frame for point in points}) > 1:
+            raise ControlError(
+                f"contact '{self.name}': the corners sit in several frames: "
+                + ", ".join(f"'{p.name}' in '{p.frame}'" for p in points)
+            )
+        offsets = np.array([point.offset for point in points])
+        middle = offsets.mean(axis=0)
+        if np.ptp(offsets[:, 2]) > _FLAT:
+            raise ControlError(
+                f"contact '{self.name}': the corners lie in no plane along x and y of "
+                f"'{points[0].frame}'."
+            )
+        self._check_outline(offsets[:, :2])
+        mu = min(p.friction for p in points) if self.friction is None else self.friction
+        around = (offsets - middle)[:, :2]
+        matrix, labels = polygon_cone(mu / np.sqrt(2.0), around)
+        normal = np.zeros(6)
+        normal[2] = 1.0
+        number, name = robot.model.getFrameId(points[0].frame), f"middle of {self.name}"
+        parent = robot.model.frames[number]
+        placement = parent.placement * pin.SE3(np.eye(3), middle)
+        kind = pin.FrameType.OP_FRAME
+        return BoundContact(
+            contact=self,
+            cone=Cone(frozen(matrix), labels, normal),
+            axes=frozen(np.arange(6), np.int_),
+            size=6,
+            state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
+            corners=offsets - middle,
+            frames=(pin.Frame(name, parent.parentJoint, number, placement, kind),),
+        )
+
+
+def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return rows (p, 6) <= 0 on [f, tau] that a convex polygon can bear, and their names.
+
+    The wrenches of normal force one are the convex hull of those of the edges of all corners'
+    pyramids; its faces are the rows.
+
+    Args:
+        friction: slope of the four-sided pyramids, > 0.
+        corners: (n, 2) [m] about the point of the wrench.
+
+    Raises:
+        ControlError: without friction the cone has no inside.
+    """
+    if not friction > 0.0:
+        raise ControlError("a polygonal sole needs friction > 0.")
+    reach = float(np.abs(corners).max())
+    edges = []
+    for (x, y), a, b in product(corners, (1.0, -1.0), (1.0, -1.0)):
+        fx, fy = a * friction, b * friction
+        edges.append([fx, fy, y / reach, -x / reach, (x * fy - y * fx) / reach])
+    found = np.unique(np.round(ConvexHull(np.array(edges)).equations, 9), axis=0)
+    rows = found[:, [0, 1, 5, 2, 3, 4]]
+    rows[:, 3:] /= reach
+    labels = []
+    for row in rows:
+        turns, tilts = abs(row[5]) > 0.0, np.abs(row[3:5]).max() > 0.0
+        labels.append("yaw torque" if turns else "centre of pressure" if tilts else "friction")
+        # a violation is in N, or in N m
+        row /= abs(row[5]) if turns else np.abs(row[3:5]).max() if tilts else 1.0
+    return rows, tuple(labels)
+
+
+_POSES = 3
+# A row that others decide keeps 1e-16 of its length, an independent one 1e-3 at a drawn pose.
+_DEPENDENT = 1e-9
+
+
+class ContactSet:
+    """Stacked rows of some contacts.
+
+    Attributes:
+        contacts: the contacts, in order.
+        slices: the rows of each.
+        rows: total number of rows k, which is also that of force components.
+        rank: how many of them are independent.
+        memory: the CONTACTS, J (k, nv) and what J qdd must be (k,) among them.
+        cone: (p, k) rows <= 0 on the forces in newtons.
+        cone_labels: (p,) names for messages.
+        normals: (c, k), normal force of each contact.
+    """
+
+    def __init__(
+        self, contacts: tuple[BoundContact, ...], model: pin.Model, rank: int | None = None
+    ) -> None:
+        """Lay out the rows.
+
+        Args:
+            contacts: the contacts.
+            model: of the `Kinematics` that is read.
+            rank: how many of the rows are independent; all when left out.
+        """
+        self.contacts = contacts
+        ends = np.cumsum([0, *[contact.rows for contact in contacts]]).tolist()
+        self.slices = [slice(start, end) for start, end in pairwise(ends)]
+        self.rows = k = ends[-1]
+        self.rank = k if rank is None else rank
+        chosen = [contact.state_rows for contact in contacts]
+        corners = [
+            np.column_stack([np.full(len(contact.corners), number), contact.corners])
+            for number, contact in enumerate(contacts)
+        ]
+        level = all(len(contact.corners) for contact in contacts)
+        self.memory: Any = CONTACTS.of(
+            rows=rows_of(model, chosen, ends[:-1], np.zeros((k, model.nv)), np.zeros(k)),
+            damping=np.concatenate(
+                [np.zeros(0), *[np.full(c.rows, c.contact.damping) for c in contacts]]
+            ),
+            target=np.zeros(k),
+            corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
+        )
+        self.cone = np.zeros((sum(len(contact.cone.matrix) for contact in contacts), k))
+        self.normals = np.zeros((len(contacts), k))
+        labels: list[str] = []
+        for i, (contact, rows) in enumerate(zip(self.contacts, self.slices, strict=True)):
+            first = len(labels)
+            labels.extend(f"{contact.name}: {label}" for label in contact.cone.labels)
+            self.cone[first : len(labels), rows] = contact.cone.matrix
+            self.normals[i, rows] = contact.cone.normal
+        self.cone_labels = tuple(labels)
+        self.normal_minimum = np.array([c.contact.normal_minimum for c in contacts])
+        self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
+
+    def fill(self, kinematics: Kinematics) -> None:
+        """Evaluate the rows at the present state, and what they are to be."""
+        rest(kinematics.tree, self.memory, kinematics.velocity, kinematics.mass)
+
+    def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
+        """Return the force of every contact as users see it, of all components (k,) [N, N m]."""
+        pairs = zip(self.contacts, self.slices, strict=True)
+        return {contact.name: contact.wrench(force[rows]) for contact, rows in pairs}
+
+    def load_share(self, weight: float) -> FloatArray:
+        """Return forces (k,) [N] that share `weight` [N] equally among the normals."""
+        return np.asarray(self.normals.sum(axis=0) * (weight / max(len(self.contacts), 1)))
+
+
+class ContactRanks:
+    """Ranks of contact Jacobians at drawn poses: what the robot's structure allows.
+
+    Several points of one rigid body repeat each other, as do the feet of a robot that has few
+    joints between them.
+    """
+
+    def __init__(
+        self, robot: Robot, kinematics: Kinematics, contacts: Mapping[str, BoundContact]
+    ) -> None:
+        """Evaluate all contacts at a few drawn poses."""
+        generator, nv = np.random.default_rng(0), robot.model.nv
+        whole = ContactSet(tuple(contacts.values()), kinematics.model)
+        self._at = dict(zip(contacts, whole.slices, strict=True))
+        self._rows: list[FloatArray] = []
+        for _ in range(_POSES):
+            q = pin.integrate(robot.model, robot.neutral(), generator.uniform(-1.0, 1.0, nv))
+            kinematics.update(q, np.zeros(nv))
+            whole.fill(kinematics)
+            self._rows.append(whole.memory.rows.jacobian.copy())
+
+    def rank(self, names: Sequence[str]) -> int:
+        """Return the greatest number of independent rows of some contacts."""
+        if not names:
+            return 0
+        found = []
+        for jacobian in self._rows:
+            rows = np.vstack([jacobian[self._at[name]] for name in names])
+            lengths = np.linalg.norm(rows, axis=1)
+            rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
+            found.append(int(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows.size))))
+        return max(found)

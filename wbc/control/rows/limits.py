@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from math import isfinite, sqrt
 from typing import Any, final
 
@@ -212,7 +212,9 @@ class JointLimit:
         lower, upper: stops (k,) [rad or m].
         speed: greatest speed (k,) [rad/s or m/s].
         acceleration: greatest acceleration (k,), which is also the greatest braking b.
-        brakes: by field of JOINTS what the motors can do about it; empty where they are not asked.
+        torque: (k,) [N m] with which motors hold a joint back at most, infinite without
+        reflected: (k,) inertia of the rotors then.
+        least: (k,) deceleration [rad/s^2] to count on.
     """
 
     joints: tuple[str, ...] = ()
@@ -222,7 +224,9 @@ class JointLimit:
     upper: FloatArray = field(default_factory=_no_numbers)
     speed: FloatArray = field(default_factory=_no_numbers)
     acceleration: FloatArray = field(default_factory=_no_numbers)
-    brakes: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
+    torque: FloatArray = field(default_factory=_no_numbers)
+    reflected: FloatArray = field(default_factory=_no_numbers)
+    least: FloatArray = field(default_factory=_no_numbers)
 
     @classmethod
     def of(
@@ -272,16 +276,11 @@ class JointLimit:
             upper=frozen(upper),
             speed=frozen(np.where(speed > 0.0, speed, np.inf)),
             acceleration=frozen(greatest),
-            brakes={} if braking is None else _braking(robot, names, braking),
+            **_braking(robot, names, braking),
         )
 
-    def structure(self) -> Any:
+    def structure(self, nv: int) -> Any:
         """Return JOINTS with a memory of the load that no other controller has."""
-        endless = np.full(len(self.rows), np.inf)
-        brakes = self.brakes or {
-            **dict.fromkeys(("torque", "reflected", "least"), endless),
-            "load": np.zeros(0),
-        }
         return JOINTS.of(
             rows=self.rows,
             positions=self.position_rows,
@@ -289,28 +288,19 @@ class JointLimit:
             upper=self.upper,
             speed=self.speed,
             acceleration=self.acceleration,
-            **{name: array.copy() for name, array in brakes.items()},
+            torque=self.torque,
+            reflected=self.reflected,
+            least=self.least,
+            load=np.full(nv if np.isfinite(self.torque).any() else 0, np.nan),
         )
 
-    def bounds(
-        self, position: FloatArray, velocity: FloatArray, step: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the least and greatest acceleration (k,) of joints that brake with `acceleration`.
 
-        Args:
-            position: q (nq,).
-            velocity: v (nv,).
-            step: time until the next decision [s].
-        """
-        lowest, highest = np.empty((2, len(self.rows)))
-        nothing, joints = np.zeros((len(velocity),) * 2), replace(self, brakes={}).structure()
-        bounds = lowest, highest
-        place_joint_bounds(joints, nothing[0], nothing, position, velocity, step, bounds)
-        return lowest, highest
-
-
-def _braking(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> dict[str, FloatArray]:
-    """Return the fields of JOINTS for joints that their motors brake."""
+def _braking(
+    robot: Robot, joints: tuple[str, ...], braking: MotorBraking | None
+) -> dict[str, FloatArray]:
+    """Return the fields of a `JointLimit` about motors that brake joints; endless without."""
+    if braking is None:
+        return dict.fromkeys(("torque", "reflected", "least"), frozen(np.full(len(joints), np.inf)))
     gears = robot.transmission
     for joint in joints:
         if joint not in gears.joints:
@@ -327,8 +317,7 @@ def _braking(robot: Robot, joints: tuple[str, ...], braking: MotorBraking) -> di
     B = gears.motor_from_joint[:, own]
     reflected = np.where(drives, gears.reflected_inertia / eta, gears.reflected_inertia)
     return {
-        "torque": torque,
-        "reflected": (B * B * reflected[:, None]).sum(axis=0),
-        "least": np.full(len(own), braking.least),
-        "load": np.full(robot.model.nv, np.nan),
+        "torque": frozen(torque),
+        "reflected": frozen((B * B * reflected[:, None]).sum(axis=0)),
+        "least": frozen(np.full(len(own), braking.least)),
     }

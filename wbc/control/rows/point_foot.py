@@ -11,9 +11,9 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compiled
+from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise, substitute
-from wbc.control.reference import Target
 from wbc.control.rows.task import Gains, StateTask, number_target, require_frame
 from wbc.control.tree import ROWS, TREE, RowKind, place_frame
 from wbc.errors import ControlError

@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.kinematics import FrameTable, Kinematics, StateRows
-from wbc.control.reference import Reference, Target
-from wbc.control.rows.posture import PostureTask
-from wbc.control.rows.task import StateTask, Task, numbers
+from wbc.control.inputs import Reference, Target
+from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.rows.task import PostureTask, StateTask, Task, numbers
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -82,11 +81,7 @@ class TaskStack:
         self.tasks = tuple(tasks)
         nv = robot.model.nv
         sizes = {task.name: task.check(robot) for task in self.tasks}
-        selecting = [
-            task
-            for task in self.tasks
-            if isinstance(task, PostureTask) and not np.isinf(task.weight).any()
-        ]
+        selecting = [task for task in self.tasks if isinstance(task, PostureTask)]
         rowed = [task for task in self.tasks if task not in selecting]
         total = sum(sizes[task.name] for task in rowed)
         whole = sum(sizes.values())
@@ -109,12 +104,10 @@ class TaskStack:
             limits[rows] = task.acceleration_limit
             gains[2, rows] = -1.0
             gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
-            known, number, place, slot = None, -1, None, None
+            number, place, slot = -1, None, None
             if isinstance(task, StateTask):
-                known = task.state_rows
-            if known is not None and isinstance(task, StateTask):
                 number, place = len(table), places[len(table)]
-                table.append(known)
+                table.append(task.state_rows)
                 firsts.append(rows.start)
                 slot = task.slot(place) if type(task).pack is StateTask.pack else None
             elif rows.start >= total:
@@ -137,10 +130,9 @@ class TaskStack:
                     acceleration=self._parts[4, rows],
                 )
             )
-        frames = FrameTable(model, table, firsts, self._jacobian, self._drift)
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
-            rows=frames.rows,
+            rows=rows_of(model, table, firsts, self._jacobian, self._drift),
             targets=places,
             chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
             positions=np.concatenate([none, *[task.positions for task in selecting]]),
