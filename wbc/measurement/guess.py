@@ -88,12 +88,16 @@ def guess_names(
     more = {owner: one for owner, one in more.items() if one[1] != "by its place in the file"}
     guesses.sort(key=lambda guess: guess.owner in more)
     named |= more
-    reasons = [
-        f"{theirs or 'the columns'}: joint {ours}, {why}" for theirs, (ours, why) in named.items()
-    ]
     whose = {owner: joint for owner, (joint, _) in named.items()}
     read = [g for g in guesses if table.holds_numbers(g.name)]
     found = channels(read, whose)
+    taken = {entry["from"] for entry in found.values()}
+    used = {guess.owner for guess in read if guess.name in taken}
+    reasons = [
+        f"{theirs or 'the columns'}: joint {ours}, {why}"
+        for theirs, (ours, why) in named.items()
+        if theirs in used
+    ]
     columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
     if rate is not None:
