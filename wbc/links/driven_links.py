@@ -122,7 +122,8 @@ class DrivenLinks:
             first: number of the first sample of each window (W,), from 0 on.
             starts: (W, 2, n, S) deflections and rates with which the windows begin.
         """
-        from wbc.links.steps import LINKS, MATRICES, VECTORS, follow_links  # it loads the compiler
+        from wbc.links.steps import Links, follow_links  # it loads the compiler
+        from wbc.structures import stored
 
         numbers = np.array([(g.stiffness, g.damping, 0.5 * g.play) for g in gears], dtype=float)
         parts = self._parts(gears)
@@ -130,24 +131,10 @@ class DrivenLinks:
         late = np.where(numbers[:, 0] * h**2 < self.least_inertia, 0.5, 1.0)
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
         ended, last = np.zeros((2, len(first), *d.shape[1:]))
-        given = {
-            "inertia": self.inertia,
-            "drag": self.drag,
-            "pull": self.pull,
-            "load": self._loads(parts),
-            "speed": self.speed,
-            "level": self.level,
-            "gears": np.column_stack((numbers, late)),
-            "begun": starts[:, 0],
-            "rates": starts[:, 1],
-        }
-        whole = {name: np.ascontiguousarray(array) for name, array in given.items()}
-        n, count = self.load.shape[1], starts.shape[3]
-        written = {"d": d, "v": v, "dry": dry, "ended": ended, "last": last}
-        written |= dict(zip(("place", "rate", "rubs"), np.zeros((3, count, n)), strict=True))
-        written |= dict(zip(MATRICES, np.empty((len(MATRICES), n, n)), strict=True))
-        written |= dict(zip(VECTORS, np.empty((len(VECTORS), n)), strict=True))
-        links = LINKS.of(**whole, **written, first=first, parts=parts)
+        load, numbers = self._loads(parts), np.column_stack((numbers, late))
+        given = self.inertia, self.drag, self.pull, load, self.speed, self.level, numbers, first
+        whole = map(np.ascontiguousarray, (*given, starts[:, 0], starts[:, 1]))
+        links = stored(Links._make((*whole, d, v, dry, ended, last, parts)))
         follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
         reached[first[1:] - 1] = last[:-1]

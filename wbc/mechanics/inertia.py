@@ -63,14 +63,13 @@ def composites_of(joints: Table, bodies: Dense, composite: OutDense) -> None:
 
 
 @compiled(counted=False)
-def inertia_at(rows: Table, composite: Dense, columns: Dense, upto: int, inertia: OutDense) -> None:
+def inertia_at(rows: Table, composite: Dense, columns: Dense, inertia: OutDense) -> None:
     """Write H_l, of which both halves are filled.
 
     Args:
         rows: of the `Tree`.
         composite: (n, 10).
         columns: (nv, 6).
-        upto: rows (and columns) of H that are needed: all that come before this one.
         inertia: (nv, nv) to write.
     """
     force = local(6)
@@ -79,37 +78,28 @@ def inertia_at(rows: Table, composite: Dense, columns: Dense, upto: int, inertia
         momentum_of(composite[rows[j, 0]], columns[j], force)
         i = j
         while i >= 0:
-            if i < upto:
-                inertia[i, j] = inertia[j, i] = dot(force, columns[i])
+            inertia[i, j] = inertia[j, i] = dot(force, columns[i])
             i = rows[i, 1]
 
 
 @compiled(counted=False)
-def _add_cross_motion(motion: Row, other: Row, total: OutRow) -> None:
-    """Add how fast a spatial velocity (6,) that moves along with `motion` (6,) changes."""
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        total[k] += (
-            motion[3 + i] * other[j]
-            - motion[3 + j] * other[i]
-            + motion[i] * other[3 + j]
-            - motion[j] * other[3 + i]
-        )
-        total[3 + k] += motion[3 + i] * other[3 + j] - motion[3 + j] * other[3 + i]
+def motion_at(joints: Table, columns: Dense, v: Vector, motion: OutDense) -> None:
+    """Write the spatial velocity (n, 6) of each body at v (nv,): V_i = V_parent + S_i v_i."""
+    for i in range(len(joints)):
+        parent = joints[i, 0]
+        last = joints[i + 1, 3] if i + 1 < len(joints) else len(v)
+        for k in range(6):
+            motion[i, k] = motion[parent, k] if parent >= 0 else 0.0
+            for row in range(joints[i, 3], last):
+                motion[i, k] += columns[row, k] * v[row]
 
 
 @compiled(counted=False)
-def _add_cross_force(motion: Row, momentum: Row, total: OutRow) -> None:
-    """Add how fast a momentum (6,) that moves along with `motion` (6,) changes."""
+def _add_cross(left: Row, right: Row, total: OutRow) -> None:
+    """Add the cross product of two vectors (3,)."""
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
-        total[k] += motion[3 + i] * momentum[j] - motion[3 + j] * momentum[i]
-        total[3 + k] += (
-            motion[3 + i] * momentum[3 + j]
-            - motion[3 + j] * momentum[3 + i]
-            + motion[i] * momentum[j]
-            - motion[j] * momentum[i]
-        )
+        total[k] += left[i] * right[j] - left[j] * right[i]
 
 
 @compiled
@@ -145,22 +135,23 @@ def move_bodies(
         bias: (nv,) to write.
     """
     count, own, part = len(joints), local(6), local(6)
+    motion_at(joints, columns, v, motion)
     for i in range(count):
-        parent, first = joints[i, 0], joints[i, 3]
-        last = joints[i + 1, 3] if i + 1 < count else len(v)
-        own[:] = 0.0
-        for row in range(first, last):
-            for k in range(6):
-                own[k] += columns[row, k] * v[row]
+        parent, turning, moved = joints[i, 0], motion[i, 3:], drift[i]
         for k in range(6):
-            motion[i, k] = own[k] + (motion[parent, k] if parent >= 0 else 0.0)
-            drift[i, k] = drift[parent, k] if parent >= 0 else 0.0
-        _add_cross_motion(motion[i], own, drift[i])
+            own[k] = motion[i, k] - (motion[parent, k] if parent >= 0 else 0.0)
+            moved[k] = drift[parent, k] if parent >= 0 else 0.0
+        # V x S v, and below V x* I V
+        _add_cross(turning, own[:3], moved[:3])
+        _add_cross(motion[i, :3], own[3:], moved[:3])
+        _add_cross(turning, own[3:], moved[3:])
         for k in range(6):
-            part[k] = drift[i, k] - (gravity[k] if k < 3 else 0.0)
+            part[k] = moved[k] - (gravity[k] if k < 3 else 0.0)
         momentum_of(bodies[i], part, force[i])
         momentum_of(bodies[i], motion[i], part)
-        _add_cross_force(motion[i], part, force[i])
+        _add_cross(turning, part[:3], force[i, :3])
+        _add_cross(turning, part[3:], force[i, 3:])
+        _add_cross(motion[i, :3], part[:3], force[i, 3:])
     for i in range(count - 1, -1, -1):
         parent, first = joints[i, 0], joints[i, 3]
         last = joints[i + 1, 3] if i + 1 < count else len(v)

@@ -1,152 +1,137 @@
-"""Loops over the rows of a free base: its momentum at a velocity, its velocity at a momentum."""
+"""The momentum of a tree on a free base: at a velocity, and the base's velocity at a momentum.
+
+A base is some first rows of a tree, six of a free flyer or three of a planar one. Momenta (6,) are
+linear and angular about the tree's centre of mass, world axes.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-
-from wbc.compiled import Matrix, OutVector, Vector, compiled, local, view
+from wbc.compiled import Dense, OutRow, Row, compiled, local, view
+from wbc.mechanics.inertia import momentum_of
+from wbc.mechanics.linear import copy_to, dot, factor_inertia, halfway, rest_of_way
+from wbc.mechanics.tree import Tree
 
 
 @compiled(counted=False)
-def _to_rows(turn: Matrix, lever: Vector, planar: bool, wrench: Vector, rows: OutVector) -> None:
-    """Write a wrench (6,) about the centre of mass, world axes, as rows of the base (3 or 6)."""
-    about = local(3)
+def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
+    """Move a wrench (6,) from the centre of mass to the point of `columns_at`; back with -1."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        about[i] = wrench[3 + i] + lever[j] * wrench[k] - lever[k] * wrench[j]
-    if planar:
-        rows[0], rows[1], rows[2] = wrench[0], wrench[2], about[1]
-        return
-    for i in range(3):
-        rows[i] = rows[3 + i] = 0.0
-        for j in range(3):
-            rows[i] += turn[j, i] * wrench[j]
-            rows[3 + i] += turn[j, i] * about[j]
+        turning = composite[1 + j] * wrench[k] - composite[1 + k] * wrench[j]
+        wrench[3 + i] += sign / composite[0] * turning
 
 
 @compiled(counted=False)
-def _solve(inertia: Matrix, first: int, rows: OutVector) -> None:
-    """Solve H_bb x = rows in place (Cholesky)."""
+def _solve(block: Dense, rows: OutRow) -> None:
+    """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
     size = len(rows)
-    factor, inverse = view(local(36), 0, 6, 6), local(6)  # one division per row: they are slow
-    for i in range(size):
-        for j in range(i):
-            value = inertia[first + j, first + i]
-            for k in range(j):
-                value -= factor[i, k] * factor[j, k]
-            factor[i, j] = value * inverse[j]
-        value = inertia[first + i, first + i]
-        for k in range(i):
-            value -= factor[i, k] * factor[i, k]
-        inverse[i] = 1.0 / np.sqrt(value)
-    for i in range(size):
-        for k in range(i):
-            rows[i] -= factor[i, k] * rows[k]
-        rows[i] *= inverse[i]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            rows[i] -= factor[k, i] * rows[k]
-        rows[i] *= inverse[i]
+    lower = view(local(36), 0, size, size)
+    factor_inertia(block, lower)
+    halfway(lower, rows.reshape(-1, 1))
+    rest_of_way(lower, rows)
 
 
 @compiled(counted=False)
 def momentum_at(
-    inertia: Matrix,
-    turn: Matrix,
-    lever: Vector,
-    first: int,
-    planar: bool,
-    velocity: Vector,
-    momentum: OutVector,
+    tree: Tree, columns: Dense, composite: Dense, root: int, velocity: Row, momentum: OutRow
 ) -> None:
-    """Write the momentum (6,) of the tree on a free base, angular about its centre of mass.
+    """Write the momentum (6,) of the tree behind a joint.
 
     Args:
-        inertia: H (nv, nv), of which the upper half is read.
-        turn: rotation (3, 3) of the base in the world.
-        lever: (3,) from the base's origin to the centre of mass, world.
-        first: row of the base's first coordinate.
-        planar: whether its coordinates are x, z, pitch, and no free flyer's.
+        tree: with the joint.
+        columns: (nv, 6), see `columns_at`.
+        composite: (n, 10), see `composites_of`.
+        root: number of the joint, the root of its tree.
         velocity: v (nv,).
-        momentum: (6,) to write, world axes.
+        momentum: to write.
     """
-    rows = local(6)
-    rows[:] = 0.0
-    for i in range(3 if planar else 6):
-        for j in range(len(velocity)):
-            rows[i] += inertia[min(first + i, j), max(first + i, j)] * velocity[j]
-    for i in range(6):
-        momentum[i] = 0.0
-    if planar:
-        momentum[0], momentum[2] = rows[0], rows[1]
-        momentum[4] = rows[2] - (lever[2] * momentum[0] - lever[0] * momentum[2])
-        return
-    for i in range(3):
-        for j in range(3):
-            momentum[i] += turn[i, j] * rows[j]
-            momentum[3 + i] += turn[i, j] * rows[3 + j]
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        momentum[3 + i] -= lever[j] * momentum[k] - lever[k] * momentum[j]
+    own = local(6)
+    momentum[:] = 0.0
+    for row in range(len(velocity)):
+        joint = tree.rows[row, 0]
+        if tree.joints[joint, 4] == root:
+            momentum_of(composite[joint], columns[row], own)
+            for k in range(6):
+                momentum[k] += own[k] * velocity[row]
+    _to_point(composite[root], -1.0, momentum)
 
 
 @compiled(counted=False)
 def velocity_at(
-    inertia: Matrix,
-    turn: Matrix,
-    lever: Vector,
+    tree: Tree,
+    columns: Dense,
+    composite: Dense,
+    root: int,
     first: int,
-    planar: bool,
-    momentum: Vector,
-    velocity: OutVector,
+    size: int,
+    momentum: Row,
+    velocity: OutRow,
 ) -> None:
     """Write the base's rows of v (nv,) so that the tree has a momentum (6,); inverts `momentum_at`.
 
-    The other rows of `velocity` are read. Arguments as in `momentum_at`.
+    The other rows of `velocity` are read. Arguments as in `momentum_at`, and
+
+    Args:
+        first, size: rows of the base.
+        momentum: (6,).
+        velocity: to change.
     """
-    size = 3 if planar else 6
-    rows = local(6)[:size]
-    _to_rows(turn, lever, planar, momentum, rows)
+    left, own, rows = local(6), local(6), local(6)[:size]
+    block = view(local(36), 0, size, size)
+    copy_to(momentum, left)
+    _to_point(composite[root], 1.0, left)
+    for row in range(len(velocity)):
+        joint = tree.rows[row, 0]
+        if tree.joints[joint, 4] != root:
+            continue
+        momentum_of(composite[joint], columns[row], own)
+        if first <= row < first + size:
+            for i in range(size):
+                block[row - first, i] = dot(own, columns[first + i])
+        else:
+            for k in range(6):
+                left[k] -= own[k] * velocity[row]
     for i in range(size):
-        for j in range(len(velocity)):
-            if j < first or j >= first + size:
-                rows[i] -= inertia[min(first + i, j), max(first + i, j)] * velocity[j]
-    _solve(inertia, first, rows)
+        rows[i] = dot(columns[first + i], left)
+    _solve(block, rows)
     for i in range(size):
         velocity[first + i] = rows[i]
 
 
 @compiled(counted=False)
 def part_on_joints(
-    inertia: Matrix,
-    turn: Matrix,
-    lever: Vector,
+    inertia: Dense,
+    columns: Dense,
+    composite: Row,
     first: int,
-    planar: bool,
-    weight: Vector,
-    bias: OutVector,
+    size: int,
+    weight: Row,
+    bias: OutRow,
 ) -> None:
     """Take out of the bias (nv,) what the momentum of a free base accounts for, in place.
 
     With the bias [b_b; b_j] and the rows g_b that hold the weight alone, an acceleration d_b of the
     base with H_bb d_b = b_b - g_b is due to the turning of coordinates alone. It is added to the
-    motion: the bias becomes [g_b; b_j - H_jb d_b]. Arguments as in `momentum_at`, and
+    motion: the bias becomes [g_b; b_j - H_jb d_b].
 
     Args:
-        weight: -m g (3,) [N], world: what holds the tree up.
+        inertia: H (nv, nv).
+        columns: (nv, 6), see `columns_at`.
+        composite: (10,) of the whole tree, see `composites_of`.
+        first, size: rows of the base.
+        weight: -m g and zeros (6,) [N], world: what holds the tree up.
         bias: (nv,), changed.
     """
-    size = 3 if planar else 6
-    wrench, held, rows = local(6), local(6)[:size], local(6)[:size]
-    for i in range(3):
-        wrench[i], wrench[3 + i] = weight[i], 0.0
-    _to_rows(turn, lever, planar, wrench, held)
+    about, rows, block = local(6), local(6)[:size], view(local(36), 0, size, size)
+    copy_to(weight, about)
+    _to_point(composite, 1.0, about)
     for i in range(size):
-        rows[i] = bias[first + i] - held[i]
-    _solve(inertia, first, rows)
+        held = dot(columns[first + i], about)
+        rows[i], bias[first + i] = bias[first + i] - held, held
+        for k in range(size):
+            block[i, k] = inertia[first + i, first + k]
+    _solve(block, rows)
     for j in range(len(bias)):
         if j < first or j >= first + size:
             for i in range(size):
-                bias[j] -= inertia[min(first + i, j), max(first + i, j)] * rows[i]
-    for i in range(size):
-        bias[first + i] = held[i]
+                bias[j] -= inertia[first + i, j] * rows[i]

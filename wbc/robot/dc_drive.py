@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError
@@ -62,42 +61,16 @@ class DcDrive:
 
 
 def winding_current(
-    duty: ArrayLike,
-    back_emf: ArrayLike,
-    resistance: ArrayLike,
-    supply_voltage: ArrayLike,
-    source_resistance: ArrayLike,
-    current_limit: ArrayLike,
+    duty: FloatArray,
+    back_emf: FloatArray,
+    resistance: FloatArray | float,
+    supply_voltage: float,
+    source_resistance: float,
+    current_limit: float,
 ) -> FloatArray:
     """Return (duty V - e) / (R + R_s |duty|), clipped to the limit [A]; arrays broadcast.
 
-    The law of `DcDrive` for many drives at once.
+    The law of `DcDrive`.
     """
-    share = np.asarray(duty, dtype=np.float64)
-    total = np.asarray(resistance) + np.asarray(source_resistance) * np.abs(share)
-    wanted = (share * np.asarray(supply_voltage) - np.asarray(back_emf)) / total
-    limit = np.asarray(current_limit, dtype=np.float64)
-    return np.asarray(np.clip(wanted, -limit, limit))
-
-
-def next_rise(
-    rise: ArrayLike,
-    heat: ArrayLike,
-    heating: ArrayLike,
-    cooling: ArrayLike,
-    step: float,
-) -> FloatArray:
-    """Return the rise of a winding's resistance a step later; arrays broadcast.
-
-    The law of `DcDrive`, solved exactly for constant heat.
-
-    Args:
-        rise: now, share of the cold resistance.
-        heat: power lost in the winding, resistance (1 + rise) i^2 [W].
-        heating: [1/J].
-        cooling: [1/s].
-        step: time step [s].
-    """
-    rate = np.asarray(cooling, dtype=np.float64) * step
-    gain = np.where(rate > 1e-9, -np.expm1(-rate) / np.maximum(rate, 1e-9), 1.0)
-    return np.asarray(np.exp(-rate) * rise + gain * step * np.asarray(heating) * heat)
+    wanted = (duty * supply_voltage - back_emf) / (resistance + source_resistance * np.abs(duty))
+    return np.minimum(np.maximum(wanted, -current_limit), current_limit)

@@ -1,38 +1,148 @@
-"""Position servos simulated many at a time: variants of one robot, each over all runs at once."""
+"""Position servos simulated many at a time: variants of one robot, each in many runs."""
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import BoolArray, FloatArray
+from wbc.compiled import (
+    Dense,
+    Number,
+    OutDense,
+    OutPlaces,
+    OutTable,
+    Row,
+    Vector,
+    compiled,
+    local,
+    make_ready,
+)
+from wbc.effects.tables import (
+    effect_table,
+    fill_delivered,
+    fill_efficiencies,
+    fill_joint_torques,
+    left_for_hooks,
+)
 from wbc.errors import RobotError
 from wbc.measurement import Machine
-from wbc.robot import Effect, Motion, Robot, state_gear
-from wbc.robot.dc_drive import DcDrive, next_rise, winding_current
+from wbc.mechanics.rows import meeting_speed
+from wbc.robot import Robot, state_gear
+from wbc.robot.dc_drive import DcDrive, winding_current
 from wbc.sim.servo_run import ServoRun
+from wbc.structures import stored, structured
+
+_NUMBERS = (
+    "ratio", "inertia", "weight", "phase", "constant", "coulomb", "viscous", "torque_constant",
+    "resistance", "supply_voltage", "source_resistance", "current_limit", "duty_limit", "heating",
+    "cooling",
+)  # fmt: skip
+RATIO, INERTIA, WEIGHT, PHASE, CONSTANT, COULOMB, VISCOUS = range(7)
+TORQUE, RESISTANCE, SUPPLY, SOURCE, CURRENT, DUTY, HEATING, COOLING = range(7, 15)
+
+_current = compiled(*[Number] * 7)(winding_current)
 
 
-@dataclass(frozen=True, eq=False)
-class _Variants:
-    """Numbers of robots with one joint, (N,) each, and their effects with (N,) parameters."""
+@structured
+class Servos(NamedTuple):
+    """Variants of a robot with one joint, with drives, each as the machines of some runs are.
 
-    robot: Robot
-    effects: tuple[Effect, ...]
-    numbers: dict[str, FloatArray]
+    Attributes:
+        numbers: (K, 15) see `_numbers`: link inertia, gravity's torque weight sin(q + phase) +
+            constant, friction of the rotor, winding and drive.
+        laws: (K, 9) of the gears without what they bring, see `RowSystem`.
+        joints: (E, 3) effects at the joint, see `EffectTable`.
+        effects: (K E, 3) their numbers, variant by variant.
+        drives, gears: (K, 3), (K, 2) see `EffectTable`.
+        kinds, runs: (N,) which of the K each rollout has, and which run it goes through.
+    """
+
+    numbers: OutDense
+    laws: OutDense
+    joints: OutTable
+    effects: OutDense
+    drives: OutDense
+    gears: OutDense
+    kinds: OutPlaces
+    runs: OutPlaces
 
 
-class _Winding(NamedTuple):
-    """Motor torque [N m], back-EMF damping at the joint [N m s/rad] and heat [W], (N,) each."""
+@compiled(counted=False)
+def next_speed(
+    servos: Servos, kind: int, q: float, v: float, torque: float, brake: float, step: float
+) -> float:
+    """Return the speed after one step in which the gear, with all friction, obeys its law.
 
-    torque: FloatArray
-    brake: FloatArray
-    heat: FloatArray
+    Args:
+        servos: see there.
+        kind: number of the variant.
+        q, v: position and speed at the start.
+        torque: of the motor [N m].
+        brake: damping at the joint by the back-EMF [N m s/rad]; it acts at the middle of the step,
+            as at its start the winding would brake half a step late.
+        step: h [s].
+    """
+    own, law, count = servos.numbers[kind], local(9), len(servos.joints)
+    at, speed, smooth, dry = local(1), local(1), local(1), local(1)
+    command, rotor, forward, backward = local(1), local(1), local(1), local(1)
+    at[0], speed[0], command[0] = q, v, torque
+    numbers = servos.effects[kind * count : (kind + 1) * count]
+    fill_joint_torques(servos.joints, numbers, at, speed, smooth, dry)
+    fill_delivered(servos.drives[kind : kind + 1], command, rotor)
+    for k in range(9):
+        law[k] = servos.laws[kind, k]
+    forward[0], backward[0] = 1.0 / law[3], law[4]
+    fill_efficiencies(servos.gears[kind : kind + 1], speed, forward, backward, forward, backward)
+    law[2] += 0.5 * step * brake
+    brought = step * own[RATIO] * (rotor[0] - own[VISCOUS] * own[RATIO] * v) + law[2] * v
+    lost = step * abs(own[RATIO]) * own[COULOMB]
+    law[0], law[1], law[3], law[4] = brought - lost, brought + lost, 1.0 / forward[0], backward[0]
+    law[5] = step * dry[0]
+    falls = own[WEIGHT] * np.sin(q + own[PHASE]) + own[CONSTANT] - smooth[0]
+    point = step * falls - own[INERTIA] * v
+    after: float = meeting_speed(law, point, own[INERTIA])
+    return after
+
+
+@compiled(counted=False)
+def follow_targets(
+    servos: Servos, goal: Dense, enabled: Dense, gain: Row, start: Vector, step: float, q: OutDense
+) -> None:
+    """Write the positions (T, N) that servos reach.
+
+    Args:
+        servos: see there.
+        goal, enabled: (T, L) of the runs.
+        gain: (L,) duty per error of the runs [1/rad].
+        start: (L,) positions of the runs.
+        step: of the clock [s].
+        q: to write.
+    """
+    for i in range(len(servos.kinds)):
+        kind, run = servos.kinds[i], servos.runs[i]
+        own, place, v, rise = servos.numbers[kind], start[run], 0.0, 0.0
+        turning = own[TORQUE] * own[RATIO]
+        for k in range(len(q)):
+            q[k, i] = place
+            # Velocities live half a step before the positions (leapfrog), which start at rest.
+            span, error = step if k else 0.5 * step, gain[run] * (goal[k, run] - place)
+            duty = min(max(error, -own[DUTY]), own[DUTY])
+            resistance, current, brake = own[RESISTANCE] * (1.0 + rise), 0.0, 0.0
+            if enabled[k, run] > 0.5:
+                limits = own[SUPPLY], own[SOURCE], own[CURRENT]
+                current = float(_current(duty, turning * v, resistance, *limits))
+                if abs(current) < own[CURRENT]:
+                    brake = turning * turning / (resistance + own[SOURCE] * abs(duty))
+            v = next_speed(servos, kind, place, v, own[TORQUE] * current, brake, span)
+            rate, heat = own[COOLING] * span, own[HEATING] * resistance * current * current
+            warmed = -np.expm1(-rate) / rate if rate > 1e-9 else 1.0
+            rise = np.exp(-rate) * rise + warmed * span * heat
+            place += step * v
 
 
 def servo_rollout(
@@ -57,29 +167,20 @@ def servo_rollout(
 
     Raises:
         RobotError: a robot with more than one joint, with a self-locking gear, without a torque
-            constant and resistance, or with other effects than the first.
+            constant and resistance, or with other effects than the first, or with effects that no
+            table holds (`wbc.effects.tables`).
     """
     pairs = np.ones((len(variants), len(runs)), dtype=bool) if wanted is None else wanted
-    variant_of, run_of = np.nonzero(pairs)
-    stack = _stacked(variants, variant_of, [run.machine for run in runs], run_of)
     length = max(run.goal.size for run in runs)
     goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
-    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1) > 0.5
-    gain = np.array([run.gain for run in runs])[run_of]
-    position = np.array([run.position[0] for run in runs], dtype=np.float64)[run_of]
-    velocity, rise = np.zeros(run_of.size), np.zeros(run_of.size)
+    enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1)
+    gain, start = np.array([(run.gain, run.position[0]) for run in runs], dtype=float).T.copy()
+    reached = np.empty((length, int(pairs.sum())))
+    servos = _servos(variants, [run.machine for run in runs], pairs)
+    make_ready("wbc.sim.servo_rollout")
+    follow_targets(servos, goal, enabled, gain, start, step, reached)
     result = np.full((length, *pairs.shape), np.nan)
-    for k in range(length):
-        result[k][pairs] = position
-        error = gain * (goal[k][run_of] - position)
-        # Velocities live half a step before the positions (leapfrog), which start at rest.
-        span = step if k else 0.5 * step
-        winding = _winding(stack.numbers, velocity, error, enabled[k][run_of], rise)
-        velocity = _next_velocity(stack, position, velocity, winding, span)
-        rise = next_rise(
-            rise, winding.heat, stack.numbers["heating"], stack.numbers["cooling"], span
-        )
-        position = position + step * velocity
+    result[:, pairs] = reached
     return result
 
 
@@ -87,87 +188,15 @@ def _held(values: FloatArray, length: int) -> FloatArray:
     return np.concatenate([values, np.full(length - values.size, values[-1])])
 
 
-def _winding(
-    n: dict[str, FloatArray], velocity: FloatArray, error: FloatArray, on: Any, rise: FloatArray
-) -> _Winding:
-    """Return what the drives do at one instant, (N,) each."""
-    duty = np.clip(error, -n["duty_limit"], n["duty_limit"])
-    resistance = n["resistance"] * (1.0 + rise)
-    current = winding_current(
-        duty,
-        n["torque_constant"] * n["ratio"] * velocity,
-        resistance,
-        n["supply_voltage"],
-        n["source_resistance"],
-        n["current_limit"],
-    )
-    flowing = np.where(on, current, 0.0)
-    free = on & (np.abs(current) < n["current_limit"])
-    total = resistance + n["source_resistance"] * np.abs(duty)
-    brake = np.where(free, (n["torque_constant"] * n["ratio"]) ** 2 / total, 0.0)
-    return _Winding(n["torque_constant"] * flowing, brake, resistance * flowing**2)
-
-
-def _next_velocity(
-    stack: _Variants, position: FloatArray, velocity: FloatArray, winding: _Winding, step: float
-) -> FloatArray:
-    """Return the velocity (N,) after one step of the set-valued mesh law, solved exactly."""
-    n, motion = stack.numbers, Motion(position[..., None], velocity[..., None])
-    rotor = winding.torque[..., None]
-    smooth = -(n["weight"] * np.sin(position + n["phase"]) + n["constant"])
-    dry = np.zeros(velocity.shape)
-    for effect in stack.effects:
-        rotor = effect.drive(stack.robot, motion, rotor)
-    for effect in stack.effects:
-        added = effect.rotor_torque(stack.robot, motion)
-        rotor = rotor if added is None else rotor + added
-        torque = effect.joint_torque(stack.robot, motion)
-        smooth = smooth if torque is None else smooth + torque[..., 0]
-        level = effect.joint_friction(stack.robot, motion)
-        dry = dry if level is None else dry + level[..., 0]
-    drag = n["rotor_viscous"] * n["ratio"] * velocity
-    motor = n["ratio"] * (rotor[..., 0] - drag)
-    lost = np.abs(n["ratio"]) * n["rotor_coulomb"]
-    # Back-EMF at the middle of the step; at its start the winding would brake half a step late.
-    brake = 0.5 * step * winding.brake
-    # Loss gains are 1/eta_b: see `_numbers`.
-    gains = n["forward"][..., None], 1.0 / n["backward"][..., None]
-    for effect in stack.effects:
-        gains = effect.gear_efficiencies(stack.robot, motion, *gains)
-    n = {**n, "forward": gains[0][..., 0], "backward": 1.0 / gains[1][..., 0]}
-    # The motion is forward if it is so against full friction, backward likewise, else it sticks.
-    forward = _branch(n, velocity, smooth - dry, motor - lost, brake, step)
-    backward = _branch(n, velocity, smooth + dry, motor + lost, brake, step)
-    up, down = np.minimum(*forward), np.maximum(*backward)
-    return np.where(up > 0.0, up, np.where(down < 0.0, down, 0.0))
-
-
-def _branch(
-    n: dict[str, FloatArray],
-    velocity: FloatArray,
-    joint: FloatArray,
-    motor: FloatArray,
-    brake: FloatArray,
-    step: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the next velocity if the motor drives, and if the joint drives."""
-    result = []
-    for gain in (n["forward"], n["backward"]):
-        inertia = n["link_inertia"] + gain * (n["rotor_inertia"] + brake)
-        result.append(velocity + step * (joint + gain * motor) / inertia)
-    return result[0], result[1]
-
-
-def _stacked(
+def _servos(
     variants: Sequence[tuple[Robot, DcDrive]],
-    rows: IntArray,
     machines: Sequence[Machine | None],
-    run_of: IntArray,
-) -> _Variants:
-    """Return the numbers of the variants that `rows` (N,) names, each as its run's machine is."""
-    robots = [robot for robot, _ in variants]
-    names = [(effect.name, effect.where) for effect in robots[0].effects]
-    for robot in robots:
+    pairs: BoolArray,
+) -> Servos:
+    """Return the variants, each as the machines of its runs are; most runs share a machine."""
+    first = variants[0][0]
+    names = [(effect.name, effect.where) for effect in first.effects]
+    for robot, _ in variants:
         if robot.model.nv != 1 or robot.transmission.size != 1:
             raise RobotError(
                 f"'{robot.name}' has {robot.model.nv} joints; a servo's rollout is for one driven "
@@ -175,58 +204,58 @@ def _stacked(
             )
         if [(effect.name, effect.where) for effect in robot.effects] != names:
             raise RobotError("the variants of a servo must have the same effects, in other sizes.")
-    # Most runs share a machine: each variant is loaded once for each.
-    of_run = [machines.index(machine) for machine in machines]
-    kinds = [(int(row), of_run[int(run)]) for row, run in zip(rows, run_of, strict=True)]
-    table = {(v, m): _numbers(*variants[v], machines[m]) for v, m in dict.fromkeys(kinds)}
-    first = table[kinds[0]]
-    numbers = {key: np.array([table[kind][key] for kind in kinds]) for key in first}
-    effects = [_stacked_effect([r.effects[k] for r in robots], rows) for k in range(len(names))]
-    return _Variants(robots[0], tuple(effects), numbers)
+        if others := left_for_hooks(robot):
+            raise RobotError(f"a servo's rollout does not know the effect {others[0].name}.")
+    own = [machines.index(machine) for machine in machines]
+    known = {pair: k for k, pair in enumerate(product(range(len(variants)), sorted(set(own))))}
+    numbers, laws, tables = [], [], []
+    for v, m in known:
+        (robot, drive), machine = variants[v], machines[m]
+        robot = robot if machine is None else machine.of(robot)
+        gears, given = robot.transmission, _numbers(robot, drive, machine is not None)
+        numbers.append([given[name] for name in _NUMBERS])
+        eta = 1.0 / gears.forward_efficiency[0], gears.backward_efficiency[0]
+        laws.append([0.0, 0.0, gears.reflected_inertia[0], *eta, 0.0, 0.0, np.inf, 0.0])
+        tables.append(effect_table(robot))
+    which, run = np.nonzero(pairs)
+    kinds = [known[v, own[r]] for v, r in zip(which.tolist(), run.tolist(), strict=True)]
+    return stored(
+        Servos(
+            np.array(numbers),
+            np.array(laws),
+            np.array(tables[0].joints),
+            np.concatenate([table.numbers for table in tables]),
+            np.array([table.drives[0] for table in tables]),
+            np.array([table.gears[0] for table in tables]),
+            np.array(kinds, dtype=np.int64),
+            run.astype(np.int64),
+        )
+    )
 
 
-def _stacked_effect(effects: Sequence[Effect], rows: IntArray) -> Effect:
-    """Return one effect whose parameters are (N,) arrays, for hooks with that leading axis."""
-    one = copy.copy(effects[0])
-    for parameter in one.parameters:
-        values = np.array([getattr(effect, parameter.name) for effect in effects])
-        object.__setattr__(one, parameter.name, values[rows])
-    return one
-
-
-def _numbers(robot: Robot, drive: DcDrive, machine: Machine | None) -> dict[str, float]:
-    robot = robot if machine is None else machine.of(robot)
+def _numbers(robot: Robot, drive: DcDrive, loaded: bool) -> Mapping[str, float]:
+    """Return the numbers of a servo by name; `loaded` says that a log has a machine of its own."""
     gears = robot.transmission
-    own = np.nan if machine is None else float(gears.supply_voltage[0])
-    motor = {
-        "torque_constant": float(gears.torque_constant[0]),
-        "resistance": float(gears.resistance[0]),
-    }
-    for key, value in motor.items():
-        if not value > 0.0:
+    for key in ("torque_constant", "resistance"):
+        if not getattr(gears, key)[0] > 0.0:
             raise RobotError(f"'{robot.name}' has no {key}; {state_gear(gears.joints[0], key)}")
     if gears.self_locking[0]:
         raise RobotError(f"the gear of '{robot.name}' is self-locking; use the simulator's step.")
     zero, quarter, half = (_gravity(robot, q) for q in (0.0, np.pi / 2.0, np.pi))
     constant = 0.5 * (zero + half)
+    own = float(gears.supply_voltage[0]) if loaded else np.nan
     return {
-        **motor,
+        **vars(drive),
         "ratio": float(gears.gear_ratio[0]),
-        "rotor_inertia": float(gears.reflected_inertia[0]),
-        "forward": float(gears.forward_efficiency[0]),
-        "backward": 1.0 / float(gears.backward_efficiency[0]),
-        "rotor_coulomb": float(gears.rotor_coulomb_friction[0]),
-        "rotor_viscous": float(gears.rotor_viscous_friction[0]),
-        "link_inertia": float(pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]),
-        "constant": constant,
+        "inertia": float(pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]),
         "weight": float(np.hypot(quarter - constant, zero - constant)),
         "phase": float(np.arctan2(zero - constant, quarter - constant)),
+        "constant": constant,
+        "coulomb": float(gears.rotor_coulomb_friction[0]),
+        "viscous": float(gears.rotor_viscous_friction[0]),
+        "torque_constant": float(gears.torque_constant[0]),
+        "resistance": float(gears.resistance[0]),
         "supply_voltage": own if np.isfinite(own) else drive.supply_voltage,
-        "source_resistance": drive.source_resistance,
-        "current_limit": drive.current_limit,
-        "duty_limit": drive.duty_limit,
-        "heating": drive.heating,
-        "cooling": drive.cooling,
     }
 
 

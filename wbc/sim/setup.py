@@ -130,7 +130,7 @@ class Setup:
         return stored(
             Opened(
                 stored(self.tree),
-                stored(Flight(bases, np.zeros((b, 10)), np.zeros((b, 12)))),
+                stored(Flight(bases, np.zeros((b, 10)))),
                 stored(self._obstacles()),
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(PlacedTree(*map(np.zeros, shapes))),

@@ -21,7 +21,7 @@ from wbc.mechanics.linear import (
 )
 from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
 from wbc.sim.step.field import AHEAD
-from wbc.sim.step.motion import advance, base_rows, carry, look, set_momentum
+from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.tables import (
@@ -239,7 +239,7 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
     """
     joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
     half = 0.5 * acting.step
-    carry(plant.flight, plant.placed, end.after)
+    carry(plant.tree, plant.flight, plant.placed, end.after)
     moved_along(joints, end.middle, end.after, half, end.position)
     place(joints, shapes, end.position, poses)
     advance(plant.tree, plant.flight, half, end.position, poses)
@@ -256,8 +256,8 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
         take_back(plant, matrix, pressed, drift, furthest)
     end.velocity[:] = end.after
     if len(plant.flight.bases):
-        look(plant.tree, plant.flight, base_rows(plant.flight.bases), plant.placed)
-        set_momentum(plant.flight, plant.placed, end.velocity)
+        look(plant.tree, plant.flight, plant.placed)
+        set_momentum(plant.tree, plant.flight, plant.placed, end.velocity)
     return left
 
 
@@ -289,7 +289,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
                 gap[i] = here[i]
         if deepest >= -0.5 * plant.bounds[TOUCH]:
             return True
-        look(plant.tree, plant.flight, n, placed)
+        weigh(plant.tree, plant.flight, placed)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
         barrier_rows(plant, near, 0, matrix, axes, np.empty(touching, dtype=np.int64))
         metric[:], most = placed.inertia, 0.0

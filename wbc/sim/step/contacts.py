@@ -182,6 +182,15 @@ def friction_of(plant: Opened, barrier: int) -> float:
 
 
 @compiled(counted=False)
+def wrench_at(touch: Row, about: Row, axis: Row, wrench: OutRow) -> None:
+    """Write a unit force along an axis (3,) at a touch (7,) as a wrench (6,) about a point (3,)."""
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        wrench[k] = axis[k]
+        wrench[3 + k] = (touch[4 + i] - about[i]) * axis[j] - (touch[4 + j] - about[j]) * axis[i]
+
+
+@compiled(counted=False)
 def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
     """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
 
@@ -193,23 +202,18 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
     """
     limits, columns = 2 * len(plant.obstacles.limit_at), plant.placed.columns
     about = point_of_reference(plant.flight.bases, plant.placed.poses)
-    motion = local(6)
+    wrench = local(6)
     for b in range(len(closed)):
         rate[b] = 0.0
         if b < limits or not closed[b]:
             continue
         one = plant.obstacles.touch[b - limits]
-        x, y, z = one[4] - about[0], one[5] - about[1], one[6] - about[2]
-        motion[:] = 0.0
+        wrench_at(one, about, one[1:4], wrench)
         for side in range(2):
             i, sign = carrier(plant, b - limits, side), 1.0 if side == 0 else -1.0
             while i >= 0:
-                for a in range(6):
-                    motion[a] += sign * columns[i, a] * v[i]
+                rate[b] += sign * v[i] * dot(wrench, columns[i])
                 i = plant.tree.rows[i, 1]
-        rate[b] = one[1] * (motion[0] + motion[4] * z - motion[5] * y)
-        rate[b] += one[2] * (motion[1] + motion[5] * x - motion[3] * z)
-        rate[b] += one[3] * (motion[2] + motion[3] * y - motion[4] * x)
 
 
 @compiled(counted=False)
@@ -263,28 +267,18 @@ def barrier_rows(
         if closed[i]:
             which[count] = i - 2 * j
             count += 1
-    size = 1 + plant.obstacles.tangents
+    size, wrench = 1 + plant.obstacles.tangents, local(6)
     for c in range(count):
         own, one = axes[size * c : size * (c + 1)], plant.obstacles.touch[which[c]]
         contact_axes(one[1:4], size == 2, own)
-        x, y, z = one[4] - about[0], one[5] - about[1], one[6] - about[2]
         for a in range(size):
             at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
             matrix[at] = 0.0
-            u, v, w = own[a, 0], own[a, 1], own[a, 2]
-            p, q, r = y * w - z * v, z * u - x * w, x * v - y * u
+            wrench_at(one, about, own[a], wrench)
             for side in range(2):
                 i, sign = carrier(plant, which[c], side), 1.0 if side == 0 else -1.0
                 while i >= 0:
-                    column = columns[i]
-                    matrix[at, i] += sign * (
-                        u * column[0]
-                        + v * column[1]
-                        + w * column[2]
-                        + p * column[3]
-                        + q * column[4]
-                        + r * column[5]
-                    )
+                    matrix[at, i] += sign * dot(wrench, columns[i])
                     i = rows[i, 1]
 
 

@@ -18,7 +18,7 @@ from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
-from wbc.sim.step.motion import look
+from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
 from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
 from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, REACH, TOUCH, Opened
@@ -206,7 +206,7 @@ def impact_at(
     found[:] = 0.0
     if not reaches(plant, before, kept, q):
         return APART
-    look(plant.tree, plant.flight, len(v), plant.placed)
+    weigh(plant.tree, plant.flight, plant.placed)
     rows = impact_rows(plant, hit.closed, v)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
@@ -254,7 +254,7 @@ def impact_in_rows(
         after: v (nv,) after it where that is known, else empty.
     """
     gaps_of(plant, q, np.empty(len(together)))
-    look(plant.tree, plant.flight, len(v), plant.placed)
+    weigh(plant.tree, plant.flight, plant.placed)
     rows = impact_rows(plant, together, v)
     rows.targets[:] = targets
     system = part_system(rows, plant.obstacles.tangents)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import IntArray
-from wbc.compiled import Flags, OutDense, OutRow, Row, Table, compiled, local
+from wbc.compiled import Flags, OutDense, OutRow, Row, compiled, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place
 from wbc.mechanics.linear import copy_to, dot
@@ -29,11 +29,10 @@ from wbc.sim.step.contacts import rates_at, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.tables import (
     FIRST,
-    FRAME,
     JOINT,
     PLACES,
-    PLANAR,
     REACH,
+    ROWS,
     Flight,
     Opened,
     PlacedTree,
@@ -58,9 +57,9 @@ def free_bases(robot: Robot) -> IntArray:
         if model.parents[number] != 0 or robot.rotors_turn_with_links:
             continue
         if joint.shortname() == "JointModelFreeFlyer":
-            found.append((number - 1, number - 1, joint.idx_v, 0, joint.idx_q))
+            found.append((number - 1, number - 1, joint.idx_v, 6, joint.idx_q))
         elif _planar(model, number) and not driven & set(range(joint.idx_v, joint.idx_v + 3)):
-            found.append((number - 1, number + 1, joint.idx_v, 1, joint.idx_q))
+            found.append((number - 1, number + 1, joint.idx_v, 3, joint.idx_q))
     return np.array(found, dtype=np.int64).reshape(-1, 5)
 
 
@@ -76,59 +75,47 @@ def _planar(model: Any, number: int) -> bool:
 
 
 @compiled(counted=False)
-def look(tree: Tree, flight: Flight, upto: int, placed: PlacedTree) -> None:
-    """Write columns, bodies, the first `upto` rows of H_l and the bases' frames in given poses."""
-    poses, bases = placed.poses, flight.bases
-    about = point_of_reference(bases, poses)
+def look(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
+    """Write columns and bodies in given poses."""
+    poses, about = placed.poses, point_of_reference(flight.bases, placed.poses)
     columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
     bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
     composites_of(tree.joints, placed.bodies, placed.composite)
-    inertia_at(tree.rows, placed.composite, placed.columns, upto, placed.inertia)
-    for i in range(len(bases)):
-        pose, frame = poses[bases[i, FRAME]], flight.frames[i]
-        all_behind = placed.composite[bases[i, JOINT]]
-        copy_to(pose[:9], frame)
-        for k in range(3):
-            frame[9 + k] = about[k] + all_behind[1 + k] / all_behind[0] - pose[9 + k]
 
 
 @compiled(counted=False)
-def base_rows(bases: Table) -> int:
-    """Return how many rows of H_l the momenta of the free bases need: up to the last base's."""
-    upto = 0
-    for i in range(len(bases)):
-        upto = max(upto, bases[i, FIRST] + (3 if bases[i, PLANAR] == 1 else 6))
-    return upto
+def weigh(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
+    """Write columns, bodies and H_l in given poses."""
+    look(tree, flight, placed)
+    inertia_at(tree.rows, placed.composite, placed.columns, placed.inertia)
 
 
 @compiled(counted=False)
-def carry(flight: Flight, placed: PlacedTree, v: Row) -> None:
+def carry(tree: Tree, flight: Flight, placed: PlacedTree, v: Row) -> None:
     """Keep the momentum (6) that every tree has at v (nv,)."""
-    bases = flight.bases
-    for i in range(len(bases)):
-        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
-        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
-        momentum_at(placed.inertia, turn, lever, first, planar, v, flight.carried[i, :6])
+    for i in range(len(flight.bases)):
+        root, carried = flight.bases[i, JOINT], flight.carried[i, :6]
+        momentum_at(tree, placed.columns, placed.composite, root, v, carried)
 
 
 @compiled(counted=False)
 def keep_centers(flight: Flight, placed: PlacedTree) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
-    bases, frames, poses = flight.bases, flight.frames, placed.poses
+    bases, about = flight.bases, point_of_reference(flight.bases, placed.poses)
     for i in range(len(bases)):
-        flight.carried[i, 9] = placed.composite[bases[i, JOINT], 0]
+        behind = placed.composite[bases[i, JOINT]]
+        flight.carried[i, 9] = behind[0]
         for k in range(3):
-            flight.carried[i, 6 + k] = poses[bases[i, FRAME], 9 + k] + frames[i, 9 + k]
+            flight.carried[i, 6 + k] = about[k] + behind[1 + k] / behind[0]
 
 
 @compiled(counted=False)
-def set_momentum(flight: Flight, placed: PlacedTree, v: OutRow) -> None:
+def set_momentum(tree: Tree, flight: Flight, placed: PlacedTree, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
-    bases = flight.bases
-    for i in range(len(bases)):
-        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
-        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
-        velocity_at(placed.inertia, turn, lever, first, planar, flight.carried[i, :6], v)
+    for i in range(len(flight.bases)):
+        base, carried = flight.bases[i], flight.carried[i, :6]
+        root, first, size = base[JOINT], base[FIRST], base[ROWS]
+        velocity_at(tree, placed.columns, placed.composite, root, first, size, carried, v)
 
 
 @compiled(counted=False)
@@ -156,7 +143,7 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
         for k in range(3):
             carried[i, 6 + k] += half / carried[i, 9] * carried[i, k]
             missing[k] = carried[i, 6 + k] + missing[k] / carried[i, 9]
-        if bases[i, PLANAR] == 1:
+        if bases[i, ROWS] == 3:
             missing[1] = 0.0
             q[bases[i, PLACES]] += missing[0]
             q[bases[i, PLACES] + 1] += missing[2]
@@ -214,14 +201,14 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
     tree, flight, placed = plant.tree, plant.flight, plant.placed
     joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
     middle, speed, rate = plant.end.middle, plant.end.speed, plant.end.rate
-    upto, touching = base_rows(bases), False
+    touching = False
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
     copy_to(q, plant.end.start)
     if len(bases) or touching or plant.obstacles.fields:
         place(joints, shapes, q, poses)
-        look(tree, flight, upto, placed)
+        look(tree, flight, placed)
     if plant.obstacles.fields:
         look_ahead(plant, v, 2.0 * half)
     if touching:
@@ -231,15 +218,15 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
         rates_at(plant, closed, v, rate)
     copy_to(v, speed)
     if len(bases):
-        carry(flight, placed, v)
+        carry(tree, flight, placed, v)
         keep_centers(flight, placed)
         moved_along(joints, q, v, half, middle)
         place(joints, shapes, middle, poses)
-        look(tree, flight, upto, placed)
-        set_momentum(flight, placed, speed)
+        look(tree, flight, placed)
+        set_momentum(tree, flight, placed, speed)
     moved_along(joints, q, speed, half, middle)
     place(joints, shapes, middle, poses)
     advance(tree, flight, half, middle, poses)
-    look(tree, flight, len(v), placed)
+    weigh(tree, flight, placed)
     copy_to(v, speed)
-    set_momentum(flight, placed, speed)
+    set_momentum(tree, flight, placed, speed)

@@ -23,7 +23,7 @@ from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
 from wbc.sim.step.contacts import barrier_rows, friction_of, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
-from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, PLANAR, Flight, Opened, PlacedTree
+from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
 
 
 class Acting(NamedTuple):
@@ -101,13 +101,13 @@ def bias_of(tree: Tree, flight: Flight, placed: PlacedTree, v: Row, bias: OutRow
     size, columns = (len(tree.joints), 6), placed.columns
     moving = np.empty(size), np.empty(size), np.empty(size)
     move_bodies(tree.joints, tree.gravity, columns, placed.bodies, v, *moving, bias)
-    bases, weight = flight.bases, local(3)
+    bases, weight = flight.bases, local(6)
+    weight[:] = 0.0
     for i in range(len(bases)):
-        turn, lever = flight.frames[i, :9].reshape(3, 3), flight.frames[i, 9:]
+        behind, first, size = placed.composite[bases[i, JOINT]], bases[i, FIRST], bases[i, ROWS]
         for k in range(3):
-            weight[k] = -placed.composite[bases[i, JOINT], 0] * tree.gravity[k]
-        first, planar = bases[i, FIRST], bases[i, PLANAR] == 1
-        part_on_joints(placed.inertia, turn, lever, first, planar, weight, bias)
+            weight[k] = -behind[0] * tree.gravity[k]
+        part_on_joints(placed.inertia, columns, behind, first, size, weight, bias)
 
 
 @compiled

@@ -14,7 +14,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutRow, Row, compiled
-from wbc.mechanics.inertia import bodies_at, momentum_of
+from wbc.mechanics.inertia import bodies_at, momentum_of, motion_at
 from wbc.mechanics.kinematics import columns_at, place
 from wbc.mechanics.linear import dot
 from wbc.sim.step.books import KINETIC, MOTOR, TAKEN, spring_energy
@@ -57,14 +57,10 @@ def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
     columns_at(joints, tree.shapes, poses, about, placed.columns)
     bodies_at(joints, tree.shapes, poses, about, placed.bodies)
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
-    motion, momentum, motor, normal = np.zeros((count, 6)), np.empty(6), np.empty(m), np.empty(3)
+    motion, momentum, motor, normal = np.empty((count, 6)), np.empty(6), np.empty(m), np.empty(3)
+    motion_at(joints, placed.columns, v, motion)
     for i in range(count):
-        first, body = joints[i, 3], placed.bodies[i]
-        last = joints[i + 1, 3] if i + 1 < count else len(v)
-        for k in range(6):
-            motion[i, k] = motion[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
-            for row in range(first, last):
-                motion[i, k] += placed.columns[row, k] * v[row]
+        body = placed.bodies[i]
         momentum_of(body, motion[i], momentum)
         energy += 0.5 * dot(momentum, motion[i])
         for k in range(3):
@@ -91,17 +87,10 @@ def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
 @compiled
 def fastest_turn(plant: Opened, v: Row) -> float:
     """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
-    joints, columns, most = plant.tree.joints, plant.placed.columns, 0.0
-    turning = np.zeros((len(joints), 3))
-    for i in range(len(joints)):
-        first, square = joints[i, 3], 0.0
-        last = joints[i + 1, 3] if i + 1 < len(joints) else len(v)
-        for k in range(3):
-            turning[i, k] = turning[joints[i, 0], k] if joints[i, 0] >= 0 else 0.0
-            for row in range(first, last):
-                turning[i, k] += columns[row, 3 + k] * v[row]
-            square += turning[i, k] * turning[i, k]
-        most = max(most, square)
+    most, motion = 0.0, np.empty((len(plant.tree.joints), 6))
+    motion_at(plant.tree.joints, plant.placed.columns, v, motion)
+    for i in range(len(motion)):
+        most = max(most, dot(motion[i, 3:], motion[i, 3:]))
     return sqrt(most)
 
 
@@ -110,7 +99,7 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
     for i in range(len(v)):
         v[i] = share * fast[i]
-    set_momentum(plant.flight, plant.placed, v)
+    set_momentum(plant.tree, plant.flight, plant.placed, v)
     energy, _, _ = survey(plant, plant.end.position, v)
     return energy
 

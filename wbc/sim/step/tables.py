@@ -133,13 +133,10 @@ class Flight(NamedTuple):
     Attributes:
         bases: (b, 5), columns JOINT to PLACES.
         carried: (b, 10) memory: momentum (6), centre of mass (3), and mass of what each carries.
-        frames: (b, 12) memory: where the tree stands, rotation of each by rows, and the way (3,)
-            from its origin to the centre of mass.
     """
 
     bases: OutTable
     carried: OutDense
-    frames: OutDense
 
 
 @structured
@@ -254,8 +251,9 @@ class Opened(NamedTuple):
     bounds: OutRow
 
 
-JOINT, FRAME, FIRST, PLANAR, PLACES = range(5)
-"""Columns of a table of free bases: numbers in the tree, first row of v, flag, first entry of q."""
+JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
+"""Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
+planar one), first entry of q."""
 
 RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH = range(7)
 
