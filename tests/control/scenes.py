@@ -15,21 +15,19 @@ from wbc.transmission import Transmission
 CERTAIN = control.SpeedBlend(full_speed=1e-9, correction=0.0, trusted_error=0.0)
 
 
-def arm(m, generator, *, lossless=False):
+def arm(m, generator):
     """Return a fixed-base arm whose first m joints are left, with random lossy gears."""
     model = pin.buildSampleModelManipulator()
     names = list(model.names)[1:]
     locked = [model.getJointId(name) for name in names[m:]]
     model = pin.buildReducedModel(model, locked, pin.neutral(model))
     model.armature = np.zeros(model.nv)
-    forward = np.ones(m) if lossless else generator.uniform(0.5, 0.95, m)
-    backward = np.ones(m) if lossless else generator.uniform(0.05, 0.95, m)
     gears = Transmission(
         joints=tuple(names[:m]),
         gear_ratio=generator.uniform(5.0, 50.0, m),
         rotor_inertia=generator.uniform(1e-5, 2e-3, m),
-        forward_efficiency=forward,
-        backward_efficiency=backward,
+        forward_efficiency=generator.uniform(0.5, 0.95, m),
+        backward_efficiency=generator.uniform(0.05, 0.95, m),
         torque_limit=generator.uniform(0.02, 0.6, m),
     )
     return Robot("arm", model, gears)

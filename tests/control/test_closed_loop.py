@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.optimize import brentq
 
+from sims.leg import balanced_pose, squat, stance_controller, stance_references
+from sims.legged import CenterOfMass
 from wbc.control import (
-    CenterOfMassTask,
     Controller,
     ControllerSettings,
     DisturbanceObserver,
-    PointContact,
-    PointFootBalanceTask,
     PostureTask,
     Reference,
 )
-from wbc.dynamics import evaluate
 from wbc.effects import PayloadMass, load_robot
 from wbc.robot import Motion
 from wbc.sim import Plant
@@ -32,70 +28,31 @@ LOADED = ARM.with_effect(PayloadMass(ARM.bodies[-1], mass=1.0))
 TARGET = ARM.configuration(hip=0.6, knee=0.5)
 
 
-@cache
-def standing_pose(knee):
-    """Return q with the centre of mass over the foot."""
-
-    def pose(hip):
-        height = 0.4 * np.cos(hip) + 0.4 * np.cos(hip + knee)
-        return LOSSY.configuration(hip=hip, knee=knee, base_z=height)
-
-    def overhang(hip):
-        terms = evaluate(LOSSY, pose(hip), np.zeros(5))
-        return terms.data.com[0][0] - terms.contact_position[0, 0]
-
-    return pose(brentq(overhang, -knee, 0.3))
-
-
-def com_height(q):
-    terms = evaluate(LOSSY, q, np.zeros(5))
-    return float(terms.data.com[0][2])
-
-
-def balancer(robot, **settings):
-    tasks = [
-        CenterOfMassTask(name="height", axes="z", weight=100.0, stiffness=400.0),
-        PointFootBalanceTask(contact="foot", frame="base", weight=100.0),
-        PostureTask.of(robot, weight=1e-3),
-    ]
-    return Controller(
-        robot, tasks, [PointContact(name="foot")], settings=ControllerSettings(**settings)
+def squatted(machine, model, noise):
+    """Return rms height error [m] and worst pitch [rad] of a squat, and whether all was solved."""
+    plant, controller, generator = (
+        Plant(machine),
+        stance_controller(model),
+        np.random.default_rng(0),
     )
-
-
-def squat(plant_robot, model, *, seconds=1.6, amplitude=0.025, noise=0.0, seed=0):
-    """Return rms height error [m], worst pitch [rad] and the statuses of one squat."""
-    generator = np.random.default_rng(seed)
-    plant, controller = Plant(plant_robot), balancer(model)
-    q = standing_pose(0.7)
-    start = com_height(q)
-    state, rate = plant.state(q), np.pi
+    state, measured = plant.state(balanced_pose(machine)), CenterOfMass(machine)
+    height = squat(float(measured(state)[2]), 0.025, 0.5)
     errors, pitch, usable = [], 0.0, True
-    for tick in range(round(seconds / 1e-3)):
-        time = 1e-3 * tick
-        height = start + amplitude * (np.cos(rate * time) - 1.0)
-        references = {
-            "height": Reference(
-                np.array([height]),
-                np.array([-amplitude * rate * np.sin(rate * time)]),
-                np.array([-amplitude * rate**2 * np.cos(rate * time)]),
-            ),
-            "balance": Reference(0.0),
-        }
-        measured = state.velocity + noise * generator.normal(size=5)
-        command = controller.step(Motion(state.position, measured), references)
+    for tick in range(1600):
+        wanted, v = height(1e-3 * tick), state.velocity + noise * generator.normal(size=5)
+        command = controller.step(Motion(state.position, v), stance_references(wanted))
         usable = usable and command.status.usable
         state = plant.step(state, command.rotor_torque, 1e-3).state
-        errors.append(com_height(state.position) - height)
+        errors.append(measured(state)[2] - wanted[0])
         pitch = max(pitch, abs(state.position[2]))
-    return float(np.sqrt(np.mean(np.square(errors)))), pitch, usable
+    return np.sqrt(np.mean(np.square(errors))), pitch, usable
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_squat_on_lossy_gears_is_as_good_as_on_ideal_ones(noise):
-    ideal, _, sound = squat(IDEAL, IDEAL, noise=noise)
-    ours, pitch, usable = squat(LOSSY, LOSSY, noise=noise)
-    blind, _, _ = squat(LOSSY, IDEAL, noise=noise)
+    ideal, _, sound = squatted(IDEAL, IDEAL, noise)
+    ours, pitch, usable = squatted(LOSSY, LOSSY, noise)
+    blind, _, _ = squatted(LOSSY, IDEAL, noise)
     assert sound
     assert usable
     assert pitch < 0.3

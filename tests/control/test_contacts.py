@@ -185,11 +185,11 @@ def test_polygon_cone_is_the_sum_of_corner_pyramids(n):
     rays = np.array([np.r_[f, np.cross([x, y, 0.0], f)] for x, y in corners for f in edges])
     assert (rows @ rays.T).max() < 1e-8
     inside = 0
-    for _ in range(200):
+    for _ in range(80):
         wrench = generator.dirichlet(np.full(len(rays), 0.15)) @ rays
         wrench += 0.5 * generator.uniform(-1.0, 1.0) * (wrench - rays.mean(axis=0))
         wrench[2] = 1.0
         possible = linprog(np.zeros(len(rays)), A_eq=rays.T, b_eq=wrench).status == 0
         assert ((rows @ wrench).max() <= 1e-8) == possible
         inside += possible
-    assert 20 < inside < 190
+    assert 8 < inside < 76

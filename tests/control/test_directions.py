@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import pytest
 import qpsolvers
+from scipy.linalg import block_diag
 
 from tests.control.scenes import (
     CERTAIN,
@@ -37,90 +38,42 @@ def force_cost(robot):
     return FORCE_REGULARISATION / (0.1 * weight) ** 2
 
 
-def solve_in_directions(
-    robot,
-    q,
-    v,
-    directions,
-    task_rows,
-    contact_rows,
-    *,
-    damping=10.0,
-    friction=0.7,
-    solver="daqp",
-    force_share=None,
-    guarded=True,
-):
-    """Return (cost, qdd, f, tau) for fixed directions (m,), or None where infeasible.
+CONE = np.array([[1.0, -0.7], [-1.0, -0.7], [0.0, -1.0]])  # of a foot in the plane, mu = 0.7
 
-    task_rows: (weighted J, weighted target); contact_rows: rows of the stacked contact Jacobian.
+
+def cost_in_directions(robot, q, v, directions, task, contact_rows, force_share):
+    """Return the least cost for fixed directions (m,), or None where there is no motion.
+
+    task: (weighted J, weighted target); contact_rows: rows of the stacked contact Jacobian.
     """
-    gears = robot.transmission
-    terms = evaluate(robot, q, v)
+    gears, terms = robot.transmission, evaluate(robot, q, v)
     equation = dissipative_equation(robot, terms, directions)
     nv, m, k = robot.model.nv, gears.size, len(contact_rows)
-    J = terms.contact_jacobian[contact_rows]
-    n = nv + k + m
-    rows, target = task_rows
-    H = np.zeros((n, n))
-    H[:nv, :nv] = rows.T @ rows + REGULARISATION * np.eye(nv)
-    g = np.zeros(n)
-    g[:nv] = -rows.T @ target
-    share = np.zeros(k) if force_share is None else force_share
-    scale = force_cost(robot)
-    H[nv : nv + k, nv : nv + k] = scale * np.eye(k)
-    g[nv : nv + k] = -scale * share
-    A = np.zeros((nv + k, n))
-    b = np.zeros(nv + k)
-    A[:nv, :nv] = equation.inertia
-    A[:nv, nv : nv + k] = -J.T
-    A[:nv, nv + k :] = -equation.actuation / gears.gear_ratio
-    b[:nv] = -equation.bias
-    A[nv:, :nv] = J
-    b[nv:] = -terms.contact_drift[contact_rows] - damping * (J @ v)
-    G, h = [], []
-    for start in range(0, k, 2 if k % 3 else 3):
-        cone = _cone(k, start, friction)
-        G.extend(np.pad(row, (nv, m)) for row in cone)
-        h.extend([0.0] * len(cone))
-    for i in range(m):
-        row = np.zeros(n)
-        row[nv + k + i] = 1.0
-        G.extend([row, -row])
-        h.extend([abs(gears.gear_ratio[i]) * gears.torque_limit[i]] * 2)
-    if guarded:
-        psi = gears.motor_from_joint @ v[robot.actuated]
-        for i in range(m):
-            mesh = np.zeros(n)
-            mesh[nv + k + i] = 1.0
-            mesh[robot.actuated] -= gears.reflected_inertia[i] * gears.motor_from_joint[i]
-            G.append(-directions[i] * np.sign(psi[i]) * mesh)
-            h.append(0.0)
-    problem = qpsolvers.Problem(H, g, np.array(G), np.array(h), A, b)
+    J, (rows, target), scale = terms.contact_jacobian[contact_rows], task, force_cost(robot)
+    quadratic = rows.T @ rows + REGULARISATION * np.eye(nv)
+    H = block_diag(quadratic, scale * np.eye(k), np.zeros((m, m)))
+    g = np.concatenate([-rows.T @ target, -scale * force_share, np.zeros(m)])
+    A = np.block([
+        [equation.inertia, -J.T, -equation.actuation / gears.gear_ratio],
+        [J, np.zeros((k, k + m))],
+    ])  # fmt: skip
+    b = np.concatenate([-equation.bias, -terms.contact_drift[contact_rows] - 10.0 * (J @ v)])
+    torque, mesh = np.hstack([np.zeros((m, nv + k)), np.eye(m)]), np.zeros((m, nv))
+    mesh[:, robot.actuated] = -gears.reflected_inertia[:, None] * gears.motor_from_joint
+    power = directions * np.sign(gears.motor_from_joint @ v[robot.actuated])
+    cone = np.hstack([np.zeros((3, nv)), CONE, np.zeros((3, m))]) if k else torque[:0]
+    signs = -power[:, None] * np.hstack([mesh, np.zeros((m, k)), np.eye(m)])
+    limit = np.abs(gears.gear_ratio) * gears.torque_limit
+    G = np.vstack([cone, torque, -torque, signs])
+    h = np.concatenate([np.zeros(len(cone)), limit, limit, np.zeros(m)])
     try:
-        found = qpsolvers.solve_problem(problem, solver=solver)
+        found = qpsolvers.solve_problem(qpsolvers.Problem(H, g, G, h, A, b), solver="daqp")
     except qpsolvers.SolverError:
         return None
-    if not found.found or found.x is None:
-        return None
     x = found.x
-    if problem.G.shape[0] and (problem.G @ x - problem.h).max() > 1e-6:
+    if not found.found or x is None or (G @ x - h).max() > 1e-6:
         return None
-    cost = 0.5 * x @ H @ x + g @ x
-    return cost, x[:nv], x[nv : nv + k], x[nv + k :] / gears.gear_ratio
-
-
-def _cone(k, start, friction):
-    """Rows of the cone of one contact: exact in the plane, a four-sided inner pyramid in space."""
-    if k % 3:
-        sides = [(1.0, -friction), (-1.0, -friction), (0.0, -1.0)]
-    else:
-        slope = friction * np.cos(np.pi / 4)
-        sides = [(1, 0, -slope), (-1, 0, -slope), (0, 1, -slope), (0, -1, -slope), (0, 0, -1)]
-    rows = np.zeros((len(sides), k))
-    for row, side in zip(rows, sides, strict=True):
-        row[start : start + len(side)] = side
-    return rows
+    return 0.5 * x @ H @ x + g @ x
 
 
 def cost_of(acceleration, rows, target):
@@ -128,18 +81,15 @@ def cost_of(acceleration, rows, target):
     return 0.5 * gap @ gap + 0.5e-6 * acceleration @ acceleration
 
 
-def best_of_all(robot, q, v, task, contact_rows, **options):
-    costs = {}
-    for directions in product((-1.0, 1.0), repeat=robot.transmission.size):
-        found = solve_in_directions(
-            robot, q, v, np.array(directions), task, contact_rows, **options
-        )
-        if found is not None:
-            costs[directions] = found[0]
-    return costs
+def best_of_all(robot, q, v, task, contact_rows=(), force_share=()):
+    """Return the least cost of all directions, or None where none has a motion."""
+    every = product((-1.0, 1.0), repeat=robot.transmission.size)
+    given = task, list(contact_rows), np.array(force_share)
+    costs = [cost_in_directions(robot, q, v, np.array(directions), *given) for directions in every]
+    return min((cost for cost in costs if cost is not None), default=None)
 
 
-@pytest.mark.parametrize(("m", "states"), [(2, 300), (3, 200), (4, 100), (5, 30), (6, 12)])
+@pytest.mark.parametrize(("m", "states"), [(2, 150), (3, 100), (4, 60), (5, 25), (6, 10)])
 def test_arm_finds_the_best_of_all_directions(m, states):
     """Random gears, states and tight torque limits; the enumeration knows nothing of the search."""
     solved = 0
@@ -153,14 +103,13 @@ def test_arm_finds_the_best_of_all_directions(m, states):
         command = controller.step(Motion(q, v), {"posture": control.Reference(q, None, wanted)})
         rows = np.diag(np.sqrt(weights))
         target = np.sqrt(weights) * wanted
-        costs = best_of_all(robot, q, v, (rows, target), [])
-        if not costs:
+        best = best_of_all(robot, q, v, (rows, target))
+        if best is None:
             assert not command.status.usable
             continue
         assert command.status.usable, (seed, command.message)
         assert command.consistent
-        offset = 0.5 * target @ target
-        best = min(costs.values()) + offset
+        best += 0.5 * target @ target
         reached = cost_of(command.acceleration, rows, target)
         assert reached <= best + 1e-5 * (1.0 + best), seed
         solved += 1
@@ -176,7 +125,7 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name, lossless):
     weight = 19.0 * 9.81
     generator = np.random.default_rng(5)
     solved = 0
-    for _ in range(80):
+    for _ in range(50):
         q, v = random_state(robot, generator)
         com = generator.normal(size=2) * 0.3
         posture = generator.normal(size=2)
@@ -185,19 +134,18 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name, lossless):
         )
         task = leg_rows(robot, evaluate(robot, q, v), com, posture)
         share = np.array([0.0, weight])
-        costs = best_of_all(robot, q, v, task, [0, 2], force_share=share)
-        if not costs:
+        best = best_of_all(robot, q, v, task, [0, 2], share)
+        if best is None:
             assert not command.status.usable
             continue
         assert command.status.usable, command.message
         force = command.forces["foot"][[0, 2]]
-        offset = 0.5 * task[1] @ task[1]
         reached = cost_of(command.acceleration, *task)
         reached += 0.5 * force_cost(robot) * (force @ force - 2.0 * share @ force)
-        best = min(costs.values()) + offset
+        best += 0.5 * task[1] @ task[1]
         assert reached <= best + 1e-5 * (1.0 + best)
         solved += 1
-    assert solved > 40
+    assert solved > 25
 
 
 @pytest.mark.parametrize("policy", list(control.RestPolicy))

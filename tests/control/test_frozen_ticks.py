@@ -29,133 +29,112 @@ def every(robot, effect, value):
     return robot.with_effects(*[kind.at(joint, values) for joint in robot.transmission.joints])
 
 
-def base(robot, *more):
+def base(robot):
     # without the limit that this task has had since then
     com = control.CenterOfMassTask(weight=10.0, acceleration_limit=np.inf)
-    return [com, control.PostureTask.of(robot, weight=0.1), *more]
+    return [com, control.PostureTask.of(robot, weight=0.1)]
 
 
 def soles(robot):
     """Return the contacts of a biped: the corners of either frame as one surface."""
-    frames = sorted({contact.frame for contact in robot.contacts})
+    frames = {f: tuple(c.name for c in robot.contacts if c.frame == f) for f in BIPED}
     return [
-        control.SurfaceContact(
-            name=f,
-            corners=tuple([c.name for c in robot.contacts if c.frame == f]),
-            normal_minimum=5.0,
-        )
-        for f in frames
+        control.SurfaceContact(name=f, corners=c, normal_minimum=5.0) for f, c in frames.items()
     ]
 
 
-def leg(robot):
+def balance(robot):
     return [
         control.PointFootBalanceTask(contact="foot", frame="base", weight=10.0),
         control.CenterOfMassTask(axes="z", weight=10.0, acceleration_limit=np.inf),
     ]
 
 
-def scenes():
-    """Return name -> (robot's name, what makes the controller of it, noise, arguments of step)."""
-    solo = "solo12"
-    torque, knee = control.RotorTorqueLimit(), control.RotorTorqueLimit(fraction=0.8, knee=0.2)
-    observer = control.ControllerSettings(
-        disturbance=control.DisturbanceObserver(rate=20.0, bound=3.0)
-    )
-
-    def limits(robot, **more):
-        return [torque, control.JointLimit.of(robot, acceleration=100.0, **more)]
-
-    def quadruped(*more, name=solo, noise=1e-2, limit=None, settings=None, rubs=(), step=None):
-        def make(robot):
-            for effect, value in rubs:
-                robot = every(robot, effect, value)
-            tasks = base(robot, *[task(robot) for task in more])
-            limited = [torque] if limit is None else limit(robot)
-            return control.Controller(robot, tasks, points(robot), limited, settings)
-
-        return name, make, noise, step or {}
-
-    dry, wet = ("coulomb_friction", 0.1), ("viscous_friction", 0.05)
-    frame = lambda robot, k: robot.contacts[k].frame  # noqa: E731
-    found = {
-        "standing": quadruped(),
-        "noisy": quadruped(noise=0.3),
-        "joint limits": quadruped(limit=limits),
-        "braking": quadruped(noise=0.2, limit=lambda r: limits(r, braking=control.MotorBraking())),
-        "knee": quadruped(limit=lambda r: [knee], noise=0.3),
-        "no limits": quadruped(limit=lambda r: []),
-        "dry": quadruped(rubs=[dry]),
-        "dry and wet": quadruped(rubs=[dry, wet]),
-        "torque constants": quadruped(rubs=[("torque_constant", 1.02)]),
-        "observer": quadruped(settings=observer),
-        "limits, dry, observer": quadruped(rubs=[dry], limit=limits, settings=observer),
-        "momentum": quadruped(
-            lambda r: control.LinearMomentumTask(),
-            lambda r: control.AngularMomentumTask(weight=0.3),
-        ),
-        "whole momentum": quadruped(lambda r: control.CentroidalMomentumTask(weight=0.5)),
-        "capture point": quadruped(lambda r: control.CapturePointTask(height=0.25)),
-        "distance": quadruped(
-            lambda r: control.FrameDistanceTask(frame=frame(r, 0), other=frame(r, 1), weight=0.5)
-        ),
-        "rotor effort": quadruped(lambda r: control.RotorTorqueEffort(weight=1e-2)),
-        "efforts": quadruped(
-            lambda r: control.OutputTorqueEffort(weight=1e-3),
-            lambda r: control.MeshLossEffort(weight=1e-2),
-        ),
-        "level": quadruped(lambda r: control.PostureTask.of(r, weight=0.1, level=1, name="p1")),
-        "levels, limits, efforts": quadruped(
-            lambda r: control.FramePositionTask(name="swing", frame=frame(r, 0), level=1),
-            lambda r: control.PostureTask.of(r, level=2, name="p2"),
-            lambda r: control.OutputTorqueEffort(weight=1e-3),
-            limit=limits,
-            noise=0.1,
-        ),
-        "three feet": quadruped(
-            lambda r: control.FramePositionTask(name="swing", frame=frame(r, 0), weight=5.0),
-            step={"contacts": dict.fromkeys(["FR_foot", "HL_foot", "HR_foot"], np.inf)},
-        ),
-        "ceilings": quadruped(
-            step={"contacts": {"FL_foot": 3.0, "FR_foot": 9.0, "HL_foot": 9.0, "HR_foot": np.inf}}
-        ),
-        "flight": quadruped(step={"contacts": {}}),
-        "weights": quadruped(step={"weights": {"posture": 2.0}, "activation": {"posture": 0.5}}),
-        "least torque": quadruped(
-            settings=control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
-        ),
-        "certain": quadruped(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
-        "leg": ("planar_leg", lambda r: control.Controller(r, leg(r), points(r)), 1e-2, {}),
-        "leg, dry, limits": (
-            "planar_leg",
-            lambda r: control.Controller(every(r, "coulomb_friction", 0.1), leg(r), points(r)),
-            1e-2,
-            {},
-        ),
-    }
-    talos = [
-        lambda r: control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
-        lambda r: control.AngularMomentumTask(weight=1e-2),
+def upright(robot):
+    return [
+        *base(robot),
+        control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        control.AngularMomentumTask(weight=1e-2),
     ]
 
-    def biped(robot, limit=None, settings=None, points_too=False):
-        tasks = base(robot, *[task(robot) for task in talos])
-        contacts = points(robot) if points_too else soles(robot)
-        return control.Controller(robot, tasks, contacts, limit or [torque], settings)
 
-    found["talos"] = "talos", biped, 1e-2, {}
-    found["talos, limits"] = "talos", lambda r: biped(r, limits(r)), 1e-2, {}
-    found["talos on points"] = "talos", lambda r: biped(r, points_too=True), 3e-3, {}
-    found["talos, dry"] = (
-        "talos",
-        lambda r: biped(every(r, "coulomb_friction", 0.5), limits(r), observer),
-        1e-2,
-        {},
-    )
-    return found
+BIPED = ("left_sole_link", "right_sole_link")
+TORQUE = control.RotorTorqueLimit()
+OBSERVER = control.ControllerSettings(disturbance=control.DisturbanceObserver(rate=20.0, bound=3.0))
+DRY, WET = ("coulomb_friction", 0.1), ("viscous_friction", 0.05)
+OTHERS = ["FR_foot", "HL_foot", "HR_foot"]
 
 
-SCENES = scenes()
+def limited(robot, **more):
+    return [TORQUE, control.JointLimit.of(robot, acceleration=100.0, **more)]
+
+
+def scene(
+    *more,
+    name="solo12",
+    tasks=base,
+    feet=points,
+    limits=lambda r: [TORQUE],
+    rubs=(),
+    noise=1e-2,
+    settings=None,
+    **arguments,
+):
+    """Return a robot's name, what makes the controller of it, noise, and arguments of step."""
+
+    def make(robot):
+        for effect, value in rubs:
+            robot = every(robot, effect, value)
+        asked = [*tasks(robot), *[task(robot) for task in more]]
+        return control.Controller(robot, asked, feet(robot), limits(robot), settings)
+
+    return name, make, noise, arguments
+
+
+SCENES = {
+    "noisy": scene(noise=0.3),
+    "joint limits": scene(limits=limited),
+    "braking": scene(noise=0.2, limits=lambda r: limited(r, braking=control.MotorBraking())),
+    "knee": scene(limits=lambda r: [control.RotorTorqueLimit(fraction=0.8, knee=0.2)], noise=0.3),
+    "dry and wet": scene(rubs=[DRY, WET]),
+    "torque constants": scene(rubs=[("torque_constant", 1.02)]),
+    "limits, dry, observer": scene(rubs=[DRY], limits=limited, settings=OBSERVER),
+    "efforts": scene(
+        lambda r: control.OutputTorqueEffort(weight=1e-3),
+        lambda r: control.MeshLossEffort(weight=1e-2),
+    ),
+    "levels, limits, efforts": scene(
+        lambda r: control.FramePositionTask(name="swing", frame=r.contacts[0].frame, level=1),
+        lambda r: control.PostureTask.of(r, level=2, name="p2"),
+        lambda r: control.OutputTorqueEffort(weight=1e-3),
+        limits=limited,
+        noise=0.1,
+    ),
+    "three feet": scene(
+        lambda r: control.FramePositionTask(name="swing", frame=r.contacts[0].frame, weight=5.0),
+        contacts=dict.fromkeys(OTHERS, np.inf),
+    ),
+    "ceilings": scene(
+        contacts={"FL_foot": 3.0} | dict(zip(OTHERS, (9.0, 9.0, np.inf), strict=True))
+    ),
+    "flight": scene(contacts={}),
+    "weights": scene(weights={"posture": 2.0}, activation={"posture": 0.5}),
+    "least torque": scene(
+        settings=control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
+    ),
+    "certain": scene(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
+    "leg, dry, limits": scene(name="planar_leg", tasks=balance, limits=lambda r: None, rubs=[DRY]),
+    "talos, limits": scene(name="talos", tasks=upright, feet=soles, limits=limited),
+    "talos on points": scene(name="talos", tasks=upright, noise=3e-3),
+    "talos, dry": scene(
+        name="talos",
+        tasks=upright,
+        feet=soles,
+        limits=limited,
+        rubs=[("coulomb_friction", 0.5)],
+        settings=OBSERVER,
+    ),
+}
 
 
 def ran(scene):

@@ -24,7 +24,6 @@ from wbc.control import (
     RotorTorqueLimit,
     Status,
 )
-from wbc.control.kinematics import Kinematics
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.sim import Plant
@@ -32,21 +31,6 @@ from wbc.sim import Plant
 TALOS, SOLO = load_robot("talos"), load_robot("solo12")
 LEG = load_robot("planar_leg_fixed").lossless()
 SETTINGS = ControllerSettings(speed_blend=CERTAIN)
-
-
-def talos(*tasks, **settings):
-    trunk = FrameOrientationTask(name="trunk", frame="torso_2_link")
-    own = [CenterOfMassTask(weight=10.0), trunk, PostureTask.of(TALOS, weight=0.01), *tasks]
-    return Controller(TALOS, own, feet(TALOS), settings=ControllerSettings(**settings))
-
-
-def asked_and_found(robot, task, state, acceleration, target):
-    """Return what a task of the usual gains asks its rows to do [m/s^2], and what they do."""
-    kinematics = Kinematics(robot)
-    kinematics.update(state.position, state.velocity)
-    jacobian, drift = task.jacobian(kinematics), task.drift(kinematics)
-    wanted = 100.0 * (target - task.value(kinematics)) - 20.0 * jacobian @ state.velocity
-    return wanted, jacobian @ acceleration + drift
 
 
 def test_a_capture_point_decays_at_its_stiffness():

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.control.scenes import random_state
 from tests.reference.test_mujoco import leg_model
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, dissipative_equation, evaluate, redundant_model
@@ -70,13 +71,13 @@ def whole_solution(
         ("parallelogram_leg", True),
     ],
 )
-def test_redundant_and_reduced_forms_agree(name: str, coupled: bool, random_state) -> None:
+def test_redundant_and_reduced_forms_agree(name: str, coupled: bool) -> None:
     rng = np.random.default_rng(11)
     base = replace(load_robot(name), rotors_turn_with_links=coupled)
     modes, compared = set(), 0
     for seed in range(60):
         robot = lossy(base, rng)
-        q, v = random_state(robot, seed)
+        q, v = random_state(robot, np.random.default_rng(seed), spread=1.5)
         tau, force = rng.normal(size=2), rng.normal(scale=20.0, size=robot.model.nv)
         solutions = whole_solution(robot, q, v, tau, force)
         assert coupled or len(solutions) == 1
@@ -90,10 +91,10 @@ def test_redundant_and_reduced_forms_agree(name: str, coupled: bool, random_stat
     assert compared >= 60
 
 
-def test_a_self_locking_gear_is_never_driven_backward(random_state) -> None:
+def test_a_self_locking_gear_is_never_driven_backward() -> None:
     robot = load_robot("planar_leg")
     robot = robot.with_transmission(robot.transmission.replace(backward_efficiency=np.zeros(2)))
-    q, v = random_state(robot, 0)
+    q, v = random_state(robot, np.random.default_rng(0), spread=1.5)
     with pytest.raises(TransmissionError, match="self-locking"):
         dissipative_equation(robot, evaluate(robot, q, v), -np.ones(2))
 
@@ -102,11 +103,9 @@ NAMES = ["planar_leg", "differential_biped", "solo12"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_contact_jacobian_and_drift_are_derivatives_of_the_contact_position(
-    name: str, random_state
-) -> None:
+def test_contact_jacobian_and_drift_are_derivatives_of_the_contact_position(name: str) -> None:
     robot = load_robot(name)
-    q, v = random_state(robot, 1)
+    q, v = random_state(robot, np.random.default_rng(1), spread=1.5)
     space = Workspace(robot)
     step = 1e-6
     here = evaluate(robot, q, v, space)
@@ -118,11 +117,11 @@ def test_contact_jacobian_and_drift_are_derivatives_of_the_contact_position(
     np.testing.assert_allclose(here.contact_drift, turned, atol=1e-7)
 
 
-def test_lossless_accelerations_are_those_of_mujoco_with_armature(random_state) -> None:
+def test_lossless_accelerations_are_those_of_mujoco_with_armature() -> None:
     robot = load_robot("planar_leg")
     gears = robot.transmission
     model = leg_model(armature=gears.reflected_inertia[0], ground=False)
-    q, v = random_state(robot, 4)
+    q, v = random_state(robot, np.random.default_rng(4), spread=1.5)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = q, v
     torque = np.array([0.4, -0.2])
@@ -134,10 +133,10 @@ def test_lossless_accelerations_are_those_of_mujoco_with_armature(random_state) 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_center_of_mass_outlives_the_terms_it_came_from(name: str, random_state) -> None:
+def test_the_center_of_mass_outlives_the_terms_it_came_from(name: str) -> None:
     robot = load_robot(name)
     for seed in range(5):
-        q, v = random_state(robot, seed)
+        q, v = random_state(robot, np.random.default_rng(seed), spread=1.5)
         found = evaluate(robot, q, v).center_of_mass
         for _ in range(3):
             evaluate(robot, robot.neutral(), v)  # writes where the first terms had their memory

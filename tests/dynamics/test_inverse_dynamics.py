@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.control.scenes import random_state
 from wbc import dynamics
 from wbc.arrays import FloatArray
 from wbc.effects import load_robot
@@ -195,13 +196,11 @@ def carrying(robot: Robot) -> Robot:
 
 @pytest.mark.parametrize("name", COUPLED)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(
-    name: str, seed: int, random_state
-) -> None:
+def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(name: str, seed: int) -> None:
     robot = load_robot(name)
     real, order = with_real_rotors(robot)
     ours = carrying(robot)
-    q, v = random_state(ours, seed)
+    q, v = random_state(ours, np.random.default_rng(seed))
     model = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v))
     s_dot = model.nullspace @ v
     data = real.createData()
@@ -215,13 +214,11 @@ def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(
 
 
 @pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg", "solo12"])
-def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(
-    name: str, random_state
-) -> None:
+def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(name: str) -> None:
     robot = load_robot(name).lossless()
     real, order = with_real_rotors(robot)
     ours = carrying(robot)
-    q, v = random_state(ours, 3)
+    q, v = random_state(ours, np.random.default_rng(3))
     a = np.random.default_rng(4).normal(size=robot.model.nv)
     nullspace = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v)).nullspace
     full_v, full_a = np.zeros((2, real.nv))

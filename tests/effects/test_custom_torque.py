@@ -69,8 +69,7 @@ def test_a_joint_with_dry_terms_comes_to_rest_and_stays(leg: Robot) -> None:
     formula = {"sign(v_knee)": -2.0, "|gravity_knee| * sign(v_knee)": -1.2}
     plant = Plant(leg.with_effect(CustomTorque.at("knee", formula)), FAR)
     state = plant.state(leg.configuration(hip=0.3, knee=0.8), [0.0, 2.0])
-    for _ in range(400):
-        state = plant.step(state, np.zeros(2), 1e-3).state
+    state = plant.run(state, np.zeros(2), 0.4, 400).state
     assert abs(state.velocity[1]) < 1e-9
     rest = state.position[1]
     hips = []

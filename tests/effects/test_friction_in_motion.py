@@ -244,8 +244,7 @@ def test_a_weight_that_is_held_at_rest_runs_once_it_moves(speed: float, holds: b
     load = pin.rnea(LEG.model, LEG.model.createData(), at, *np.zeros((2, 2)))
     plant = Plant(robot, FAR)
     state = plant.state(at, np.array([speed, 0.0]))
-    for _ in range(200):
-        state = plant.step(state, 0.8 * load / RATIO, 1e-3).state
+    state = plant.run(state, 0.8 * load / RATIO, 0.2, 200).state
     assert (np.abs(state.velocity).max() < 1e-9) == holds
     assert (np.abs(state.position - at).max() < 1e-9) == holds
 

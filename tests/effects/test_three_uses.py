@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from tests.control.scenes import CERTAIN
+from tests.effects.test_effect_catalogue import Drag
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.control import (
@@ -26,8 +27,8 @@ from wbc.control import (
     Reference,
 )
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
-from wbc.effects import CurrentLimit, CustomTorque, JointEffect, effect_class
-from wbc.robot import Effect, Motion, Parameter, Robot
+from wbc.effects import CurrentLimit, CustomTorque, effect_class
+from wbc.robot import Effect, Motion, Robot
 from wbc.sim import Plane, Plant
 
 FAR = Plane(height=-50.0)
@@ -36,23 +37,10 @@ SHORT = 1e-6  # [s], over which a step of the plant is an acceleration
 
 @final
 @dataclass(frozen=True)
-class CubicDrag(JointEffect):
-    """An effect as a user writes it: -coefficient v^3, and a dry level that falls with position."""
+class RubbingDrag(Drag):
+    """An effect as a user writes it: a drag, and a dry level that falls with position."""
 
-    coefficient: float
-    level: float
-
-    name: ClassVar[str] = "cubic_drag"
-    parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("coefficient", "N m s^3/rad^3", 0.0, 0.0, 10.0, 0.1),
-        Parameter("level", "N m", 0.0, 0.0, 10.0, 0.1),
-    )
-    explanation: ClassVar[str] = "A drag."
-    experiment: ClassVar[str] = "Move fast."
-
-    def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
-        speed = self.joint_velocity(robot, motion)
-        return self.on_joint(robot, motion, -self.coefficient * speed**3)
+    level: float = 0.0
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         place = self.joint_position(robot, motion)
@@ -97,7 +85,9 @@ def lossy(name: str, mix: str) -> Robot:
                 values = ((1.0 + 0.05 * (i % 8)) * numbers[0], *numbers[1:])
                 added.append(cls.at(where, dict(zip(names, values, strict=True))))
     if mix == "by hooks":
-        added += [CubicDrag(where, 0.01, 0.02 * (i + 1)) for i, where in enumerate(gears.joints)]
+        added += [
+            RubbingDrag(where, 0.01, level=0.02 * (i + 1)) for i, where in enumerate(gears.joints)
+        ]
         formula = "sin(q_{0}) * |v_{0}|", "|q_{0}| * sign(v_{0})"
         added += [
             CustomTorque.at(j, dict.fromkeys((t.format(j) for t in formula), -0.05))

@@ -27,7 +27,7 @@ def efficiencies(draw: st.DrawFn, lowest_backward: float = -20.0) -> tuple[float
     return forward, draw(st.floats(lowest_backward, 1.0))
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 @given(torques, speeds, efficiencies())
 def test_the_loss_for_a_wanted_output_is_never_negative(
     torque: float, speed: float, etas: tuple[float, float]
@@ -36,7 +36,7 @@ def test_the_loss_for_a_wanted_output_is_never_negative(
     assert (given_torque - torque) * speed >= -1e-9 * abs(torque * speed)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 @given(torques, speeds, efficiencies(lowest_backward=0.01))
 def test_the_loss_for_a_given_input_is_never_negative_and_inverts(
     torque: float, speed: float, etas: tuple[float, float]
@@ -47,7 +47,7 @@ def test_the_loss_for_a_given_input_is_never_negative_and_inverts(
         np.testing.assert_allclose(mesh_input(output, speed, *etas), torque, rtol=1e-9, atol=1e-300)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=200)
 @given(torques, efficiencies(), st.floats(0.0, 1.0), speeds)
 def test_whatever_is_chosen_at_rest_starting_to_move_loses_power(
     torque: float, etas: tuple[float, float], share: float, speed: float
@@ -112,7 +112,7 @@ def balance(robot: Robot, motion: Motion) -> tuple[float, float]:
     )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=90)
 @given(legs(), vectors)
 def test_inverse_dynamics_never_gains_power(robot: Robot, state: FloatArray) -> None:
     loss, size = balance(robot, Motion(state[:1], state[1:2], state[2:]))
@@ -121,7 +121,7 @@ def test_inverse_dynamics_never_gains_power(robot: Robot, state: FloatArray) -> 
     assert abs(free) <= 1e-9 * size
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=90)
 @given(legs(), vectors, arrays(np.float64, 2, elements=st.floats(-2.0, 2.0)))
 def test_consistent_forward_dynamics_never_gains_power(
     robot: Robot, state: FloatArray, torque: FloatArray

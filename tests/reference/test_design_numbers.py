@@ -26,75 +26,62 @@ from wbc.robot import Robot
 
 POSE = {"hip": -np.pi / 6, "knee": np.pi / 3}
 UP = (0.0, 1.0)
+FIXED, FLOATING = load_robot("planar_leg_fixed"), load_robot("planar_leg")
+AT = FLOATING.configuration(**POSE)
 LAST_DIGIT = 0.5001e-6  # the reference is printed with six decimals
-
-
-@pytest.fixture
-def fixed() -> Robot:
-    return load_robot("planar_leg_fixed")
-
-
-@pytest.fixture
-def floating() -> Robot:
-    return load_robot("planar_leg")
 
 
 def close(value: object, reference: object) -> None:
     np.testing.assert_allclose(np.asarray(value), np.asarray(reference), rtol=0, atol=LAST_DIGIT)
 
 
-def test_link_inertia_and_jacobian(fixed: Robot) -> None:
-    terms = evaluate(fixed, fixed.configuration(**POSE), np.zeros(2))
+def test_link_inertia_and_jacobian() -> None:
+    terms = evaluate(FIXED, FIXED.configuration(**POSE), np.zeros(2))
     close(terms.mass_matrix, [[0.693333, 0.186667], [0.186667, 0.106667]])
     np.testing.assert_allclose(
         terms.contact_jacobian[[0, 2]], [[-0.69282, -0.34641], [0.0, 0.2]], rtol=0, atol=5.1e-6
     )
-    close(fixed.transmission.reflected_inertia, [0.026667, 0.026667])
-    close(fixed.transmission.backward_efficiency, [0.75, 0.571429])
+    close(FIXED.transmission.reflected_inertia, [0.026667, 0.026667])
+    close(FIXED.transmission.backward_efficiency, [0.75, 0.571429])
 
 
 @pytest.mark.parametrize(
-    ("name", "tensor", "expected"),
+    ("robot", "tensor", "expected"),
     [
-        ("planar_leg_fixed", generalized_inertia, [1.5, 1.250926, 1.250926, 3.166667]),
-        (
-            "planar_leg_fixed",
-            backward_generalized_inertia,
-            [1.518519, 1.283001, 1.283001, 3.722222],
-        ),
-        ("planar_leg_fixed", forward_generalized_inertia, [1.861111, 1.539601, 1.299038, 3.809524]),
-        ("planar_leg", generalized_inertia, [1.459986, 1.192464, 1.192464, 3.075178]),
-        ("planar_leg", backward_generalized_inertia, [1.476302, 1.202408, 1.202408, 3.545989]),
+        (FIXED, generalized_inertia, [1.5, 1.250926, 1.250926, 3.166667]),
+        (FIXED, backward_generalized_inertia, [1.518519, 1.283001, 1.283001, 3.722222]),
+        (FIXED, forward_generalized_inertia, [1.861111, 1.539601, 1.299038, 3.809524]),
+        (FLOATING, generalized_inertia, [1.459986, 1.192464, 1.192464, 3.075178]),
+        (FLOATING, backward_generalized_inertia, [1.476302, 1.202408, 1.202408, 3.545989]),
     ],
 )
-def test_inertia_tensors(name: str, tensor: Callable[..., object], expected: list[float]) -> None:
-    robot = load_robot(name)
+def test_inertia_tensors(
+    robot: Robot, tensor: Callable[..., object], expected: list[float]
+) -> None:
     found = tensor(robot, robot.configuration(**POSE), "foot", "xz")
     close(np.ravel(np.asarray(found)), expected)
 
 
-@pytest.mark.parametrize("name", ["planar_leg", "planar_leg_fixed"])
-def test_force_capability(name: str) -> None:
-    robot = load_robot(name)
+@pytest.mark.parametrize("robot", [FLOATING, FIXED])
+def test_force_capability(robot: Robot) -> None:
     reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz").along(UP)
     assert reach.conventional == pytest.approx(100.0, abs=1e-9)
     assert reach.lift / reach.conventional == pytest.approx(0.7, abs=1e-12)
     assert reach.hold / reach.conventional == pytest.approx(1.75, abs=1e-12)
 
 
-def test_impact_mitigation(floating: Robot) -> None:
-    q = floating.configuration(**POSE)
-    gears = floating.transmission
-    bare = floating.with_transmission(gears.replace(rotor_inertia=np.zeros(2)))
-    close(impact_mitigation(bare, q, "foot", "xz").along(UP), 0.925374)
-    close(impact_mitigation(floating, q, "foot", "xz", directions=0).along(UP), 0.888639)
-    close(impact_mitigation(floating, q, "foot", "xz").along(UP), 0.863972)
+def test_impact_mitigation() -> None:
+    gears = FLOATING.transmission
+    bare = FLOATING.with_transmission(gears.replace(rotor_inertia=np.zeros(2)))
+    close(impact_mitigation(bare, AT, "foot", "xz").along(UP), 0.925374)
+    close(impact_mitigation(FLOATING, AT, "foot", "xz", directions=0).along(UP), 0.888639)
+    close(impact_mitigation(FLOATING, AT, "foot", "xz").along(UP), 0.863972)
 
 
-def test_equal_efficiencies(floating: Robot) -> None:
+def test_equal_efficiencies() -> None:
     table = sweep(
-        floating,
-        floating.configuration(**POSE),
+        FLOATING,
+        AT,
         "foot",
         UP,
         {"forward_efficiency": [0.9, 0.8, 0.7, 0.6, 0.55, 0.51]},
@@ -105,10 +92,9 @@ def test_equal_efficiencies(floating: Robot) -> None:
     np.testing.assert_allclose(table.lift_ratio, [0.9, 0.8, 0.7, 0.6, 0.55, 0.51], rtol=1e-9)
 
 
-def test_the_paper_s_motors_cannot_carry_the_leg(floating: Robot) -> None:
-    weight = 9.81 * sum(inertia.mass for inertia in floating.model.inertias)
-    q = floating.configuration(**POSE)
+def test_the_paper_s_motors_cannot_carry_the_leg() -> None:
+    weight = 9.81 * sum(inertia.mass for inertia in FLOATING.model.inertias)
     assert weight == pytest.approx(186.39)
-    assert force_capability(floating, q, "foot", "xz").along(UP).hold < weight
+    assert force_capability(FLOATING, AT, "foot", "xz").along(UP).hold < weight
     strong = load_robot("planar_leg_strong")
-    assert force_capability(strong, q, "foot", "xz").along(UP).lift > weight
+    assert force_capability(strong, AT, "foot", "xz").along(UP).lift > weight

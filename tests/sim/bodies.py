@@ -73,7 +73,12 @@ def placed(*places: tuple[list[float], list[float]]) -> np.ndarray:
 
 
 def watched(
-    plant: Plant, state: SimState, duration: float, gain: float = 1e-5, said: tuple = ("coarse",)
+    plant: Plant,
+    state: SimState,
+    duration: float,
+    gain: float = 1e-5,
+    said: tuple = ("coarse",),
+    step: float = 1e-3,
 ) -> tuple[SimState, float]:
     """Run a plant without torques until it rests; return the end, and how deep it was.
 
@@ -82,8 +87,8 @@ def watched(
     """
     deepest, torque = 0.0, np.zeros(plant.robot.transmission.size)
     energy = total = plant.mechanical_energy(state)
-    for _ in range(round(duration / 1e-3)):
-        result = plant.step(state, torque, 1e-3)
+    for _ in range(round(duration / step)):
+        result = plant.step(state, torque, step)
         state, after = result.state, plant.mechanical_energy(result.state)
         assert after < energy + gain * abs(total) + 1e-12
         assert {event.kind for event in result.events} <= set(said)

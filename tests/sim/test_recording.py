@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,23 +14,19 @@ from wbc.effects import JointCompliance
 from wbc.view import write_playback
 
 
-def _run(robot=None, duration: float = 0.2) -> sim.Simulation:
-    robot = load_robot("planar_leg") if robot is None else robot
-    plant = sim.Plant(robot)
-    q = robot.configuration(hip=0.5, knee=-1.0)
+@cache
+def _run() -> sim.Simulation:
+    robot = load_robot("planar_leg")
+    plant, q = sim.Plant(robot), robot.configuration(hip=0.5, knee=-1.0)
     q[1] = 0.8 * np.cos(0.5) + 0.01
-    return sim.simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), duration)
+    return sim.simulate(plant, lambda s: np.array([-0.1, 0.2]), plant.state(q), 0.2)
 
 
 def test_the_playback_shows_what_steps_had_to_say(tmp_path: Path) -> None:
     """Events of one kind in a row are one mark, where they begin."""
     run = _run()
-    kinds = ("overlap", "overlap", "overlap", "energy")
-    times = (0.02, 0.021, 0.1, 0.05)
-    events = tuple(
-        sim.StepEvent(kind, time, 1.0, f"{kind} of {time}")
-        for kind, time in zip(kinds, times, strict=True)
-    )
+    seen = ("overlap", 0.02), ("overlap", 0.021), ("overlap", 0.1), ("energy", 0.05)
+    events = tuple(sim.StepEvent(kind, time, 1.0, f"{kind} of {time}") for kind, time in seen)
     marks = replace(run, events=events).marks
     assert marks == {
         "overlap: overlap of 0.02": 0.02,

@@ -23,13 +23,13 @@ def needs_mujoco():
 @pytest.fixture(scope="module")
 def solo():
     needs_mujoco()
-    return main(0.6, ["solo12"], ["MuJoCo", "wbc.sim"])
+    return main(0.45, ["solo12"], ["MuJoCo", "wbc.sim"])
 
 
 @pytest.mark.parametrize("robot", ["solo12", "talos"])
 def test_knowing_the_losses_pays_in_mujoco(robot, solo):
     """MuJoCo's links, contacts and integrator, and losses written anew as an external torque."""
-    found = solo if robot == "solo12" else main(0.6, [robot], ["MuJoCo"])
+    found = solo if robot == "solo12" else main(0.45, [robot], ["MuJoCo"])
     assert all(figures["refused ticks"] == 0 for figures in found.values())
     kinds = {
         act: [found[robot, "MuJoCo", act, k] for k in ("dissipative", "conservative")]

@@ -2,41 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from sims.closed_loop import ERROR, TRAVEL
 from sims.imperfect_loop import LADDER, LEG, MODELS, Between, main, report, sweeps
 
-LEGGED, SEEDS = ("solo12", "anymal"), (0, 1)
+LEGGED = ("solo12", "anymal")
 NOISY = {name: LADDER[name] for name in ("nothing", "noise of 0.05 rad/s")}
-RUNS = [(name, seed) for name in NOISY for seed in (SEEDS if NOISY[name].noise else SEEDS[:1])]
 
 
 @pytest.fixture(scope="module")
 def found():
-    return main(0.45, LEGGED, NOISY, MODELS[:4], SEEDS)
+    return main(0.45, LEGGED, NOISY, MODELS[:4], (0,))
 
 
 @pytest.mark.parametrize("robot", LEGGED)
-@pytest.mark.parametrize(("label", "seed"), RUNS)
+@pytest.mark.parametrize("label", NOISY)
 @pytest.mark.parametrize("believed", MODELS[:3])
-def test_a_wrong_model_of_the_losses_is_better_than_none(found, robot, label, seed, believed):
+def test_a_wrong_model_of_the_losses_is_better_than_none(found, robot, label, believed):
     """Tracking never worse; torque travel at most 5 % and 4 limits per second more."""
-    knowing = found[robot, label, believed, seed]
-    nothing = found[robot, label, "no losses", seed]
+    knowing, nothing = (found[robot, label, kind, 0] for kind in (believed, "no losses"))
     assert knowing["refused ticks"] == 0
-    assert knowing[ERROR] < nothing[ERROR]
+    assert knowing[ERROR] < (0.15 if believed == "exact" else 1.0) * nothing[ERROR]
     assert knowing[TRAVEL] < 1.05 * nothing[TRAVEL] + 4.0
-
-
-@pytest.mark.parametrize("robot", LEGGED)
-def test_the_right_model_tracks_through_noise(found, robot):
-    errors = {
-        kind: np.mean([found[robot, "noise of 0.05 rad/s", kind, seed][ERROR] for seed in SEEDS])
-        for kind in ("exact", "no losses")
-    }
-    assert errors["exact"] < 0.15 * errors["no losses"]
 
 
 def test_the_leg_squats_through_noise_delay_and_lag(tmp_path, monkeypatch):
