@@ -1,4 +1,4 @@
-"""Logs of robots on sums of sines, made by inverse dynamics."""
+"""Logs of robots on sums of sines, made by inverse dynamics, and of a servo that is simulated."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.dynamics import link_torque, rotor_torque
+from wbc.effects import PayloadMass, load_robot
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
+from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_run import ServoRun
+
+SUPPLY, STEP = 7.4, 0.004  # of the servo [V], of its logs [s]
 
 
 def moved(
@@ -43,3 +49,47 @@ def swing(robot: Robot, seed: int, phase: float = 0.0, seconds: float = 6.0) -> 
     rates = np.array([[2.3, 5.1], [3.1, 6.7]])
     waves = np.stack([np.full((2, 2), 0.35), rates, phase * rates[:, ::-1]], axis=-1)
     return moved(robot, np.arange(0.0, seconds, 4e-3), waves, seed=seed)
+
+
+def servo(gain: float = 2.0, payload: float = 0.0) -> Robot:
+    """Return a pendulum on a servo: its drive's gain [1/rad] and a payload [kg]."""
+    robot = load_robot("xl330_pendulum").with_effect(PayloadMass("arm", payload))
+    gears = robot.transmission
+    duty = {"duty_gain": np.array([gain]), "supply_voltage": np.array([SUPPLY])}
+    return robot.with_transmission(gears.replace(**duty))
+
+
+def servo_log(robot: Robot, goal: np.ndarray, released: float = np.inf) -> Log:
+    """Return targets [rad] and positions of a servo; its drive is off from some time [s] on."""
+    time = STEP * np.arange(goal.size)
+    gain = float(robot.transmission.duty_gain[0])
+    run = ServoRun("run", gain, goal, np.where(time > released, 0.0, 1.0), 0.0 * time)
+    position = servo_rollout([(robot, DcDrive(SUPPLY))], [run], STEP)[:, 0, 0]
+    columns = {"shaft.position": position, "shaft.target_position": goal}
+    return Log(time, columns | ({"shaft.enabled": run.enabled} if released < time[-1] else {}))
+
+
+def waving(robot: Robot) -> Log:
+    """Return a log in which joints and base wave, and torques and forces are any."""
+    time, random = np.arange(400) / 100.0, np.random.default_rng(1)
+    columns: dict[str, np.ndarray] = {}
+
+    def wave(size: float, mean: float = 0.0) -> np.ndarray:
+        angle = np.outer(time, random.uniform(1.0, 9.0, 3)) + random.uniform(0.0, 6.0, 3)
+        return mean + size * np.sin(angle).sum(axis=1)
+
+    usual = robot.pose() if robot.poses else np.full(robot.model.nq, 0.3)
+    for joint, place in zip(robot.transmission.joints, robot.actuated_position, strict=True):
+        columns[f"{joint}.position"] = wave(0.1, usual[place])
+        columns[f"{joint}.rotor_torque"] = wave(0.2)
+    if robot.has_free_flyer:
+        names = [f"position.{x}" for x in "xyz"] + [f"orientation.{x}" for x in "xyzw"]
+        for name, mean in zip(names, usual[:7], strict=True):
+            columns[f"base.{name}"] = wave(0.02, mean)
+        norm = np.linalg.norm([columns[f"base.{name}"] for name in names[3:]], axis=0)
+        for name in names[3:]:
+            columns[f"base.{name}"] = columns[f"base.{name}"] / norm
+        for contact in robot.contacts:
+            for axis, mean in zip("xyz", (0.0, 0.0, 6.0), strict=True):
+                columns[f"{contact.name}.force.{axis}"] = wave(0.5, mean)
+    return Log(time, columns)

@@ -69,7 +69,7 @@ def simulate(
     every = round(1.0 / rate / step)
     steps = round(duration / step)
     motions = [reference(lane) for lane in lanes]
-    q = np.stack([motion(0.0)[0] for motion in motions])
+    q = np.stack([motion(np.zeros(1))[0][:, 0] for motion in motions])
     v, memory, mesh, bent = np.zeros((4, count, 2))
     history = np.zeros((max(2, int(0.06 / step)), count, 2))
     lag = np.rint(flaw.delay / step).astype(int)
@@ -98,7 +98,7 @@ def simulate(
         up = level + np.where(mesh > 0.0, forward, backward)
         down = level + np.where(mesh > 0.0, backward, forward)
         mass, bias = flaw.links(q, v)
-        inverse = _inverse(mass + REFLECTED * np.eye(2))
+        inverse = np.linalg.inv(mass + REFLECTED * np.eye(2))
         free = v + step * np.einsum("bij,bj->bi", inverse, motor + smooth - bias)
         after = _dry(free, inverse, up * step, down * step)
         mesh = motor - REFLECTED * (after - v) / step
@@ -142,14 +142,6 @@ def _dry(free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray
             v = v - inverse[:, :, j] * (new - impulse[:, j])[:, None]
             impulse[:, j] = new
     return v
-
-
-def _inverse(m: np.ndarray) -> np.ndarray:
-    determinant = m[:, 0, 0] * m[:, 1, 1] - m[:, 0, 1] * m[:, 1, 0]
-    result = np.empty_like(m)
-    result[:, 0, 0], result[:, 1, 1] = m[:, 1, 1], m[:, 0, 0]
-    result[:, 0, 1], result[:, 1, 0] = -m[:, 0, 1], -m[:, 1, 0]
-    return result / determinant[:, None, None]
 
 
 class Flaws:
@@ -211,25 +203,20 @@ class Flaws:
 
 
 def reference(lane: Lane) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """Return the positions and velocities (2, ...) that the drives of a lane follow, by time."""
+    """Return the positions and velocities (2, T) that the drives of a lane follow at times (T,)."""
     random = np.random.default_rng(1000 + lane.excitation)
     frequency = random.uniform(0.1, 1.6, size=(2, 6))
     phase = random.uniform(0.0, 2.0 * np.pi, size=(2, 6))
     size = random.uniform(0.5, 1.0, size=(2, 6)) * 0.3 / (0.4 + frequency)
     center = np.array([0.45, -0.75])
 
-    def motion(t):
-        t = np.asarray(t, dtype=float)
+    def motion(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ramp = 1.0 - np.exp(-((t / 0.4) ** 2))
         slope = 2.0 * t / 0.16 * np.exp(-((t / 0.4) ** 2))
         angle = 2.0 * np.pi * frequency[..., None] * t.reshape(1, 1, -1) + phase[..., None]
         wave = (size[..., None] * np.sin(angle)).sum(1)
         rise = (size[..., None] * 2.0 * np.pi * frequency[..., None] * np.cos(angle)).sum(1)
-        position = center[:, None] + ramp * wave
-        velocity = ramp * rise + slope * wave
-        if t.ndim == 0:
-            return position[:, 0], velocity[:, 0]
-        return position, velocity
+        return center[:, None] + ramp * wave, ramp * rise + slope * wave
 
     return motion
 
@@ -237,18 +224,13 @@ def reference(lane: Lane) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
 def _measure(
     lane: Lane, b: int, rows: Sequence[tuple[np.ndarray, ...]], rate: float
 ) -> dict[str, np.ndarray]:
-    random = np.random.default_rng(lane.noise)
-    position = np.array([row[0][b] for row in rows])
-    velocity = np.array([row[1][b] for row in rows])
-    torque = np.array([row[2][b] for row in rows])
-    position = position + 2e-5 * random.standard_normal(position.shape)
-    count = 2.0 * np.pi / 2**18
-    position = np.round(position / count) * count
-    velocity = velocity + 3e-3 * random.standard_normal(velocity.shape)
-    torque = torque + 2e-3 * random.standard_normal(torque.shape)
+    random, count = np.random.default_rng(lane.noise), 2.0 * np.pi / 2**18
     table = {"time": np.arange(len(rows)) / rate}
-    for j, joint in enumerate(JOINTS):
-        table[f"{joint}.position"] = position[:, j]
-        table[f"{joint}.velocity"] = velocity[:, j]
-        table[f"{joint}.rotor_torque"] = torque[:, j]
+    sensors = {"position": 2e-5, "velocity": 3e-3, "rotor_torque": 2e-3}
+    for k, (name, noise) in enumerate(sensors.items()):
+        values = np.array([row[k][b] for row in rows])
+        values = values + noise * random.standard_normal(values.shape)
+        if name == "position":
+            values = np.round(values / count) * count
+        table |= {f"{joint}.{name}": values[:, j] for j, joint in enumerate(JOINTS)}
     return table

@@ -21,26 +21,14 @@ from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.trial import logs_of, robot_of
-from wbc.effects import (
-    CenterOfMass,
-    CoulombFriction,
-    GravityDirection,
-    LinkInertia,
-    LinkInertias,
-    PayloadMass,
-    PositionOffset,
-    RotorInertia,
-    TorqueConstant,
-    ViscousFriction,
-)
+from wbc.effects import EFFECTS
 from wbc.identification import Diagnosis, diagnose
 from wbc.measurement import Log
 from wbc.robot import Robot
 
-CANDIDATES = (
-    ViscousFriction, CoulombFriction, RotorInertia, PayloadMass, LinkInertia, LinkInertias,
-    TorqueConstant, CenterOfMass, PositionOffset, GravityDirection,
-)  # fmt: skip
+LINKS = "payload_mass link_inertia link_inertias center_of_mass"
+DRIVES = "viscous_friction coulomb_friction rotor_inertia torque_constant"
+CANDIDATES = [EFFECTS[n] for n in f"{LINKS} {DRIVES} position_offset gravity_direction".split()]
 RUNS = ("multisine", "fast")
 
 
@@ -76,27 +64,18 @@ def found(diagnosis: Diagnosis) -> set[tuple[str, str]]:
     return {(effect.name, effect.where) for effect in diagnosis.effects}
 
 
-@pytest.fixture(scope="module")
-def forearm() -> tuple[Diagnosis, Machine, Robot]:
+def test_one_wrong_link_is_named_with_its_numbers_and_nothing_else() -> None:
     robot, logs, true = arm(3, [2], 0.2)
-    return diagnose(robot, logs, CANDIDATES), true, robot
-
-
-def test_one_wrong_link_is_named_and_nothing_else(
-    forearm: tuple[Diagnosis, Machine, Robot],
-) -> None:
-    diagnosis = forearm[0]
+    diagnosis = diagnose(robot, logs, CANDIDATES)
     assert diagnosis.verdict == "named"
     assert found(diagnosis) == {("link_inertia", "l3")}
-    assert diagnosis.findings[0].probability > 0.9
-
-
-def test_its_numbers_are_those_of_the_link(forearm: tuple[Diagnosis, Machine, Robot]) -> None:
-    diagnosis, true, robot = forearm
     (finding,) = diagnosis.findings
+    assert finding.probability > 0.9
     link = true.links[2]
-    truth = {"mass": link.mass}
-    truth |= {f"center_{axis}": value for axis, value in zip("xyz", link.com, strict=True)}
+    truth = {
+        "mass": link.mass,
+        **dict(zip(("center_x", "center_y", "center_z"), link.com, strict=True)),
+    }
     moments = np.sort(np.linalg.eigvalsh(link.inertia))
     truth |= {f"principal_inertia_{k}": value for k, value in enumerate(moments, start=1)}
     told = finding.quantities
@@ -107,8 +86,7 @@ def test_its_numbers_are_those_of_the_link(forearm: tuple[Diagnosis, Machine, Ro
     joint = robot.body_joint("l3")
     assert told["mass"].given == pytest.approx(robot.model.inertias[joint].mass)
     # Physical by construction: some distribution of positive mass has this inertia.
-    fitted = diagnosis.robot.model.inertias[joint]
-    smallest, middle, largest = np.linalg.eigvalsh(fitted.inertia)
+    smallest, middle, largest = np.linalg.eigvalsh(diagnosis.robot.model.inertias[joint].inertia)
     assert 0.0 < smallest <= middle <= largest <= smallest + middle
 
 
@@ -128,7 +106,7 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
 
 def test_a_payload_stays_a_payload() -> None:
     robot, logs, _ = arm(5, [], 0.0, [Flaw("payload_mass", "l3", {"mass": 0.4})])
-    diagnosis = diagnose(robot, logs, (PayloadMass, LinkInertia, LinkInertias, CenterOfMass))
+    diagnosis = diagnose(robot, logs, CANDIDATES[:4])
     assert diagnosis.verdict == "named"
     assert found(diagnosis) == {("payload_mass", "l3")}
     assert diagnosis.findings[0].probability > 0.9
@@ -138,6 +116,6 @@ def test_a_tool_that_is_drawn_and_not_mounted_is_said_to_be_missing() -> None:
     _, logs, true = arm(6, [], 0.0)
     tool = true.links[5].with_point(1.5 * true.links[5].mass, np.array([0.02, 0.0, 0.1]))
     drawn = robot_of(Case(0, true.with_link(5, tool), (), (), "fair", None, None))  # type: ignore[arg-type]
-    diagnosis = diagnose(drawn, logs, (PayloadMass, LinkInertia, LinkInertias, CenterOfMass))
+    diagnosis = diagnose(drawn, logs, CANDIDATES[:4])
     assert found(diagnosis) == {("link_inertia", "l6")}
     assert any("are not there" in warning for warning in diagnosis.findings[0].warnings)

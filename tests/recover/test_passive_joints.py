@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from wbc.arrays import FloatArray
 from wbc.effects import CoulombFriction, PositionOffset, ViscousFriction, load_robot
-from wbc.identification import compare, diagnose
+from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.sim import Plant
@@ -94,15 +94,6 @@ def test_the_plant_brings_a_rubbing_passive_joint_to_rest(hanging: Robot) -> Non
     for _ in range(500):
         swinging = free.step(swinging, np.zeros(1), STEP).state
     assert np.abs(swinging.velocity[1]) > 0.01
-
-
-def test_reversals_of_a_rubbing_passive_joint_are_not_judged(hanging: Robot) -> None:
-    friction = CoulombFriction("pivot", level=0.08)
-    logs = [swung(hanging, friction, seed) for seed in (1, 2)]
-    pivot = compare(hanging.with_effect(friction), logs).outputs[1]
-    # Smoothing rounds the jump of the friction: with the reversals this was 4.1 noise floors.
-    assert pivot.output == "pivot"
-    assert pivot.ratio < 2.0
 
 
 @pytest.mark.parametrize(

@@ -53,12 +53,6 @@ def test_the_hidden_effect_of_the_fixed_leg_is_named_and_measured(case: str) -> 
     assert diagnosis.error.after < 1.2
 
 
-def test_a_leg_without_hidden_effect_is_left_alone() -> None:
-    diagnosis = run("case00", "planar_leg_fixed")
-    assert diagnosis.verdict == "none"
-    assert diagnosis.effects == ()
-
-
 def test_play_is_found_by_simulating_the_link_behind_it() -> None:
     diagnosis = run("case09", "planar_leg_fixed", "[ac]")
     assert diagnosis.verdict == "named"
@@ -85,8 +79,13 @@ def test_the_hidden_effect_of_the_floating_leg_is_named_and_measured(case: str) 
     assert found(diagnosis)[name, where][parameter] == pytest.approx(truth, rel=0.005)
 
 
-def test_a_standing_leg_without_hidden_effect_is_left_alone() -> None:
-    assert run("float00", "planar_leg").verdict == "none"
+@pytest.mark.parametrize(
+    ("case", "robot"), [("case00", "planar_leg_fixed"), ("float00", "planar_leg")]
+)
+def test_a_leg_without_hidden_effect_is_left_alone(case: str, robot: str) -> None:
+    diagnosis = run(case, robot)
+    assert diagnosis.verdict == "none"
+    assert diagnosis.effects == ()
 
 
 def test_a_force_sensor_that_reads_too_little_is_no_payload() -> None:

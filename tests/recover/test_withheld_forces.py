@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from benchmarks.corpus.case import Case
@@ -14,8 +13,8 @@ from benchmarks.corpus.families import draw_machine
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.sensors import Sensors
-from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.trial import logs_of, robot_of, without_forces
+from tests.moved import waving
 from wbc import Robot, load_robot
 from wbc.dynamics import contact_torque
 from wbc.effects import EFFECTS, PayloadMass, PositionOffset
@@ -23,36 +22,29 @@ from wbc.errors import IdentificationError
 from wbc.identification import compare, diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import raw_residual
-from wbc.identification.records.contacts import rolled
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
-KINDS = [
-    EFFECTS[name]
-    for name in (
-        "transmission_efficiency",
-        "load_friction",
-        "coulomb_friction",
-        "viscous_friction",
-        "torque_constant",
-        "torque_offset",
-        "rotor_inertia",
-        "payload_mass",
-        "center_of_mass",
-    )
-]
+NAMES = """transmission_efficiency load_friction coulomb_friction viscous_friction torque_constant
+torque_offset rotor_inertia payload_mass center_of_mass"""
+KINDS = [EFFECTS[name] for name in NAMES.split()]
 KNEE = {"forward_efficiency": 0.8, "backward_efficiency": 0.72}
+
+
+def biped_with(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> tuple[Robot, list[Log]]:
+    """Return two planar legs that stand, with these flaws, as a plant of its own moves them."""
+    machine = draw_machine(np.random.default_rng(4), "biped")
+    runs = tuple(Excitation(kind, 30 + k, 4.0, k) for k, kind in enumerate(kinds))
+    case = Case(0, machine, flaws, runs, "fair", SENSORS, 0.01 * np.ones(4))
+    return robot_of(case), logs_of(record_cases([(case, runs)])[0])
 
 
 @pytest.fixture(scope="module")
 def biped() -> tuple[Robot, list[Log]]:
-    """Return two planar legs that stand, with a lossy knee, as a plant of its own moves them."""
-    machine = draw_machine(np.random.default_rng(4), "biped")
-    runs = tuple(Excitation(kind, 30 + k, 4.0, k) for k, kind in enumerate(("multisine", "fast")))
-    flaws = (Flaw("transmission_efficiency", "knee_f", KNEE),)
-    case = Case(0, machine, flaws, runs, "fair", SENSORS, 0.01 * np.ones(4))
-    return robot_of(case), logs_of(record_cases([(case, runs)])[0])
+    """Return two legs with a lossy knee."""
+    flaw = Flaw("transmission_efficiency", "knee_f", KNEE)
+    return biped_with(flaw, kinds=("multisine", "fast"))
 
 
 def test_the_losses_of_a_knee_are_named_without_force_sensors(
@@ -82,20 +74,6 @@ def test_a_robot_that_stands_needs_no_flags(biped: tuple[Robot, list[Log]]) -> N
     assert without.error == pytest.approx(with_flags.error)
 
 
-def _moving_quadruped(robot: Robot, feet: tuple[str, ...]) -> Log:
-    """Return a log of slow joints under a still base, some feet touching."""
-    random = np.random.default_rng(3)
-    count, gears = 400, robot.transmission
-    time = np.arange(count) * 0.005
-    columns = {f"base.position.{axis}": np.zeros(count) for axis in "xyz"}
-    columns |= {f"base.orientation.{axis}": np.full(count, float(axis == "w")) for axis in "xyzw"}
-    for joint in gears.joints:
-        usual = robot.pose()[robot.position_index(joint)]
-        columns[f"{joint}.position"] = usual + 0.1 * np.sin(3.0 * time + random.uniform(0.0, 6.0))
-        columns[f"{joint}.rotor_torque"] = np.zeros(count)
-    return Log(time, columns | {f"{name}.active": np.ones(count) for name in feet})
-
-
 @pytest.mark.parametrize(("feet", "sensors"), [(1, 0), (2, 0), (3, 0), (4, 0), (4, 5), (2, 12)])
 def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: int) -> None:
     """Whatever pushes at feet that touch, a quadruped leaves the same in its rows.
@@ -105,8 +83,9 @@ def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: i
     robot = load_robot("solo12").lossless()
     gears = robot.transmission
     robot = robot.with_torque_sensors(gears.joints[:sensors])
-    names = tuple(contact.name for contact in robot.contacts[:feet])
-    log = _moving_quadruped(robot, names)
+    names, log = tuple(contact.name for contact in robot.contacts[:feet]), waving(robot)
+    log = log.select(name for name in log.names if "force" not in name)
+    log = log.with_columns({f"{name}.active": np.ones(len(log)) for name in names})
     log = log.with_columns({f"{j}.joint_torque": np.zeros(len(log)) for j in robot.torque_sensors})
     record = prepare(robot, [log])[0]
     before = raw_residual(robot, record)
@@ -147,45 +126,17 @@ def test_rows_near_a_change_of_a_flag_are_not_judged(biped: tuple[Robot, list[Lo
     assert replace(record, active={}).balance is None
 
 
-def biped_with(*flaws: Flaw) -> EstimationProblem:
-    """Return the problem of two standing legs with these flaws, without force sensors."""
-    machine = draw_machine(np.random.default_rng(4), "biped")
-    runs = (Excitation("multisine", 30, 4.0, 0),)
-    noise = Signatures(machine, runs, SENSORS).torque_noise
-    case = Case(0, machine, flaws, runs, "fair", SENSORS, noise)
-    logs = [without_forces(log) for log in logs_of(record_cases([(case, runs)])[0])]
-    return EstimationProblem.from_logs(robot_of(case), logs)
-
-
 def test_feet_that_hold_contradict_a_wrong_zero_that_is_not_there() -> None:
+    def problem(*flaw: Flaw) -> EstimationProblem:
+        robot, logs = biped_with(*flaw)
+        return EstimationProblem.from_logs(robot, [without_forces(log) for log in logs])
+
     zero = PositionOffset("hip_f", offset=0.01)
-    heavy = biped_with(Flaw("payload_mass", "shin_f", {"mass": 0.3}))
+    heavy = problem(Flaw("payload_mass", "shin_f", {"mass": 0.3}))
     # The zero explains a part of what the mass asks of the motors, and would move the foot.
     assert heavy.held_contacts(heavy.fit([zero])) < -30.0
     assert heavy.held_contacts(heavy.fit([PayloadMass("shin_f", mass=0.1)])) == 0.0
-    wrong = biped_with(Flaw("position_offset", "hip_f", {"offset": 0.03}))
+    wrong = problem(Flaw("position_offset", "hip_f", {"offset": 0.03}))
     fit = wrong.fit([zero])
     assert fit.effects[0].values["offset"] == pytest.approx(0.03, abs=0.003)
     assert wrong.held_contacts(fit) > 30.0
-
-
-def test_a_ball_that_rolls_moves_its_center() -> None:
-    turns = 0.3 * np.sin(np.linspace(0.0, 3.0, 40))
-    about_y = np.array([pin.exp3(np.array([0.0, t, 0.0])) for t in turns])
-    way = rolled(about_y[:, None], [0.1], np.array([0.0, 0.0, 1.0]))[:, 0]
-    # A wheel that turns by +t about y, which points to the left, rolls forward by r t.
-    expected = 0.1 * np.stack([turns, 0.0 * turns, 0.0 * turns], axis=1)
-    np.testing.assert_allclose(way, expected, atol=1e-12)
-    assert not rolled(about_y[:, None], [0.0], np.array([0.0, 0.0, 1.0])).any()
-
-
-def test_the_truth_of_withheld_forces_is_what_logs_without_them_show() -> None:
-    machine = draw_machine(np.random.default_rng(4), "biped")
-    runs = (Excitation("multisine", 30, 4.0, 0),)
-    rubs = [Flaw("viscous_friction", "hip_f", {"coefficient": 2.0})]
-    size = {w: Signatures(machine, runs, SENSORS, w).of(rubs) for w in (True, False)}
-    problem = biped_with(*rubs)
-    shown = np.sqrt(problem.first.mean() - 1.0)
-    sizes = {w: float(np.sqrt(np.mean(signature[:, :4] ** 2))) for w, signature in size.items()}
-    assert sizes[True] == pytest.approx(shown, rel=0.35)
-    assert abs(np.log(sizes[False] / shown)) > abs(np.log(sizes[True] / shown))
