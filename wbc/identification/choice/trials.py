@@ -10,6 +10,8 @@ from functools import partial
 
 import numpy as np
 
+from wbc.effects.drive import ActuationDelay, CurrentLimit
+from wbc.effects.supply import SupplySag
 from wbc.errors import IdentificationError
 from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
 from wbc.identification.choice.prior import asked, implausible
@@ -25,6 +27,11 @@ from wbc.robot import Effect
 HOPELESS = 20.0
 _SEEN = 1e-9  # of the longest column: shorter ones are rounding
 _KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
+
+
+# A drive takes its command late, clips it, and weakens what is left with its supply. What changes
+# the torque by a factor comes after them all: it may be anywhere, a limit being one of any unit.
+_CHAIN: tuple[type[Effect], ...] = (ActuationDelay, CurrentLimit, SupplySag)
 
 
 class OutOfTime(Exception):  # noqa: N818 - no error: the search ends with the best so far
@@ -78,7 +85,7 @@ class Trials:
         Raises:
             OutOfTime: it is not known yet, and the search must end.
         """
-        start = tuple(effects)
+        start = in_order(effects)
         if start not in self._known:
             self._known[start] = self._fitted(start, ITERATIONS)
         return self._known[start]
@@ -128,7 +135,7 @@ class Trials:
         A fit ends after its first step where that leaves it far behind the hypothesis that it
         competes with.
         """
-        known = (self._rival_of(h, tuple(effects)) for effects in offers)
+        known = (self._rival_of(h, in_order(effects)) for effects in offers)
         return [found for found in known if found is not None]
 
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
@@ -180,6 +187,21 @@ class Trials:
         self._fits[effects] = fit
         while len(self._fits) > _KEPT:
             del self._fits[next(iter(self._fits))]
+
+
+def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects with those of the drives in the order in which drives act.
+
+    The order in which causes were found is no evidence of it.
+    """
+    places = [k for k, effect in enumerate(effects) if "drive" in effect.acts_by]
+    drives = sorted((effects[k] for k in places), key=_link)
+    ordered = dict(zip(places, drives, strict=True))
+    return tuple(ordered.get(k, effect) for k, effect in enumerate(effects))
+
+
+def _link(effect: Effect) -> int:
+    return next((k for k, kind in enumerate(_CHAIN) if isinstance(effect, kind)), len(_CHAIN))
 
 
 def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
