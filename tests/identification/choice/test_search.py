@@ -33,7 +33,7 @@ from wbc.identification.choice import gears
 from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.gears import two_gears
-from wbc.identification.choice.prior import implausible
+from wbc.identification.choice.prior import implausible, misdrawn
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
@@ -119,23 +119,22 @@ def test_exchanges_beside_a_link_that_swings_are_screened_without_a_fit() -> Non
 LEG = load_robot("planar_leg_fixed").lossless()
 
 
-def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
-    """Six links as wrong as usual are no surprise; each on its own cost a quarter of a nat."""
+def test_a_drawing_costs_by_how_wrong_it_is_over_what_the_logs_tell_of_its_links() -> None:
+    """Six links as wrong as usual are no surprise; numbers that nothing tells dilute nothing."""
     own = {name: 0.5 * (-1) ** k for k, name in enumerate(LinkInertia.null_values(LEG, "shin"))}
     one = LinkInertia.at("shin", own)
     null = LinkInertias.null_values(LEG, "robot")
     every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
-    assert every.search.implausibility(every, LEG, ()) == pytest.approx(
-        one.search.implausibility(one, LEG, ())
-    )
+    distances, all_of_them = (e.search.departures(e) for e in (one, every))
+    assert misdrawn(all_of_them, 0.0) == pytest.approx(misdrawn(distances, 0.0))
     factor = lower(list(one.values.values()))
     changed = factor @ factor.T
     divergence = np.trace(changed) - np.linalg.slogdet(changed)[1] - 4.0
-    times = np.sqrt(divergence / 10.0) / 0.2
-    assert one.search.implausibility(one, LEG, ()) == pytest.approx(
-        0.5 * (np.log(times) / 0.5) ** 2
-    )
-    assert one.search.implausibility(one, LEG, ()) > 1.0
+    for untold in (0.0, 6.0):
+        times = np.sqrt(divergence / (10.0 - untold)) / 0.2
+        assert misdrawn(distances, untold) == pytest.approx(0.5 * (np.log(times) / 0.5) ** 2)
+    assert misdrawn(distances, 0.0) > 1.0
+    assert misdrawn(0.05 * distances, 9.0) == 0.0
 
 
 def test_what_only_the_first_second_shows_is_no_drift_with_time() -> None:
