@@ -1,18 +1,15 @@
-"""The notebook runs, and answers show themselves in it, in a console and as frames."""
+"""The notebook runs, and answers show themselves in it and in a console."""
 
 from __future__ import annotations
 
 import ast
 import base64
 import json
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
-from wbc.errors import MissingPackageError
 from wbc.identification import Comparison, Diagnosis
 from wbc.samples import sample_paths
 
@@ -94,20 +91,3 @@ def test_json_says_where_it_comes_from(found: Diagnosis) -> None:
     assert ["coulomb_friction", "hip", "level"] in names
     matrix = content["correlation"]["matrix"]
     assert [row[k] for k, row in enumerate(matrix)] == pytest.approx([1.0] * len(names))
-
-
-def test_frames_need_pandas_and_say_so(found: Diagnosis, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPackageError, match="pip install pandas"):
-        found.to_frame()
-    pandas = ModuleType("pandas")
-    pandas.DataFrame = lambda rows: rows  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pandas", pandas)
-    rows = found.to_frame()
-    assert {row["where"] for row in rows} == {"hip", "knee"}
-    assert all(row["low"] < row["value"] < row["high"] for row in rows)
-
-
-def test_frames_are_frames_where_pandas_is_there(found: Diagnosis) -> None:
-    pandas = pytest.importorskip("pandas", reason="needs pandas: pip install pandas")
-    assert isinstance(found.to_frame(), pandas.DataFrame)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ from wbc.files import as_json
 from wbc.identification.answer.remainder import Breakdown, breakdowns
 from wbc.identification.answer.shown import (
     Series,
-    data_frame,
     efforts,
     on_one_screen,
     plain,
@@ -150,14 +149,6 @@ class Comparison:
     def _repr_html_(self) -> str:
         """Return the answer as a notebook shows it."""
         return f"<p><b>{escape(self.sentence)}</b></p>{self.error_rows().html()}"
-
-    def to_frame(self) -> Any:
-        """Return a pandas frame with a row per output.
-
-        Raises:
-            MissingPackageError: pandas is not installed.
-        """
-        return data_frame([asdict(o) | {"ratio": o.ratio} for o in self.outputs])
 
     def plot(self, log: int = 0) -> Figure:
         """Return measured and modelled torque of one log over time, with the residual.

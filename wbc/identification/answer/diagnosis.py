@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,7 +14,6 @@ from wbc.files import as_json
 from wbc.identification.answer.ranking import Correlation, Ranked
 from wbc.identification.answer.shown import (
     Series,
-    data_frame,
     efforts,
     on_one_screen,
     plain,
@@ -300,28 +299,6 @@ class Diagnosis:
             f"<p style='white-space: pre-wrap'>Do this now: {escape(what_to_do(self))}</p>"
             + "".join(table.html() for table in tables if table.cells)
         )
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return one entry per number found: what, where, how large, how sure."""
-        return [
-            {
-                "effect": f.effect.name,
-                "where": f.effect.where,
-                "parameter": name,
-                **asdict(estimate),
-                "probability": f.probability,
-            }
-            for f in self.findings
-            for name, estimate in f.numbers.items()
-        ]
-
-    def to_frame(self) -> Any:
-        """Return a pandas frame with a row per number found.
-
-        Raises:
-            MissingPackageError: pandas is not installed.
-        """
-        return data_frame(self.rows())
 
     def plot(self, log: int = 0) -> Figure:
         """Return torques of one log over time, measured and of both models, with the residuals.

@@ -14,7 +14,6 @@ from typing import Any
 
 import wbc
 from wbc.arrays import FloatArray
-from wbc.errors import MissingPackageError
 from wbc.identification.model.intervals import BOOTSTRAP_SEED
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.records.record import Record
@@ -36,22 +35,6 @@ def on_one_screen(text: str) -> str:
         return text
     left = len(lines) - _LINES + 1
     return "\n".join([*lines[: _LINES - 1], f"... {left} more lines: print(...) shows all"])
-
-
-def data_frame(rows: Sequence[dict[str, Any]]) -> Any:
-    """Return rows as a pandas frame.
-
-    Raises:
-        MissingPackageError: pandas is not installed.
-    """
-    try:
-        import pandas
-    except ModuleNotFoundError as cause:
-        raise MissingPackageError(
-            "to_frame needs pandas, which no extra brings; install it with: pip install pandas. "
-            "to_json() holds the same without it."
-        ) from cause
-    return pandas.DataFrame(list(rows))
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,6 @@ from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
 from wbc.files import as_json
 from wbc.identification.answer.diagnosis import Estimate
-from wbc.identification.answer.shown import data_frame
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.trend.sessions import (
     Quantity,
@@ -221,14 +220,6 @@ class Trend:
             for session in self.sessions
             for quantity, estimate in session.values.items()
         ]
-
-    def to_frame(self) -> Any:
-        """Return a pandas frame with a row per session and quantity.
-
-        Raises:
-            MissingPackageError: pandas is not installed.
-        """
-        return data_frame(self.rows())
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""
