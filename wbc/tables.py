@@ -6,6 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
+FEW = 3
+"""Things that a sentence names before it counts the rest; tables hold all."""
+
 
 @dataclass(frozen=True)
 class TextTable:

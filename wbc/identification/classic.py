@@ -24,11 +24,11 @@ from wbc.identification.records.record import output_names
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
+from wbc.tables import FEW
 
 _DEPENDENT = 1e-5  # of a column, that must be left beside those before it
 _NOTHING = 1e-6  # coefficients between columns of one length, that rounding makes
 _SHOWN = 1e-3  # coefficients that are written out
-_LONGEST = 3  # terms of a combination that are written out
 
 # In pinocchio's order of a link's ten parameters.
 _LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -79,8 +79,8 @@ def combination(coefficients: FloatArray, names: Sequence[str]) -> str:
     """Return the terms of a combination as text, the largest first."""
     order = np.argsort(-np.abs(coefficients))
     terms = [f"{coefficients[k]:+.3g} {names[k]}" for k in order if abs(coefficients[k]) > _SHOWN]
-    more = [f"and {len(terms) - _LONGEST} more"] if len(terms) > _LONGEST else []
-    return " ".join([*terms[:_LONGEST], *more])
+    more = [f"and {len(terms) - FEW} more"] if len(terms) > FEW else []
+    return " ".join([*terms[:FEW], *more])
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,6 @@ _OWN = tuple(
 _COSTS = tuple(_PRICE * (len(own) + (_LATE in own)) for own in _OWN)
 _ROUNDS = 20
 _LINEARISED = 2
-_LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 
 
 def prepared_with_times(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, tuple[Record, ...]]:
@@ -186,7 +185,7 @@ def _normal_equations(
         )
         rest, _ = _without(free[:, 1:], free[:, :1])
         parts = np.split(rest, ends)
-        alike = float(correlated_rows(parts, min(map(len, parts)) // _LONGEST, 0.0)[0])
+        alike = float(correlated_rows(parts, 0.0)[0])
         variance = np.mean(rest**2) + DISTORTED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, ROWS_PER_SAMPLE))
         for numbers in _OWN:

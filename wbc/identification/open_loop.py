@@ -92,7 +92,7 @@ class SimulatedLog:
             laws=tuple(drive_law(log, gears, k) for k in range(gears.size)),
             time=np.asarray(log.time - log.time[0]),
             forces=forces,
-            motion=_true(own, record.motion),
+            motion=record.motion_of(own),
             states=states,
             first=float(states[0]) + edge,
             length=float(states[-1] - states[0]) - 2.0 * edge,
@@ -154,13 +154,6 @@ class SimulatedLog:
             return None
         forces = {name: force[row][None] for name, force in self.forces.items()}
         return np.asarray(contact_torque(self.robot, state.position[None], forces)[0])
-
-
-def _true(robot: Robot, motion: Motion) -> Motion:
-    """Return the motion that the robot believes behind the measured one."""
-    for effect in reversed(robot.effects):
-        motion = effect.true(robot, motion)
-    return motion
 
 
 def _without_limits(robot: Robot) -> Robot:

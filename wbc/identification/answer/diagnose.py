@@ -51,6 +51,7 @@ from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
+from wbc.tables import FEW
 
 _SEARCH = 0.8  # of the time that is given
 _STILL = (
@@ -76,8 +77,6 @@ _ALL_SILENT = (
 # verdicts on 60 generated logs in which something stays unexplained.
 _SUBSTANTIAL = 0.5
 _ASKED = 2  # experiments for what is left, the worst output first
-_MOTIONS = 3  # motions at a place to tell rivals apart: of the cause, then of the likeliest rivals
-_SEVERAL = 2  # names that are likely and not certain, beside certain ones: something else is there
 _DISAGREEMENT = 4.0  # repeated runs differ by so many times what their sensors' noise explains
 
 
@@ -286,7 +285,7 @@ def verdict_of(
         return "none" if late else "unknown"
     certain = any(s.group_probability >= CERTAIN for s in likely)
     open_names = {name for (name, _), s in support.items() if EVEN <= s.group_probability < CERTAIN}
-    if certain and len(open_names) >= _SEVERAL:
+    if certain and len(open_names) > 1:
         return "partial"
     return "named" if certain and not any(s.group > s.odds for s in likely) else "ambiguous"
 
@@ -354,7 +353,7 @@ def _to_tell_apart(findings: Sequence[Finding], classes: Mapping[str, type[Effec
         names = dict.fromkeys(a.effect for a in finding.alternatives)
         kinds = [type(finding.effect), *(classes[name] for name in names if name in classes)]
         motions = dict.fromkeys(_motion(kind) for kind in kinds)
-        places.setdefault(tuple(motions)[:_MOTIONS], {})[finding.effect.where] = None
+        places.setdefault(tuple(motions)[:FEW], {})[finding.effect.where] = None
         impossible |= dict.fromkeys(_what_no_run_tells(finding, classes))
     if not places:
         return []

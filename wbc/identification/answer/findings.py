@@ -17,7 +17,7 @@ from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along
-from wbc.identification.model.information import beside_others, scaled
+from wbc.identification.model.information import beside_others, scaled, slope_of
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
@@ -34,7 +34,6 @@ _MOTOR_SIDE = (
 )
 _ABSENT = "the model to use predicts better without it"
 _TOLD = 0.5  # standard deviation with the logs over that without them, up to which they tell it
-_STEP = 1e-4  # of a scale, by which parameters are varied
 _STRAY = 8.0  # standard deviations between the logs' own values
 _STRAY_SHARE = 0.05  # of the value itself, less is no disagreement worth a word
 _ROUNDING = 1e-7  # of the largest column: rounding
@@ -196,7 +195,13 @@ def quantities_of(
     given = effect.with_values(effect.null_values(problem.robot, effect.where))
     before = given.search.quantities(given, problem.robot)
     rows = [row for row, (owner, _) in enumerate(fit.parameters) if owner == k]
-    slopes = _slopes(problem, fit, effect, rows, found)
+
+    def told(effect: Effect) -> FloatArray:
+        numbers = effect.search.quantities(effect, problem.robot)
+        return np.array([quantity.value for quantity in numbers.values()])
+
+    each = [slope_of(told, effect, fit.parameters[row][1]) for row in rows]
+    slopes = np.stack(each, axis=-1)
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)
     after = _spread(beside_others(fit.known, rows), slopes)
@@ -214,12 +219,12 @@ def quantities_of(
         for row, (name, quantity) in enumerate(found.items())
         if after[row] < _TOLD * alone[row]
     }
-    told = _simplest(estimates, found)
-    differ = {name: e for name, e in told.items() if not e.low <= before[name].value <= e.high}
+    known = _simplest(estimates, found)
+    differ = {name: e for name, e in known.items() if not e.low <= before[name].value <= e.high}
     sentences = [_numbers_told(fit, rows)]
     if not differ:
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
-    if same := [name for name in told if name not in differ]:
+    if same := [name for name in known if name not in differ]:
         sentences.append(f"as given, within their intervals: {', '.join(same)}")
     if silent := _silent(estimates, found):
         sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
@@ -247,27 +252,6 @@ def _spread(information: FloatArray, slopes: FloatArray) -> FloatArray:
     known, size = scaled(information)
     along = slopes / size
     return np.asarray(np.sqrt(np.sum(along.T * np.linalg.solve(known, along.T), axis=0)))
-
-
-def _slopes(
-    problem: EstimationProblem,
-    fit: Fit,
-    effect: Effect,
-    rows: list[int],
-    found: Mapping[str, Quantity],
-) -> FloatArray:
-    """Return (n, p) the change of the quantities per scale of each parameter."""
-    before = np.array([quantity.value for quantity in found.values()])
-    columns = []
-    for row in rows:
-        parameter = fit.parameters[row][1]
-        value = effect.values[parameter.name]
-        step = _STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
-        stepped = effect.with_values({parameter.name: value + step})
-        moved = effect.search.quantities(stepped, problem.robot)
-        after = np.array([quantity.value for quantity in moved.values()])
-        columns.append((after - before) * (parameter.scale / step))
-    return np.stack(columns, axis=-1)
 
 
 def _simplest(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> dict[str, Estimate]:

@@ -23,12 +23,12 @@ from wbc.identification.records.record import (
     output_units,
 )
 from wbc.robot.coordinates import unit_at
+from wbc.tables import FEW
 
 _BINS = 12
 _MATTERS = 2.0  # floors above which an output is mentioned
 _DEPENDS = 0.15  # share of variance above which a dependence is mentioned
 _MANY = 100.0  # floors from which on they are not counted: a recorded slide keeps 82
-_CLUES = 3  # dependences that are mentioned
 _EXPERIMENTS = {
     "acceleration": "move {} fast with small strokes in several poses, with and without a known "
     "weight: the inertia of a link or rotor may be wrong",
@@ -230,7 +230,7 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
                 size=size,
                 unit=units[column],
                 floors=size / floor,
-                clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:_CLUES]),
+                clues=tuple(sorted(clues, key=lambda clue: -clue[1])[:FEW]),
                 elsewhere=other.variable.rpartition(" of ")[2] if other else "",
                 growth=_growth(values),
                 # Partial explanations blur the trace of a memory: the robot as given shows it, too.
@@ -276,7 +276,7 @@ def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) ->
     worst = int(np.argmax(floors))
     name = output_names(robot)[worst]
     own = [b for b in breakdowns(records, parts) if b.output == name and b.share > _DEPENDS]
-    follows = _follows([(b.variable, b.share) for b in own[:_CLUES]])
+    follows = _follows([(b.variable, b.share) for b in own[:FEW]])
     return (
         f"{plain(float(sizes[worst]), 2)} {output_units(robot)[worst]} at {name}, which {follows}"
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from wbc.identification.answer.shown import plain
 from wbc.robot.effect import spoken
+from wbc.tables import FEW
 
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
@@ -32,12 +33,6 @@ MEANINGS = {
     "not_repeatable": "repeated runs disagree, so nothing can be named",
 }
 """What a verdict means."""
-_MOST = 3
-"""Numbers of one effect in a sentence; tables hold all."""
-_MANY = 3
-"""Places from which on an effect is said once: the tables that follow name them all."""
-_CAUSES = 4
-"""Causes of one sentence; the table of what was found has all."""
 COMMAND = "    "
 """Begins every line of advice that is a command to copy."""
 _USE = "Use the corrected model."
@@ -184,10 +179,10 @@ def _sum_up(findings: Sequence[Finding]) -> str:
         effects.setdefault(finding.effect.name, []).append(finding)
     said = []
     for alike in effects.values():
-        together = len(alike) >= _MANY and not any(finding.quantities for finding in alike)
+        together = len(alike) >= FEW and not any(finding.quantities for finding in alike)
         said += [_said_once(alike)] if together else [_said(finding) for finding in alike]
-    if len(said) > _CAUSES:
-        said = [*said[: _CAUSES - 1], f"{len(said) - _CAUSES + 1} more causes"]
+    if len(said) > FEW + 1:
+        said = [*said[:FEW], f"{len(said) - FEW} more causes"]
     return joined(said)
 
 
@@ -217,7 +212,7 @@ def _said(finding: Finding) -> str:
             if e.given is not None
         ]
         return f"{said} (as given: {', '.join(given)})" if given else said
-    shown = list(finding.quantities.items())[:_MOST]
+    shown = list(finding.quantities.items())[:FEW]
     sizes = ", ".join(
         f"{name} {plain(e.value)} {e.unit}".removesuffix(" 1")
         + (f" instead of {plain(e.given)}" if e.given is not None else "")

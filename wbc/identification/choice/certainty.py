@@ -50,7 +50,6 @@ _MISTIMED = 3.0
 # another simulator was a tilt and, at 0.999 each, two springs and a friction of a third of a floor
 # to a floor; none of the three is certain so.
 _MADE_UP = 0.03
-_SEVERAL = 2  # names of causes without each of which the logs are explained, too
 _NONE = 1e-3  # of what a cause explains, that filters distort at least: no remainder is smaller
 TIED = 3.0
 """Evidence [nats] within which two hypotheses are not told apart."""
@@ -168,7 +167,7 @@ def _supports(
     names = [effect.name for effect in h.effects]
     pairs = [(name, np.maximum(gain, 0.0)) for name, gain in zip(names, gained, strict=True)]
     tiny = [not unexplained(trials.nothing.error, h, excess + gain) for _, gain in pairs]
-    several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) >= _SEVERAL
+    several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) > 1
     result = []
     for effect, gain, implausible, is_tiny in zip(
         h.effects, gained, h.implausible, tiny, strict=True

@@ -29,7 +29,6 @@ _AT_ONCE = 2  # causes that act at once, which are fitted beside the gears for a
 # behind two soft gears, 0.58 behind a soft and a loose one. It left 0.04 and 0.003 of two recorded
 # arms, where the grid of two gears took 100 CPU s.
 _SHAKEN = 0.25
-_SEVERAL = 2  # causes that act at once, in whose place one swinging link may do
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,7 @@ def _with_yielding_gears(
         floor = fine if trials.problem.floor.repeats and not h.bounces else rough
         return h.error < floor
 
-    one, weak = len(known.effects) < _SEVERAL, first.error < _WEAK
+    one, weak = len(known.effects) < 2, first.error < _WEAK
     ends: list[Hypothesis] = []
     early = next((h for h in direct.path if len(h.effects) == 1), None)
     for origin in dict.fromkeys((first, known, early or first)):

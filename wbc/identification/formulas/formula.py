@@ -22,6 +22,7 @@ from wbc.identification.formulas.sparse_regression import (
 )
 from wbc.identification.formulas.term_table import TermTable
 from wbc.robot import Effect, Robot
+from wbc.tables import FEW
 
 _Folds: TypeAlias = Sequence[tuple[BoolArray, SparseRegression]]
 
@@ -35,7 +36,6 @@ _SHARE_PER_TERM = 1e-4  # of the square explained: filters distort that much
 _STABLE = 0.5  # share of the folds that must choose a term
 _SAME = 0.98  # cosine above which two terms are the same choice
 _SAME_ERROR = 1e-4  # share by which errors of equal terms differ through rounding
-_RIVALS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def _formula(table: TermTable) -> Formula | None:
                 after=errors[fewer],
                 stability=stability,
                 rivals=tuple(
-                    tuple(table.terms[k].text for k in ties[:_RIVALS])
+                    tuple(table.terms[k].text for k in ties[:FEW])
                     for ties in _ties(table, folds, support)
                 ),
             )

@@ -149,9 +149,7 @@ def _columns(
     robot: Robot, record: Record, joint: str, terms: Sequence[TorqueTerm]
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Return columns (rows, outputs, c), which outputs those are, and levels (rows, c)."""
-    motion = record.motion
-    for effect in reversed(robot.effects):
-        motion = effect.true(robot, motion)
+    motion = record.motion_of(robot)
     nudged = robot.with_effect(CustomTorque.at(joint, {"1": _NUDGE}))
     gain = (raw_residual(robot, record) - raw_residual(nudged, record)) / _NUDGE
     outputs = np.flatnonzero(np.abs(gain).max(axis=0) > 1e-9)

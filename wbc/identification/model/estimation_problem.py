@@ -62,7 +62,6 @@ ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for no
 # third too small, a fit on its side leaves 276 floors^2 after two steps, 253 after three, 3.1 after
 # five and 0.88 at its end; on the wrong side 185.
 _TRIED = 5
-_LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,10 +271,8 @@ class EstimationProblem:
             residual: (rows, outputs), whitened.
         """
         ends = np.cumsum([record.rows for record in self.records])
-        parts = [part for part in np.split(residual, ends[:-1]) if len(part) > _LONGEST]
-        longest = min(len(part) for part in parts) // _LONGEST
-        chance = longest * ROWS_PER_SAMPLE / len(residual)
-        alike = correlated_rows(parts, longest, chance)
+        parts = [part for part in np.split(residual, ends[:-1]) if len(part) > 4]
+        alike = correlated_rows(parts, ROWS_PER_SAMPLE)
         return np.asarray(self._row_share / np.maximum(alike, ROWS_PER_SAMPLE))
 
     def row_noise(self, residual: FloatArray) -> FloatArray:

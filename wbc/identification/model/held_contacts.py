@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.identification.model.columns import STEP
 from wbc.identification.model.evaluation import with_changes
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import beside_others
@@ -19,7 +20,6 @@ from wbc.robot import Effect, Robot
 
 _STEPS = 4  # Gauss-Newton steps to the most probable zeros
 _LEAST = 1e-9  # of the largest variance: below it an axis cannot move at all
-_SMALL = 1e-3  # of a parameter's scale, by which it is varied
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class HeldContacts:
         parts = [strays(robot, *row)[:, axes] for row in rows]
         first = np.mean(np.concatenate(parts) ** 2, axis=0) / noise[axes]
         held = np.concatenate([np.stack([*holds.values()], axis=1) for _, holds in rows])
-        samples = np.repeat(held.sum(axis=0), 3)[axes] / _memory(parts)
+        samples = np.repeat(held.sum(axis=0), 3)[axes] / correlated_rows(parts, 1.0)
         return cls(robot, tuple(records), tuple(names), axes, noise[axes], samples, first)
 
     def evidence(self, fit: Fit, noise: FloatArray) -> float:
@@ -117,7 +117,7 @@ class HeldContacts:
     ) -> FloatArray:
         """Return the Gauss-Newton step (k,) of the zeros, in units of their scales."""
         columns = [
-            (self._strays(_changed(fit, slots, moved + _SMALL * unit)) - ways) / _SMALL
+            (self._strays(_changed(fit, slots, moved + STEP * unit)) - ways) / STEP
             for unit in np.eye(len(slots))
         ]
         squares = np.maximum(np.mean(ways**2, axis=0), 1.0)
@@ -138,9 +138,7 @@ def _rows(
     robot: Robot, record: Record, names: Sequence[str]
 ) -> tuple[FloatArray, dict[str, BoolArray]]:
     """Return q (rows, nq) as the effects of a robot say it truly is, and when contacts hold."""
-    motion = record.motion
-    for effect in reversed(robot.effects):
-        motion = effect.true(robot, motion)
+    motion = record.motion_of(robot)
     edge = 1 + int(record.rate / record.bandwidth.kinematics)
     none = np.zeros(len(record.torque), dtype=bool)
     touches = {name: record.active.get(name, none) for name in names}
@@ -149,12 +147,6 @@ def _rows(
         for name, rows in touches.items()
     }
     return record.thinned(motion.position), holds
-
-
-def _memory(parts: Sequence[FloatArray]) -> FloatArray:
-    """Return (axes,) how many rows of these series (rows, axes) are one independent sample."""
-    longest = max(1, min(len(part) for part in parts) // 4)
-    return correlated_rows(parts, longest, longest / sum(len(part) for part in parts))
 
 
 def _marginal(fit: Fit, noise: FloatArray, rows: Sequence[int]) -> FloatArray:

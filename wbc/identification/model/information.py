@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +64,7 @@ class UsualRows:
             for column, (k, parameter) in enumerate(slots):
                 if parts[k].size:
                     rows = slice(ends[k], ends[k + 1])
-                    jacobian[rows, column] = _slope(effects[k], parameter, parts[k])
+                    jacobian[rows, column] = slope_of(_departures, effects[k], parameter)
         return cls(residual, jacobian, noise, samples)
 
     @property
@@ -144,11 +144,14 @@ def _departures(effect: Effect) -> FloatArray:
     return np.concatenate([effect.search.departures(effect), own])
 
 
-def _slope(effect: Effect, parameter: Parameter, before: FloatArray) -> FloatArray:
+def slope_of(
+    told: Callable[[Effect], FloatArray], effect: Effect, parameter: Parameter
+) -> FloatArray:
+    """Return by how much numbers (n,) that an effect tells change per scale of a parameter."""
     value = effect.values[parameter.name]
     step = STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
-    after = _departures(effect.with_values({parameter.name: value + step}))
-    return np.asarray((after - before) * (parameter.scale / step))
+    after = told(effect.with_values({parameter.name: value + step}))
+    return np.asarray((after - told(effect)) * (parameter.scale / step))
 
 
 def scaled(information: FloatArray) -> tuple[FloatArray, FloatArray]:

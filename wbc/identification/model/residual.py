@@ -99,9 +99,7 @@ def _loads(
     robot: Robot, record: Record, swinging: FloatArray | None
 ) -> tuple[Motion, FloatArray, FloatArray]:
     """Return the true motion, what the links then need, and what the contacts give."""
-    motion = record.motion
-    for effect in reversed(robot.effects):
-        motion = effect.true(robot, motion)
+    motion = record.motion_of(robot)
     moved = record.along(motion)
     links, contacts = moved.links_of(robot), moved.contacts_of(robot)
     if swinging is None and some_deflect(robot.effects):

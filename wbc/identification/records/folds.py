@@ -12,6 +12,7 @@ from wbc.identification.records.record import Record
 _BLOCKS_PER_LOG = 5
 ROWS_PER_SAMPLE = 2.5  # of the five rows per period of the band, two are independent
 _ENOUGH_RUNS = 3
+_LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 _BLOCK_DURATION = 0.5  # [s]; residuals decorrelate within a few periods of the band
 
 
@@ -72,17 +73,19 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     return np.asarray(total[count > 0] / count[count > 0])
 
 
-def correlated_rows(parts: Sequence[FloatArray], longest: int, chance: float) -> FloatArray:
+def correlated_rows(parts: Sequence[FloatArray], white: float) -> FloatArray:
     """Return (outputs,) how many rows of some series count as one independent sample.
 
     Squares of a series are as certain as those of n / (sum over all lags of rho^2) independent
-    rows, rho being its autocorrelation (Bartlett).
+    rows, rho being its autocorrelation (Bartlett). Lags are summed up to a fourth of the shortest
+    series; what white noise adds to that sum is taken away.
 
     Args:
-        parts: series (rows, outputs), each longer than `longest`.
-        longest: lag that is still summed.
-        chance: what white noise adds to the sum over positive lags; it is taken away.
+        parts: series (rows, outputs) of at least four rows.
+        white: rows of white noise that are one sample; 0 where nothing is to be taken away.
     """
+    longest = max(1, min(map(len, parts)) // _LONGEST)
+    chance = longest * white / sum(map(len, parts))
     total = np.zeros((longest + 1, parts[0].shape[1]))
     for part in parts:
         power = np.abs(np.fft.rfft(part, 2 * len(part), axis=0)) ** 2

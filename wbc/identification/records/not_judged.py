@@ -19,12 +19,12 @@ from wbc.identification.records.filters import Bandwidth
 from wbc.identification.records.record import Record, output_count, output_gear, output_row
 from wbc.measurement import Log
 from wbc.robot import Robot
+from wbc.tables import FEW
 
 # Of its travel in the log in which it moves furthest. The joints of seven recorded sets travel at
 # least 5 % of it in each of their logs; one that a drive holds against the others trembles by 0.01
 # to 0.1 %.
 _TREMBLES = 0.01
-_NAMED = 3  # logs of a joint that a message names
 _JUMP = 0.3  # of the robot's weight, by which a force may change from one sample to the next
 _REACH = 2.0  # periods of the kinematic band on both sides, over which the filters carry a jump
 _MOST = 0.5  # of a log that may be set aside
@@ -76,9 +76,9 @@ def standing_joints(records: Sequence[Record]) -> list[str]:
     found = []
     for joint, still in zip(robot.transmission.joints, standing(records).T, strict=False):
         logs = [record.name for record, aside in zip(records, still, strict=True) if aside]
-        more = [f"{len(logs) - _NAMED} more"] if len(logs) > _NAMED else []
+        more = [f"{len(logs) - FEW} more"] if len(logs) > FEW else []
         if logs:
-            found.append(f"{joint} in {', '.join([*logs[:_NAMED], *more])}")
+            found.append(f"{joint} in {', '.join([*logs[:FEW], *more])}")
     if not found:
         return []
     return [

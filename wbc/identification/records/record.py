@@ -198,6 +198,13 @@ class Record:
         lacking = (self.links - measured)[:, self.robot.unactuated]
         return measured + self.balance.carried(lacking)
 
+    def motion_of(self, robot: Robot) -> Motion:
+        """Return the motion that a robot believes behind the measured one."""
+        motion = self.motion
+        for effect in reversed(robot.effects):
+            motion = effect.true(robot, motion)
+        return motion
+
     def forces_of(self, robot: Robot) -> ContactForces:
         """Return the contact forces (N, 3) that a robot believes behind those measured."""
         forces: ContactForces = self.forces
