@@ -19,7 +19,8 @@ from wbc import Robot, load_robot
 from wbc.dynamics import evaluate
 from wbc.sim import Plant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
-from wbc.view.plots import energy_figure, impact_figure, power_figure, standing_figure
+from wbc.view.channels import log_impacts
+from wbc.view.plots import energy_figure, power_figure, standing_figure
 
 OUT = Path("out")
 
@@ -98,10 +99,14 @@ def draw(loops: dict[str, Loop], theme: Theme = LIGHT) -> dict[str, Figure]:
     """Return squat and landing of all loops, and power and energy of the dissipative squat."""
     robot, ours = load_robot("planar_leg_strong"), loops["dissipative"].squat.log
     squats = {name: loop.squat.log for name, loop in loops.items()}
-    landings = {name: loop.landing.log for name, loop in loops.items()}
+    (hit, *_) = log_impacts(robot, loops["dissipative"].landing.log)
+    landings = {
+        name: loop.landing.log.between(hit.time - 0.05, hit.time + 0.25)
+        for name, loop in loops.items()
+    }
     return {
         "squat": standing_figure(robot, squats, theme=theme),
-        "landing": impact_figure(robot, landings, theme=theme),
+        "landing": standing_figure(robot, landings, theme=theme),
         "power": power_figure(robot, ours, theme),
         "energy": energy_figure(robot, ours, theme),
     }

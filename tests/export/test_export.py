@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 
 import mujoco
@@ -182,7 +181,7 @@ def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
     np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
 
 
-@pytest.mark.parametrize("to", ["mujoco", "mjcf", "urdf", "isaac"])
+@pytest.mark.parametrize("to", ["mujoco", "mjcf", "urdf"])
 def test_no_effect_is_left_out_in_silence(to: str) -> None:
     """Each changes the file's numbers, or stands in its list; a supply's power did neither."""
     leg, coupled = (load_robot(n).lossless() for n in ("planar_leg_fixed", "parallelogram_leg"))
@@ -215,25 +214,6 @@ def test_a_late_drive_has_no_wrong_torque_constant() -> None:
     exported = export_robot(leg.with_effects(ActuationDelay("knee", 0.005)), "urdf")
     assert exported.unsaid == export_robot(leg, "urdf").unsaid
     assert "delay of knee: 0.005 s" in exported.notes[0]
-
-
-def test_isaac_parameters_are_plain_python() -> None:
-    leg = told(load_robot("planar_leg_fixed")).with_effects(ActuationDelay("hip", 0.004))
-    exported = export_robot(leg, "isaac")
-    held = {
-        node.targets[0].id: ast.literal_eval(node.value)
-        for node in ast.parse(exported.text).body
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-    }
-    assert held["ACTUATORS"]["armature"]["hip"] == pytest.approx(20.0**2 * 6.6666666e-5)
-    assert held["ACTUATORS"]["friction"]["hip"] == pytest.approx(0.8)
-    assert held["ACTUATORS"]["viscous_friction"]["knee"] == pytest.approx(0.4)
-    assert held["ACTUATORS"]["effort_limit_sim"]["hip"] == pytest.approx(20.0)
-    assert held["DELAY"]["hip"] == pytest.approx(0.004)
-    assert held["INERTIAS"]["shin"]["mass"] == pytest.approx(2.7)
-    said = " ".join(exported.unsaid)
-    for missing in ("losses in the gear at hip", "spring at knee", "torque constant of hip"):
-        assert missing in said
 
 
 def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(

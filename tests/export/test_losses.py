@@ -255,8 +255,7 @@ def test_many_robots_at_once_are_each_of_them_alone() -> None:
 def test_jax_gives_the_same_as_numpy() -> None:
     jax = pytest.importorskip("jax")
     numbers, arguments = batch()
-    names = ("motors", "joints")
-    arrays = {name: jax.numpy.asarray(x) for name, x in numbers.items() if name not in names}
+    arrays = {name: jax.numpy.asarray(x) for name, x in numbers.items() if name != "joints"}
     step = jax.jit(lambda *given: next_losses(arrays, *given, 1e-3))
     for found, expected in zip(
         step(*arguments), next_losses(numbers, *arguments, 1e-3), strict=True

@@ -21,7 +21,6 @@ from wbc.view import DARK, LIGHT
 from wbc.view.plots import (
     energy_audit,
     energy_figure,
-    impact_figure,
     leg_figure,
     power_figure,
     standing_figure,
@@ -48,7 +47,6 @@ def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None
     for theme in (LIGHT, DARK):
         figures = [
             standing_figure(leg, {"run": squat}, theme=theme),
-            impact_figure(leg, {"run": squat}, theme=theme),
             power_figure(leg, squat, theme),
             energy_figure(leg, squat, theme),
             leg_figure(leg, q, "foot", theme),

@@ -80,7 +80,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--axes": _option(None, "world axes (default xz)", default="xz"),
     "--load": _option("N", "force to hold [N]; default: the robot's weight", type=float),
     "--to/format": {
-        **_choice("format of the file", "mujoco", "mjcf", "urdf", "isaac"),
+        **_choice("format of the file", "mujoco", "mjcf", "urdf"),
         "required": True,
     },
     "--file": _option("FILE", "to write; default: the robot's name"),
@@ -229,7 +229,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
         "experiment.run_experiment",
     ),
     "export": Subcommand(
-        "a robot for MuJoCo with its losses, URDF, Isaac Lab",
+        "a robot for MuJoCo with its losses, or as URDF",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
         "robots.run_export",

@@ -27,12 +27,10 @@ from wbc.identification.readings.first_guess import (
     model_joints,
     write_robot,
 )
-from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import LogFinding, read_table, write_map
-from wbc.measurement.findings import LIKELY
 from wbc.measurement.guess import MapGuess, guess_names
 from wbc.robot.model_file import left_out
-from wbc.view.rows import clock_rows, joint_rows, short_label
+from wbc.view.rows import clock_rows, short_label
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 
@@ -52,20 +50,11 @@ def run_check(options: argparse.Namespace, console: Console) -> Outcome:
             f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
             + ", ".join(guessed)
         )
-    # Of columns that hold something else, motion and torque tell nothing.
-    usable = robot is not None and all(quality.usable for quality in qualities)
-    told = told_by_rows(robot, logs) if usable else {}
-    if strange := [joint for joint, (own, _) in told.items() if own < 1.0 - LIKELY]:
-        said.append(
-            f"warning: motion and torque of {', '.join(strange)} fit the columns of other joints "
-            "better: compare the column map with the names that the maker of the file gives."
-        )
     answer = [_answer(qualities, len(said), options.quiet)]
     parts = [Part("remarks", Spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(short_label(qualities[k].label) for k in group)
         parts.append(Part("repeats", f"repeats of one run: {names}"))
-    parts += [Part("the joints", table(joint_rows(told)))] if told else []
     parts.append(Part("the clocks", table(clock_rows(qualities))))
     print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}

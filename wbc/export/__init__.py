@@ -1,15 +1,12 @@
 """A robot with its effects, written for the simulators that people train in."""
 
 from wbc.export.export import FORMATS, Exported, export_robot, losses_path
-from wbc.export.joint_numbers import JointNumbers, joint_numbers
 from wbc.export.loss_numbers import loss_numbers
 
 __all__ = [
     "FORMATS",
     "Exported",
-    "JointNumbers",
     "export_robot",
-    "joint_numbers",
     "loss_numbers",
     "losses_path",
 ]

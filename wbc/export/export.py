@@ -8,7 +8,6 @@ from textwrap import wrap
 from xml.etree import ElementTree as ET
 
 from wbc.errors import RobotError, unknown_name
-from wbc.export.isaac import isaac
 from wbc.export.joint_numbers import joint_numbers
 from wbc.export.loss_numbers import TOLD, loss_module
 from wbc.export.mjcf import mjcf
@@ -16,7 +15,7 @@ from wbc.export.urdf import urdf
 from wbc.files import write_text
 from wbc.robot import Robot
 
-FORMATS = {"mujoco": ".xml", "mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
+FORMATS = {"mujoco": ".xml", "mjcf": ".xml", "urdf": ".urdf"}
 """Format -> ending of its file."""
 
 
@@ -56,7 +55,7 @@ def export_robot(robot: Robot, to: str) -> Exported:
 
     Args:
         robot: with its effects.
-        to: `mjcf`, `urdf`, `isaac`, or `mujoco` for MJCF and a Python file with the losses
+        to: `mjcf`, `urdf`, or `mujoco` for MJCF and a Python file with the losses
             (`wbc.export.losses`).
 
     Raises:
@@ -67,25 +66,17 @@ def export_robot(robot: Robot, to: str) -> Exported:
         raise RobotError(unknown_name("format", to, FORMATS))
     losses = loss_module(robot) if to == "mujoco" else None
     found = joint_numbers(robot, () if losses is None else TOLD)
-    content: str | ET.Element
-    if to == "isaac":
-        content, more = isaac(robot, found)
-    else:
-        content, more = (urdf if to == "urdf" else mjcf)(robot, found)
+    content, more = (urdf if to == "urdf" else mjcf)(robot, found)
     unsaid = tuple(dict.fromkeys([*found.unsaid, *more]))
     notes = tuple(
         f"actuator delay of {joint}: {delay:.6g} s; give it to your simulator's actuator model"
         for joint, delay in zip(robot.transmission.joints, found.delay, strict=True)
         if delay
     )
-    comment = _comment(robot, unsaid, notes, losses is not None)
-    if isinstance(content, str):
-        text = content.replace("{comment}", comment.replace("\\", "/").replace('"', "'"))
-    else:
-        ET.indent(content)
-        # Two hyphens end a comment in XML.
-        safe = comment.replace("--", "- -")
-        text = f"<!--\n{safe}\n-->\n{ET.tostring(content, encoding='unicode')}\n"
+    # Two hyphens end a comment in XML.
+    comment = _comment(robot, unsaid, notes, losses is not None).replace("--", "- -")
+    ET.indent(content)
+    text = f"<!--\n{comment}\n-->\n{ET.tostring(content, encoding='unicode')}\n"
     return Exported(text, unsaid, notes, losses)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction
 from wbc.errors import RobotError
 from wbc.export.joint_numbers import joint_numbers
+from wbc.files import as_json
 from wbc.robot import Robot
 
 _KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
@@ -45,7 +46,6 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
             k = gears.index(effect.where)
             coefficient[k], speed[k] = effect.coefficient, effect.speed
     numbers = {
-        "motors": list(gears.joints),
         "joints": list(gears.joints),
         "motor_from_joint": gears.motor_from_joint,
         "joint_from_motor": np.linalg.inv(gears.motor_from_joint),
@@ -79,11 +79,7 @@ def loss_module(robot: Robot) -> str:
     Raises:
         RobotError: a gear with losses is self-locking.
     """
-    numbers = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in loss_numbers(robot).items()
-    }
-    table = pformat(numbers, width=100, sort_dicts=False)
+    table = pformat(as_json(loss_numbers(robot)), width=100, sort_dicts=False)
     code = Path(__file__).with_name("losses.py").read_text(encoding="utf-8")
     function = (
         "def losses(model: Any) -> Losses:\n"

@@ -87,7 +87,7 @@ def next_losses(
         (..., m) [N m]; `bent` for the next call.
     """
     xp = torque.__array_namespace__()
-    n = {name: xp.asarray(value) for name, value in numbers.items() if name not in _NAMES}
+    n = {name: xp.asarray(value) for name, value in numbers.items() if name != "joints"}
     turned = n["motor_from_joint"]
     speed = velocity @ turned.T
     t = torque - n["rotor_inertia"] * (acceleration @ turned.T) - n["rotor_damping"] * speed
@@ -137,7 +137,7 @@ class Losses:
 
         self._model, self._numbers = model, dict(numbers)
         n = {name: np.asarray(value) for name, value in numbers.items()}
-        self._motors = np.array([model.actuator(str(name)).id for name in n["motors"]])
+        self._motors = np.array([model.actuator(str(name)).id for name in n["joints"]])
         self._dofs = np.array([int(model.joint(str(name)).dofadr[0]) for name in n["joints"]])
         alone = model.actuator_trntype[self._motors] == int(mujoco.mjtTrn.mjTRN_JOINT)
         # A motor of one joint has its rotor at the joint, any other at its tendon.
@@ -158,7 +158,7 @@ class Losses:
         model.tendon_solimp_fri[self._tendons] = _STIFF
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self._numbers["inverse_inertia"] = model.dof_invweight0[self._dofs]
-        self.bent = np.zeros(n["motors"].size + n["bristle_level"].size)
+        self.bent = np.zeros(n["joints"].size + n["bristle_level"].size)
 
     def apply(self, data: Any) -> None:
         """Set the losses of the next step, from this state and its controls."""
@@ -179,5 +179,4 @@ class Losses:
         model.tendon_frictionloss[self._tendons] = level[self._coupled]
 
 
-_NAMES = ("motors", "joints")
 _TINY = 1e-12  # [rad]

@@ -35,7 +35,7 @@ from wbc.view.palette import (
     VERMILION,
     YELLOW,
 )
-from wbc.view.scene import SceneSize, add_paths, add_robot_scene
+from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene
 from wbc.view.shapes import LinkShape, robot_shapes
 from wbc.view.track import ContactTrack, Ghost, Track, ghost_at, make_track
 
@@ -100,18 +100,16 @@ def _gear(robot: Robot, track: Track, k: int, residual: Mapping[str, FloatArray]
     }
 
 
-def _arrow_scale(track: Track, size: SceneSize) -> float:
+def _arrow_scale(track: Track, reach: float) -> float:
     """Return the length of a force arrow [m/N], 0.45 reach for a large force that is no impact.
 
     Many arrows are shorter, so that all of them cover about as much of the robot as one does.
     """
-    if not track.contacts:
-        return size.metres_per_newton
-    forces = np.array([np.linalg.norm(contact.force, axis=1) for contact in track.contacts])
-    largest = forces.max(axis=0)
+    forces = [np.linalg.norm(contact.force, axis=1) for contact in track.contacts]
+    largest = np.max(forces, axis=0, initial=0.0)
     loaded = largest[largest > _LOADED * track.weight]
     usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight
-    return size.metres_per_newton * track.weight / usual / float(np.sqrt(len(track.contacts)))
+    return 0.45 * reach / usual / max(len(forces), 1) ** 0.5
 
 
 def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -127,16 +125,16 @@ def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
     return sorted(inside, key=lambda entry: float(entry["time"]))
 
 
-def _leaves(robot: Robot, track: Track, size: SceneSize) -> bool:
+def _leaves(robot: Robot, track: Track, reach: float) -> bool:
     """Return whether the robot moves away, which only a robot with a free base does."""
     span = np.ptp(track.center_of_mass[:, :2], axis=0).max()
-    return bool(robot.floating_size > 0 and span > _LEAVES * size.reach)
+    return bool(robot.floating_size > 0 and span > _LEAVES * reach)
 
 
 def _camera(
     robot: Robot,
     track: Track,
-    size: SceneSize,
+    reach: float,
     shapes: Sequence[LinkShape],
     ghost: FloatArray | None,
 ) -> dict[str, Any]:
@@ -147,7 +145,7 @@ def _camera(
     starts. A robot that lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
-    leaves = _leaves(robot, track, size)
+    leaves = _leaves(robot, track, reach)
     count = len(track.time)
     frames = np.linspace(0, count - 1, min(count, _FRAMED)).astype(int)
     seen = [_corners(track.poses[frames], shapes)]
@@ -243,7 +241,7 @@ def write_playback(
     # A robot that hangs below its contact would be hidden by its ground.
     mean = center.mean(axis=0)[None]
     opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
-    size = add_robot_scene(root, robot, shapes, slabs, contacts, opacity)
+    reach = add_robot_scene(root, robot, shapes, slabs, contacts, opacity)
     add_paths(root["paths"], track.paths)
     poses, residual, label = None, dict[str, FloatArray](), ""
     if ghost is not None:
@@ -261,13 +259,13 @@ def write_playback(
         "marks": shown,
         "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
         "weight": track.weight,
-        "reach": size.reach,
-        "arrow_head": size.arrow_head,
-        "metres_per_newton": _arrow_scale(track, size),
-        "camera": _camera(robot, track, size, shapes, poses),
+        "reach": reach,
+        "arrow_head": ARROW_HEAD * reach,
+        "metres_per_newton": _arrow_scale(track, reach),
+        "camera": _camera(robot, track, reach, shapes, poses),
         "floating": robot.floating_size > 0,
         "planned": bool(track.paths),
-        "follow": _leaves(robot, track, size),
+        "follow": _leaves(robot, track, reach),
         "residual_span": _residual_span(residual),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,

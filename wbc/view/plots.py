@@ -8,7 +8,6 @@ with needs("view", "drawing plots"):
         LogEnergy,
         energy_audit,
         energy_figure,
-        impact_figure,
         power_figure,
         standing_figure,
     )
@@ -22,7 +21,6 @@ __all__ = [
     "drawing",
     "energy_audit",
     "energy_figure",
-    "impact_figure",
     "leg_figure",
     "new_figure",
     "panel_figure",

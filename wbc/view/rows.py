@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from wbc.identification.classic import ClassicFit
     from wbc.identification.formulas import Discovery
     from wbc.identification.readings import LogQuality
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %"
 
 
 def short_label(label: str) -> str:
@@ -33,15 +29,6 @@ def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
         clock = f"{q.rate:.1f}", f"{100.0 * q.jitter:.1f} %", f"{1e3 * q.longest_gap:.1f} ms"
         cells.append((short_label(q.label), str(q.rows), f"{q.duration:.3f}", *clock))
     return TextTable.of("~log|>rows|>length [s]|>rate [Hz]|>jitter|>longest gap", cells)
-
-
-def joint_rows(told: Mapping[str, tuple[float, float]]) -> TextTable:
-    """Return how well the rows of logs tell whose columns are whose."""
-    return TextTable.of(
-        "~joint|>columns are its own|>torque explained",
-        ((joint, *map(_percent, shares)) for joint, shares in told.items()),
-        caption="by motion and torque alone, without names",
-    )
 
 
 def open_loop_rows(simulated: Sequence[OpenLoop]) -> TextTable:

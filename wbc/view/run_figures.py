@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
-from wbc.errors import ViewError
 from wbc.identification.readings.torque import contact_forces
 from wbc.measurement import Log
 from wbc.robot import Robot
@@ -22,7 +20,6 @@ from wbc.view.channels import (
     configuration,
     gear_flow,
     gear_powers,
-    jump_rows,
     kinematics,
     log_impacts,
     robot_weight,
@@ -188,113 +185,6 @@ def _sum(time: FloatArray, power: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(power * np.diff(time))])
 
 
-_QUANTITY = {
-    "N": "force",
-    "N m": "torque",
-    "N s": "impulse",
-    "rad/s": "speed",
-    "W": "power",
-    "m": "height",
-    "mm": "sway",
-    "deg": "pitch",
-}
-
-Signals = Mapping[str, tuple[str, FloatArray]]
-"""Title of a panel -> unit and values (N,) of what it shows."""
-
-
-_BEFORE, _AFTER = 0.05, 0.25  # [s] shown around an impact
-
-
-def impact_figure(robot: Robot, runs: Mapping[str, Log], *, theme: Theme = LIGHT) -> Figure:
-    """Return ground force, gear speeds and mesh power around the first impact of every run.
-
-    The force axis is linear up to the weight and logarithmic above, so that the blow and the
-    standing force both show. The impulse counts from the impact and without the weight's share: it
-    ends at the momentum that the robot brought.
-
-    Args:
-        robot: the robot of all runs.
-        runs: label -> recording; time 0 of the plot is each run's own impact.
-        theme: page colours.
-
-    Raises:
-        ViewError: a run without an impact.
-    """
-    rows = 1 + robot.transmission.size
-    with drawing(theme):
-        figure, grid = new_figure(rows, 2, 8.0, 1.7 * rows + 0.5, share_x=True)
-        axes = [ax for row in grid for ax in row]
-        for i, (label, log) in enumerate(runs.items()):
-            impacts = log_impacts(robot, log)
-            if not impacts:
-                raise ViewError(f"no contact force of '{label}' rises out of the air: no impact.")
-            begin = impacts[0].time
-            around = log.between(begin - _BEFORE, begin + _AFTER)
-            signals, jumps = _impact_signals(robot, around, begin)
-            time, style = 1e3 * (around.time - begin), run_style(i, label, theme)
-            _draw(axes, time, signals, style, ("W",), jumps)
-        axes[0].set_yscale("symlog", linthresh=robot_weight(robot), linscale=1.0)
-        axes[0].yaxis.set_major_formatter("{x:g}")
-        for ax in axes:
-            ax.axvline(0.0, color=theme.ink, linewidth=0.8, linestyle=(0, (2, 2)))
-        for ax in grid[-1]:
-            ax.set(xlabel="time after the impact [ms]", xlim=(-1e3 * _BEFORE, 1e3 * _AFTER))
-        if len(runs) > 1:
-            legend_above(figure, axes[0], len(runs))
-    return figure
-
-
-def _impact_signals(robot: Robot, log: Log, begin: float) -> tuple[Signals, tuple[int, ...]]:
-    """Return what `impact_figure` shows of a run, and the rows at which its speeds jump."""
-    vertical = _vertical_force(robot, log)
-    since = log.time >= begin - 0.5 * log.sample_time
-    beyond = np.where(since, vertical - robot_weight(robot), 0.0)
-    signals = {
-        "vertical ground force": ("N", vertical),
-        "impulse of the ground beyond the weight": ("N s", np.cumsum(beyond) * log.sample_time),
-    }
-    flow = gear_flow(robot, log)
-    for k, joint in enumerate(robot.transmission.joints):
-        signals[f"speed of the {joint} gear"] = ("rad/s", flow.speed[:, k])
-        signals[f"mesh power, {joint}"] = ("W", flow.mesh_power[:, k])
-    return signals, jump_rows(flow.speed, [int(np.searchsorted(log.time, begin))])
-
-
-def _draw(
-    axes: Sequence[Axes],
-    time: FloatArray,
-    signals: Signals,
-    style: Mapping[str, Any],
-    means: Sequence[str],
-    jumps: Sequence[int],
-    samples: bool = True,
-) -> None:
-    """Draw the signals of a run, a panel each; where they are rough those of some units as means.
-
-    Args:
-        axes: as many as signals.
-        time: (N,) of the samples.
-        signals: of the run.
-        style: of its line.
-        means: units of the signals that are averaged, never across the rows in `jumps`.
-        jumps: see there.
-        samples: whether the samples stand behind a mean.
-    """
-    for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
-        ax.set(title=title, ylabel=f"{_QUANTITY[unit]} [{unit}]")
-        if unit in means:
-            plot_mean(ax, time, values, style, jumps, samples=samples)
-        else:
-            ax.plot(time, values, **style)
-
-
-def _vertical_force(robot: Robot, log: Log) -> FloatArray:
-    """Return the force of the ground along z (N,) [N], over all contacts."""
-    forces = contact_forces(robot, log).values()
-    return np.asarray(sum((force[:, 2] for force in forces), np.zeros(len(log))))
-
-
 _CUT = 4.0  # weights at which the axis of the force ends where something lands
 
 
@@ -322,10 +212,14 @@ def standing_figure(
         for i, (label, log) in enumerate(runs.items()):
             hits = [int(np.searchsorted(log.time, impact.time)) for impact in impacts[label]]
             signals, style = _standing_signals(robot, log), run_style(i, label, theme)
-            _draw(axes, log.time, signals, style, ("N m", "N"), hits, samples=len(runs) == 1)
-            torques = [values for unit, values in signals.values() if unit == "N m"]
-            for ax, limit, torque in zip(axes[3:-1], limits, torques, strict=True):
-                if np.isfinite(limit) and np.nanmax(np.abs(torque)) > 0.5 * limit:
+            for ax, (title, (unit, values)) in zip(axes, signals.items(), strict=True):
+                ax.set(title=title, ylabel=unit)
+                if "N" in unit:
+                    plot_mean(ax, log.time, values, style, hits, samples=len(runs) == 1)
+                else:
+                    ax.plot(log.time, values, **style)
+            for ax, limit in zip(axes[3:-1], limits, strict=True):
+                if np.isfinite(limit) and np.abs(ax.dataLim.intervaly).max() > 0.5 * limit:
                     for end in (-limit, limit):
                         ax.axhline(end, color="0.5", linewidth=0.8, linestyle=":")
         first = next(iter(runs.values()))
@@ -342,20 +236,21 @@ def standing_figure(
     return figure
 
 
-def _standing_signals(robot: Robot, log: Log) -> Signals:
-    """Return what `standing_figure` shows of a run; sway from the first contact at its end."""
+def _standing_signals(robot: Robot, log: Log) -> dict[str, tuple[str, FloatArray]]:
+    """Return title -> label of the axis and values (N,); sway from the first contact at its end."""
     poses, center, points = kinematics(robot, configuration(robot, log))
     start = points[-1, 0, 0] if robot.contacts else 0.0
     torque = rotor_torque(robot, log)
+    vertical = (force[:, 2] for force in contact_forces(robot, log).values())
     return {
-        "height of the centre of mass": ("m", center[:, 2]),
-        "sway of the centre of mass": ("mm", 1e3 * (center[:, 0] - start)),
-        "pitch of the base": ("deg", np.degrees(base_pitch(robot, poses))),
+        "height of the centre of mass": ("height [m]", center[:, 2]),
+        "sway of the centre of mass": ("sway [mm]", 1e3 * (center[:, 0] - start)),
+        "pitch of the base": ("pitch [deg]", np.degrees(base_pitch(robot, poses))),
         **{
-            f"rotor torque, {joint}": ("N m", torque[:, k])
+            f"rotor torque, {joint}": ("torque [N m]", torque[:, k])
             for k, joint in enumerate(robot.transmission.joints)
         },
-        "vertical ground force": ("N", _vertical_force(robot, log)),
+        "vertical ground force": ("force [N]", sum(vertical, np.zeros(len(log)))),
     }
 
 

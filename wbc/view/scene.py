@@ -13,11 +13,12 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.robot import Robot
 from wbc.robot.coordinates import joint_axis
-from wbc.view.channels import robot_weight
 from wbc.view.ground import GroundSlab
 from wbc.view.palette import GREEN, GREY, PURPLE, YELLOW
 from wbc.view.shapes import LinkShape, UprightCylinder, along
 
+ARROW_HEAD = 0.055
+"""Length of the head of a force arrow, of the robot's size."""
 _PIN = 0.6
 """Radius of a pin over half the thickness of its link: the link still shows around it."""
 
@@ -27,51 +28,15 @@ _NEAR = 0.07
 TALOS asked for discs that hid the robot."""
 
 
-@dataclass(frozen=True)
-class SceneSize:
-    """Lengths that fit a robot, for arrows, hubs and marks.
-
-    Attributes:
-        reach: [m] about the robot's size.
-        weight: [N] of the robot; an arrow of this force is 0.45 reach long.
-    """
-
-    reach: float
-    weight: float
-
-    @property
-    def metres_per_newton(self) -> float:
-        """Length of a force arrow per newton."""
-        return 0.45 * self.reach / max(self.weight, 1e-9)
-
-    @property
-    def arrow_radius(self) -> float:
-        """Of the shaft of a force arrow [m]."""
-        return 0.011 * self.reach
-
-    @property
-    def arrow_head(self) -> float:
-        """Length of the head of a force arrow [m]."""
-        return 5.0 * self.arrow_radius
-
-
-def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> SceneSize:
-    """Return the lengths that fit a robot in its neutral pose."""
+def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> float:
+    """Return about the size [m] of a robot in its neutral pose: arrows, hubs and marks fit it."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.neutral())
     corners = [
         data.oMi[shape.joint].act(corner) for shape in shapes for corner in (shape.low, shape.high)
     ]
     span = float(np.ptp(np.array(corners), axis=0).max()) if corners else 1.0
-    return SceneSize(max(span, 1e-3), robot_weight(robot))
-
-
-def add_robot(root: Any, shapes: tuple[LinkShape, ...]) -> None:
-    """Add one group per joint with the bodies it moves, at `root/j<number>`."""
-    for shape in shapes:
-        place = root[f"j{shape.joint}"][shape.name]
-        place.set_object(shape.geometry, material(shape.colour, 1.0))
-        place.set_transform(shape.placement.homogeneous)
+    return max(span, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -83,19 +48,7 @@ class Hub:
     radius: float
 
 
-def add_hubs(root: Any, robot: Robot, shapes: tuple[LinkShape, ...], size: SceneSize) -> None:
-    """Add a disc on the axis of every driven joint, at `root/j<number>/hub`, to be coloured."""
-    for joint in robot.transmission.joints:
-        number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
-        hub = hub_of(robot, shapes, joint, size)
-        place = root[f"j{number}"]["hub"]
-        body = UprightCylinder(hub.high - hub.low, hub.radius)
-        place.set_object(body, material(GREY, 1.0))
-        middle = 0.5 * (hub.low + hub.high) * axis
-        place.set_transform(pin.SE3(along(axis), middle).homogeneous)
-
-
-def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, size: SceneSize) -> Hub:
+def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, reach: float) -> Hub:
     """Return a disc that sticks out of the bodies around a joint.
 
     A pin through them where they reach no farther along the axis than the moved link does across
@@ -105,7 +58,7 @@ def hub_of(robot: Robot, shapes: tuple[LinkShape, ...], joint: str, size: SceneS
     number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
     parent = int(robot.model.parents[number])
     here = robot.model.jointPlacements[number].inverse()
-    slim, margin, near = 0.034 * size.reach, 0.012 * size.reach, _NEAR * size.reach
+    slim, margin, near = 0.034 * reach, 0.012 * reach, _NEAR * reach
     own = [_box(s, pin.SE3.Identity(), near) for s in shapes if s.joint == number]
     other = [_box(s, here, near) for s in shapes if s.joint == parent]
     own, other = ([box for box in boxes if box.size] for boxes in (own, other))
@@ -143,44 +96,11 @@ def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
     return np.array([points.min(axis=0), points.max(axis=0)])
 
 
-def add_contact(root: Any, friction: float, size: SceneSize) -> None:
-    """Add an arrow of unit length along z and a friction cone, to be placed and scaled."""
-    radius = size.arrow_radius
-    shaft = UprightCylinder(1.0, radius)
-    root["shaft"]["body"].set_object(shaft, material(GREEN, 1.0))
-    root["shaft"]["body"].set_transform(_shift(0.5))
-    head = UprightCylinder(size.arrow_head, radiusTop=0.0, radiusBottom=2.6 * radius)
-    root["head"]["body"].set_object(head, material(GREEN, 1.0))
-    root["head"]["body"].set_transform(_shift(0.5 * size.arrow_head))
-    height = 0.28 * size.reach
-    cone = UprightCylinder(height, radiusTop=friction * height, radiusBottom=0.0)
-    root["cone"]["body"].set_object(cone, material(YELLOW, 0.22))
-    root["cone"]["body"].set_transform(_shift(0.5 * height))
-
-
-def add_center_of_mass(root: Any, size: SceneSize) -> None:
-    """Add a ball, its shadow point on the ground and the plumb line between them."""
-    radius = 0.028 * size.reach
-    root["ball"].set_object(mg.Sphere(radius), material(PURPLE, 1.0))
-    root["floor"].set_object(UprightCylinder(0.004 * size.reach, radius), material(PURPLE, 0.9))
-    root["line"]["body"].set_object(UprightCylinder(1.0, 0.12 * radius), material(PURPLE, 0.8))
-    root["line"]["body"].set_transform(_shift(0.5))
-
-
 def add_paths(root: Any, paths: Mapping[str, FloatArray]) -> None:
     """Add the path (F, 3) [m] of every contact point as a line."""
     for name, points in paths.items():
         corners = mg.PointsGeometry(np.ascontiguousarray(points.T, dtype=np.float32))
         root[name].set_object(mg.Line(corners, mg.LineBasicMaterial(color=int(PURPLE[1:], 16))))
-
-
-def add_ground(root: Any, slabs: tuple[GroundSlab, ...], opacity: float) -> None:
-    """Add the ground as thin boxes whose upper faces are the surface."""
-    for i, slab in enumerate(slabs):
-        place = root[f"slab{i}"]
-        matt = mg.MeshLambertMaterial(color=0xA9B0BA, opacity=opacity, transparent=opacity < 1.0)
-        place.set_object(mg.Box([float(side) for side in slab.sides]), matt)
-        place.set_transform(slab.placement.homogeneous)
 
 
 def add_robot_scene(
@@ -190,25 +110,57 @@ def add_robot_scene(
     slabs: tuple[GroundSlab, ...],
     contacts: Sequence[str],
     ground_opacity: float = 1.0,
-) -> SceneSize:
-    """Add robot, hubs, named contacts, centre of mass and ground to `viewer`; return their size.
+) -> float:
+    """Add robot, hubs, named contacts, centre of mass and ground; return the robot's size [m].
 
     Args:
-        viewer: where to add them.
+        viewer: where to add them: the bodies of each joint at `robot/j<number>` with a disc on its
+            axis at `hub`, to be coloured; an arrow of unit length along z and a friction cone at
+            `contacts/<name>`, to be placed and scaled; a ball, its shadow and a line at `com`.
         robot: whose joints and contacts.
         shapes: its bodies, from `robot_shapes`.
-        slabs: the ground.
+        slabs: the ground, thin boxes whose upper faces are the surface.
         contacts: names of those with an arrow and a cone.
         ground_opacity: of the ground, in [0, 1].
     """
-    size = scene_size(robot, shapes)
-    add_robot(viewer["robot"], shapes)
-    add_hubs(viewer["robot"], robot, shapes, size)
+    reach = scene_size(robot, shapes)
+    for shape in shapes:
+        place = viewer["robot"][f"j{shape.joint}"][shape.name]
+        _put(place, shape.geometry, shape.colour, shape.placement.homogeneous)
+    for joint in robot.transmission.joints:
+        number, axis = robot.model.getJointId(joint), joint_axis(robot, joint)
+        hub = hub_of(robot, shapes, joint, reach)
+        body = UprightCylinder(hub.high - hub.low, hub.radius)
+        place = pin.SE3(along(axis), 0.5 * (hub.low + hub.high) * axis).homogeneous
+        _put(viewer["robot"][f"j{number}"]["hub"], body, GREY, place)
     for name in contacts:
-        add_contact(viewer["contacts"][name], robot.contact(name).friction, size)
-    add_center_of_mass(viewer["com"], size)
-    add_ground(viewer["ground"], slabs, ground_opacity)
-    return size
+        _add_contact(viewer["contacts"][name], robot.contact(name).friction, reach)
+    ball, radius = viewer["com"], 0.028 * reach
+    ball["ball"].set_object(mg.Sphere(radius), material(PURPLE, 1.0))
+    ball["floor"].set_object(UprightCylinder(0.004 * reach, radius), material(PURPLE, 0.9))
+    _put(ball["line"]["body"], UprightCylinder(1.0, 0.12 * radius), PURPLE, _shift(0.5), 0.8)
+    for i, slab in enumerate(slabs):
+        place = viewer["ground"][f"slab{i}"]
+        clear = ground_opacity < 1.0
+        matt = mg.MeshLambertMaterial(color=0xA9B0BA, opacity=ground_opacity, transparent=clear)
+        place.set_object(mg.Box([float(side) for side in slab.sides]), matt)
+        place.set_transform(slab.placement.homogeneous)
+    return reach
+
+
+def _add_contact(root: Any, friction: float, reach: float) -> None:
+    """Add an arrow of unit length along z and a friction cone, to be placed and scaled."""
+    radius, head, height = 0.011 * reach, ARROW_HEAD * reach, 0.28 * reach
+    _put(root["shaft"]["body"], UprightCylinder(1.0, radius), GREEN, _shift(0.5))
+    tip = UprightCylinder(head, radiusTop=0.0, radiusBottom=2.6 * radius)
+    _put(root["head"]["body"], tip, GREEN, _shift(0.5 * head))
+    cone = UprightCylinder(height, radiusTop=friction * height, radiusBottom=0.0)
+    _put(root["cone"]["body"], cone, YELLOW, _shift(0.5 * height), 0.22)
+
+
+def _put(place: Any, body: Any, colour: str, at: FloatArray, opacity: float = 1.0) -> None:
+    place.set_object(body, material(colour, opacity))
+    place.set_transform(at)
 
 
 def material(colour: str, opacity: float) -> mg.MeshPhongMaterial:

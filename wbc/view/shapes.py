@@ -18,9 +18,9 @@ from wbc.robot import Robot, placed_geometry
 # three.js runs cylinders along y, everybody else along z. meshcat sends this matrix row by row
 # and three.js reads it column by column, so that what is written here is the transpose.
 _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-# Of one mesh. TALOS (144 000 triangles, 24 072 in its chest) makes a page of 5.2 MB; merging its
-# vertices to 4000 triangles per mesh made one of 3.6 MB, in which thin walls pierced one another.
-_MAX_TRIANGLES = 30_000
+# Of one mesh, and cells along its longest side where it has more: a page of TALOS (24 072 triangles
+# in its chest) has 5.2 MB, one of ANYmal (124 882 in its base) 11.1 MB whole.
+_MAX_TRIANGLES, _CELLS = 30_000, 96
 
 
 class UprightCylinder(mg.Cylinder):  # type: ignore[misc]
@@ -83,32 +83,22 @@ def _corners(triangle: Callable[[int], Any], count: int) -> IntArray:
 def _mesh(vertices: FloatArray, faces: IntArray) -> Any | None:
     if len(faces) == 0:
         return None
-    # A playback travels by mail; what one cannot see at a robot's size is left out.
-    cells = 96.0
-    coarse, kept = vertices, faces
-    while len(kept) > _MAX_TRIANGLES:
-        coarse, kept = _clustered(vertices, faces, cells)
-        cells *= 0.75
-    return mg.TriangularMeshGeometry(
-        np.asarray(coarse, dtype=np.float32), np.asarray(kept, dtype=np.uint32)
-    )
+    if len(faces) > _MAX_TRIANGLES:  # a playback travels by mail
+        vertices, faces = _clustered(vertices, faces)
+    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def _clustered(vertices: FloatArray, faces: IntArray, cells: float) -> tuple[FloatArray, IntArray]:
+def _clustered(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Merge the vertices in each cell of a grid; drop triangles that collapse, keep each once.
 
     The two sides of a thin wall fall into the same cells: both would be drawn in one place.
     """
-    low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
-    keys = np.round((vertices - low) * (cells / span)).astype(np.int64)
-    _, inverse = np.unique(keys, axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    merged = np.stack([np.bincount(inverse, weights=vertices[:, i]) for i in range(3)], axis=1)
-    small = inverse[faces]
-    a, b, c = np.sort(small, axis=1).T
-    kept = small[(a != b) & (b != c)]
-    _, first = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
-    return merged / np.bincount(inverse)[:, None], kept[np.sort(first)]
+    cells = np.round((vertices - vertices.min(axis=0)) * (_CELLS / np.ptp(vertices, axis=0).max()))
+    _, kept, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    small = cell.reshape(-1)[faces]
+    corners, first = np.unique(np.sort(small, axis=1), axis=0, return_index=True)
+    whole = (np.diff(corners, axis=1) > 0).all(axis=1)
+    return vertices[kept], small[np.sort(first[whole])]
 
 
 def along(direction: FloatArray) -> FloatArray:

@@ -79,8 +79,6 @@ function drawPanel(panel, places) {
       hovertemplate: hover(panel.unit, over.name) + `<extra>${name}</extra>` });
     const both = [dots(panel.before, style("--before"), "as given")];
     if (data.fitted) both.push(dots(panel.after, style("--after"), "with effects"));
-    for (const curve of over.explained) both.push({ x: curve.x, y: curve.y, mode: "lines", name: "explained", line: { color: style("--explained"), width: 2.5 },
-      hovertemplate: hover(panel.unit, over.name) + "<extra>what the effects explain</extra>" });
     Plotly.react(places[k + 2], both, layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
   });
 }
