@@ -61,8 +61,8 @@ def test_the_audit_of_an_exact_motion_closes_while_standing(leg: Robot, squat: L
     audit = energy_audit(leg, squat.between(0.3, 1.9))
     # The torques were computed from the motion with the same losses: what the motors give is
     # stored or heat, up to the averaging of speeds at the reversals.
-    assert np.abs(audit.unexplained).max() < 0.02 * np.abs(audit.motor_work).max()
-    assert audit.heat[-1] > 0.5 * np.ptp(audit.potential)
+    assert np.abs(audit["unexplained"]).max() < 0.02 * np.abs(audit["work of the motors"]).max()
+    assert audit["heat in gears"][-1] > 0.5 * np.ptp(audit["potential energy"])
 
 
 def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> None:
@@ -72,8 +72,8 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
     control = LegControl(robot, squat(0.67, 0.025, 0.5))
     run = simulate(Plant(robot), control, Plant(robot).state(start), 0.3)
     found = energy_audit(robot, run.log)
-    assert found.heat[-1] == pytest.approx(run.audit.flow.mesh, rel=1e-2)  # one step of 300 is less
-    assert np.abs(found.unexplained).max() < 2e-3 * np.abs(found.motor_work).max()
+    assert found["heat in gears"][-1] == pytest.approx(run.audit.flow.mesh, rel=1e-2)  # less a step
+    assert np.abs(found["unexplained"]).max() < 2e-3 * np.abs(found["work of the motors"]).max()
 
 
 def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> None:

@@ -26,24 +26,19 @@ from wbc.measurement.column_map import SECTIONS
 from wbc.robot import Robot
 
 
-def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]:
-    """Return the robot and the logs that the options name."""
-    robot = robot_from(options)
-    return robot, logs_from(options, robot)
-
-
 def robot_from(options: argparse.Namespace) -> Robot:
     """Return the robot that the options name."""
     robot = load_robot(options.robot)
     return robot.lossless() if options.lossless else robot
 
 
-def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
-    """Return the logs that the options name, read with the robot's gear ratios.
+def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]:
+    """Return the robot and the logs that the options name, read with its gear ratios.
 
     Raises:
         LogError: one has joints that another one lacks.
     """
+    robot = robot_from(options)
     logs = read_logs(options.logs, options.columns, robot)
     first = _joints(logs[0])
     for log in logs[1:]:
@@ -53,7 +48,7 @@ def logs_from(options: argparse.Namespace, robot: Robot) -> tuple[Log, ...]:
                 f"'{logs[0].source.label}' and '{log.source.label}' are not logs of the same robot:"
                 f" only one of them holds {extra}. Compare them one by one."
             )
-    return logs
+    return robot, logs
 
 
 def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[Log, ...]:

@@ -13,7 +13,6 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from wbc.cli.inputs import robot_and_logs
-from wbc.cli.options import BUDGET
 from wbc.cli.outputs import Outcome, command_line, working
 from wbc.cli.printout import Part, Spoken, print_out, table
 from wbc.effects import effect_class, save_robot
@@ -119,10 +118,9 @@ def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
 
 def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
-    budget = BUDGET if options.budget is None else options.budget
-    if not budget > 0.0:
-        raise WbcError(f"--budget {budget:g}: give a time > 0 [s].")
-    until = time.monotonic() + budget
+    if not options.budget > 0.0:
+        raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
+    until = time.monotonic() + options.budget
     candidates = _candidates(options.add)
     robot, logs = robot_and_logs(options)
     if guessed := ", ".join(guessed_numbers(options.robot)):

@@ -53,6 +53,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         f"answer within this time with the best so far (default {BUDGET:.0f}; inf for no limit; "
         "Ctrl-C answers at once)",
         type=float,
+        default=BUDGET,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
     # many jobs
@@ -66,12 +67,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
     "--html": _option("FILE.html", "write the page"),
-    "--png": _option("FILE.png", "write a picture"),
-    "--at": _option("T", "time [s] of the picture, where the page waits", type=float),
-    "--gif": _option("FILE.gif", "write an animation"),
-    "--from": _option("T", "start of the animation [s]", dest="start", type=float),
-    "--to": _option("T", "end of the animation [s]", dest="stop", type=float),
-    "--speed/shown": _option("X", "0.1 shows it ten times slower", type=float, default=1.0),
     "--figures": _option("DIR", "write figures (PNG)", nargs="?", const="out"),
     "--theme": _choice("colours of pictures (default light)", "light", "dark"),
     # a contact of a robot
@@ -184,16 +179,13 @@ It says how large each number is, not which are needed: `wbc diagnose` does that
         "models.run_identify",
     ),
     "play": Subcommand(
-        "a recording in motion: one offline page, a picture, an animation",
-        "run_file --robot --columns --ghost --html --png --at --gif --from --to --speed/shown"
-        " --theme",
+        "a recording in motion: one offline page",
+        "run_file --robot --columns --ghost --html",
         """examples:
   wbc play out/landing.parquet --robot planar_leg_strong --html a.html
-  wbc play run.csv --robot planar_leg --ghost fitted.toml --png a.png --at 0.3
-  wbc play run.csv --robot planar_leg --gif a.gif --from 0.3 --to 1 --speed 0.1
+  wbc play run.csv --robot planar_leg --ghost fitted.toml
 
-Pictures need Chromium and playwright (extra pictures).
-Without --html, --png, --gif the page opens in the browser.""",
+Without --html the page opens in the browser.""",
         "show.run_play",
     ),
     "metrics": Subcommand(
@@ -245,7 +237,8 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
 
 _EPILOG = """\
 example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
-exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input, 130 interrupted"""
+exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
+130 interrupted"""
 
 
 class _Version(argparse.Action):

@@ -20,7 +20,7 @@ from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
 _INPUTS = ("run_file", "robot", "columns", "ghost")
-_OUTPUTS = ("--html", "--report", "--png", "--gif", "--save", "--out", "--file", "--fix", "--json")
+_OUTPUTS = ("--html", "--report", "--save", "--out", "--file", "--fix", "--json")
 
 
 def require_outputs(options: argparse.Namespace, keys: Sequence[str]) -> None:

@@ -154,8 +154,7 @@ def run_export(options: argparse.Namespace, console: Console) -> Outcome:
         if texts:
             console.print("\n  - ".join((title, *texts)))
     console.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
-    content: dict[str, Any]
-    content = {"file": str(path), "notes": exported.notes, "unsaid": exported.unsaid}
+    content = dict[str, Any](file=str(path), notes=exported.notes, unsaid=exported.unsaid)
     if exported.losses is not None:
         content["losses"] = str(losses_path(path))
         console.print(f"wrote {losses_path(path)}: the losses of the gears, to call in every step")

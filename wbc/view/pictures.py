@@ -106,7 +106,6 @@ def write_animation(
     frame_rate: float = 15.0,
     size: tuple[int, int] = (640, 480),
     theme: str = "light",
-    progress: Callable[[str], None] = lambda line: None,
 ) -> Path:
     """Write a GIF of a playback page.
 
@@ -118,7 +117,6 @@ def write_animation(
         frame_rate: frames per second of the animation.
         size: width and height [px].
         theme: "light" or "dark".
-        progress: called with a line of text as pictures are taken.
 
     Raises:
         ViewError: no Chromium (the message names the package), another ending, or a span of time
@@ -141,10 +139,9 @@ def write_animation(
                 )
             instants = np.arange(begin, end, speed / frame_rate)
             pictures = []
-            for number, instant in enumerate(instants, 1):
+            for instant in instants:
                 taken = io.BytesIO(_shown(page, float(instant)))
                 pictures.append(Image.open(taken).convert("RGB"))
-                progress(f"{number} of {len(instants)}")
             return write_gif(destination, pictures, frame_rate)
 
     return _in_thread(film)
@@ -166,29 +163,17 @@ def _shown(page: Page, at: float) -> bytes:
     return page.screenshot()
 
 
-_PALETTE_FRAMES = 8
-
-
 def write_gif(path: Path, films: Sequence[Image.Image], frame_rate: float) -> Path:
     """Write pictures as a GIF that repeats for ever."""
     # One palette for all frames: no flicker, and pixels that stay compress away. It is made from
-    # frames all over the film, so that a colour that comes late is in it.
-    sample = films[:: max(1, len(films) // _PALETTE_FRAMES)]
-    width, height = films[0].size
-    mosaic = Image.new("RGB", (width, height * len(sample)))
-    for i, picture in enumerate(sample):
-        mosaic.paste(picture, (0, i * height))
-    palette = _palette(mosaic)
+    # frames all over the film, so that a colour that comes late is in it: most of it for the shades
+    # that fill a picture, some for small marks.
+    sample = [np.asarray(film) for film in films[:: max(1, len(films) // 8)]]
+    mosaic, palette = Image.fromarray(np.concatenate(sample)), Image.new("P", (1, 1))
+    shades = mosaic.quantize(200, Image.Quantize.MEDIANCUT).getpalette() or []
+    marks = mosaic.quantize(56, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette.putpalette(shades[:600] + marks[:168])
     first, *others = (film.quantize(palette=palette, dither=Image.Dither.NONE) for film in films)
     more = {"save_all": True, "append_images": others, "loop": 0, "optimize": False}
     duration = round(1000.0 / frame_rate)
     return atomic_write(path, lambda file: first.save(file, "GIF", duration=duration, **more))
-
-
-def _palette(picture: Image.Image) -> Image.Image:
-    """Return 256 colours: most for the shades that fill a picture, some for small marks."""
-    shades = picture.quantize(colors=200, method=Image.Quantize.MEDIANCUT).getpalette() or []
-    marks = picture.quantize(colors=56, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(shades[:600] + marks[:168])
-    return palette

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +56,6 @@ _COLOURS = {
 }
 
 
-def _residual_span(residual: Mapping[str, FloatArray]) -> float:
-    """Return how many noise floors have the full colour: few residuals exceed it."""
-    if not residual:
-        return _LEAST_SPAN
-    sizes = np.concatenate([np.abs(values) for values in residual.values()])
-    return max(_LEAST_SPAN, float(np.quantile(sizes, 0.95)))
-
-
 def _body(robot: Robot, poses: FloatArray) -> dict[str, Any]:
     return {"joints": robot.model.njoints, "poses": _packed(poses)}
 
@@ -109,7 +100,7 @@ def _arrow_scale(track: Track, reach: float) -> float:
     largest = np.max(forces, axis=0, initial=0.0)
     loaded = largest[largest > _LOADED * track.weight]
     usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight
-    return 0.45 * reach / usual / max(len(forces), 1) ** 0.5
+    return float(0.45 * reach / usual / max(len(forces), 1) ** 0.5)
 
 
 def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
@@ -187,6 +178,7 @@ def _outermost(points: FloatArray) -> FloatArray:
 
 
 _PLAYER = Path(__file__).parent / "player"
+_VIEWER = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 # One script for the page, in this order: each file uses what stands in those before it.
 _SCRIPTS = tuple(
     f"{name}.js"
@@ -266,7 +258,10 @@ def write_playback(
         "floating": robot.floating_size > 0,
         "planned": bool(track.paths),
         "follow": _leaves(robot, track, reach),
-        "residual_span": _residual_span(residual),
+        # Noise floors of the full colour: few residuals exceed it.
+        "residual_span": max(
+            _LEAST_SPAN, float(np.quantile(np.abs([*residual.values()] or 0), 0.95))
+        ),
         "autoplay": at is None,
         "at": float(track.time[0]) if at is None else at,
         "colours": _COLOURS,
@@ -278,17 +273,15 @@ def write_playback(
         theme=theme,
         css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
         script="\n".join((_PLAYER / name).read_text(encoding="utf-8") for name in _SCRIPTS),
-        meshcat=meshcat_script(),
-        scene=json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c"),
+        meshcat=_VIEWER.read_text(encoding="utf-8"),
+        scene=embedded(scene),
     )
     return write_text(path, page)
 
 
-@cache
-def meshcat_script() -> str:
-    """Return meshcat's viewer, the JavaScript that its wheel carries."""
-    folder = Path(meshcat.__file__).parent / "viewer" / "dist"
-    return (folder / "main.min.js").read_text(encoding="utf-8")
+def embedded(value: object) -> str:
+    """Return JSON that can stand inside a script element."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _level_ground(track: Track) -> Plane | None:

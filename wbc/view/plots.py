@@ -5,7 +5,6 @@ from wbc.extras import needs
 with needs("view", "drawing plots"):
     from wbc.view.leg_figures import leg_figure
     from wbc.view.run_figures import (
-        LogEnergy,
         energy_audit,
         energy_figure,
         power_figure,
@@ -16,7 +15,6 @@ with needs("view", "drawing plots"):
 
 __all__ = [
     "DASHES",
-    "LogEnergy",
     "design_map",
     "drawing",
     "energy_audit",

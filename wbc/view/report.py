@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -52,7 +51,7 @@ with needs("view", "writing a report"):
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
-    from wbc.view.playback import write_playback
+    from wbc.view.playback import embedded, write_playback
     from wbc.view.track import model_ghost
 
 _STRONG = 0.1
@@ -77,7 +76,6 @@ def write_report(
     diagnosis: Diagnosis | None = None,
     *,
     command: str = "",
-    theme: str = "",
     discovery: Discovery | None = None,
     commands: Commands | None = None,
     simulated: Sequence[OpenLoop] = (),
@@ -96,7 +94,6 @@ def write_report(
         logs: the logs, in the same order; the first one is played.
         diagnosis: what `diagnose` returned; a report of the comparison alone when left out.
         command: how to run it again, for the last section.
-        theme: "light", "dark", or "" for what the reader's system prefers.
         discovery: what `discover` proposes for what the effects leave.
         commands: how to go on from the answer on the command line; in Python when left out.
         simulated: what `open_loop` returned of the robot as given, and of the corrected one.
@@ -115,7 +112,6 @@ def write_report(
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
         "robot": robot,
-        "theme": theme,
         "diagnosis": diagnosis,
         "comparison": comparison,
         "discovery": discovery,
@@ -132,8 +128,8 @@ def write_report(
         "words": ranking_words(() if diagnosis is None else diagnosis.ranking),
         "provenance": provenance_rows([log.source for log in logs], command),
         "logs": [short_label(series.name) for series in comparison.series],
-        "playback": _embedded(_playback(robot, logs[0], comparison)),
-        "data": _embedded(
+        "playback": embedded(_playback(robot, logs[0], comparison)),
+        "data": embedded(
             {**plots, "steps": steps, "fitted": bool(diagnosis and diagnosis.findings)}
         ),
         "plotly": get_plotlyjs(),
@@ -203,11 +199,8 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
         rows["commit"] = facts["commit"]
     rows["written"] = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     for source in sources:
-        # The digest is that of the file, which may hold many logs.
-        path = source.label.partition("#")[0]
-        known = sum(1 for other in sources if other.label.partition("#")[0] == path)
-        digest = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
-        rows[f"data: {path}"] = digest if known == 1 else f"{digest} ({known} logs)"
+        path = source.label.partition("#")[0]  # the digest is that of the file
+        rows[f"data: {path}"] = f"sha256 {source.sha256}" if source.sha256 else "made in memory"
     return rows
 
 
@@ -244,8 +237,3 @@ def _playback(robot: Robot, log: Log, comparison: Comparison) -> str:
         page = Path(folder) / "playback.html"
         write_playback(page, robot, log, ghost=ghost, title=title, at=worst)
         return page.read_text(encoding="utf-8")
-
-
-def _embedded(value: object) -> str:
-    """Return JSON that can stand inside a script element."""
-    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -86,33 +85,13 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-@dataclass(frozen=True, eq=False)
-class LogEnergy:
-    """Energy along a log, all (N,) [J] and counted from its first sample.
+def energy_audit(robot: Robot, log: Log) -> dict[str, FloatArray]:
+    """Return where the energy of a recording went according to the model, (N,) [J] from its start.
 
-    Attributes:
-        motor_work: integral of tau_phi dphi.
-        contact_work: integral of the ground forces' power on the robot (0 where nothing slides
-            and nothing hits; negative for an impact that swallows energy).
-        kinetic: change of the kinetic energy of links and rotors.
-        potential: change of the potential energy.
-        heat: integral of the losses in teeth and rotor friction.
-        unexplained: motor and contact work minus all the rest.
-    """
-
-    motor_work: FloatArray
-    contact_work: FloatArray
-    kinetic: FloatArray
-    potential: FloatArray
-    heat: FloatArray
-    unexplained: FloatArray
-
-
-def energy_audit(robot: Robot, log: Log) -> LogEnergy:
-    """Return where the energy of a recording went according to the model.
-
-    What the model lacks (friction, a payload, an impact too short for the sampling) ends up in
-    `unexplained`.
+    In and stored: `work of the motors`; `work of the ground` on the robot (0 where nothing slides
+    and nothing hits; negative for an impact that swallows energy); the change of `kinetic energy`,
+    with the rotors', and `potential energy`; `heat in gears`, teeth and rotor friction. What the
+    model lacks (friction, a payload, an impact too short for the sampling) is `unexplained`.
 
     Args:
         robot: whose masses and gears.
@@ -139,8 +118,15 @@ def energy_audit(robot: Robot, log: Log) -> LogEnergy:
     push = force[:-1] * 0.5 * (speed[1:] + speed[:-1])
     powers = (np.nansum(power, axis=1) for power in (drive, push, loss))
     motor, ground, heat = (_sum(log.time, power) for power in powers)
-    stored = kinetic - kinetic[0], height - height[0]
-    return LogEnergy(motor, ground, *stored, heat, motor + ground - sum(stored) - heat)
+    kinetic, potential = kinetic - kinetic[0], height - height[0]
+    return {
+        "work of the motors": motor,
+        "work of the ground": ground,
+        "kinetic energy": kinetic,
+        "potential energy": potential,
+        "heat in gears": heat,
+        "unexplained": motor + ground - kinetic - potential - heat,
+    }
 
 
 def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
@@ -150,24 +136,18 @@ def energy_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
         robot, log: see `energy_audit`.
         theme: page colours.
     """
-    audit = energy_audit(robot, log)
-    lines = [
-        ("work of the motors", audit.motor_work),
-        ("work of the ground", audit.contact_work),
-        ("kinetic energy", audit.kinetic),
-        ("potential energy", audit.potential),
-        ("heat in gears", audit.heat),
-    ]
-    largest = max(float(np.abs(values).max()) for _, values in lines)
-    left = float(np.abs(audit.unexplained).max())
+    lines = energy_audit(robot, log)
+    unexplained = lines.pop("unexplained")
+    largest = max(float(np.abs(values).max()) for values in lines.values())
+    left = float(np.abs(unexplained).max())
     with drawing(theme):
         figure, grid = new_figure(2, 1, 7.0, 4.6, share_x=True, heights=(3, 1))
         upper, lower = grid[0][0], grid[1][0]
-        for i, (label, values) in enumerate(lines):
+        for i, (label, values) in enumerate(lines.items()):
             upper.plot(log.time, values, color=theme.series[i], linestyle=DASHES[i], label=label)
         upper.set(title="energy since the start", ylabel="energy [J]")
         legend_above(figure, upper, 3)
-        lower.plot(log.time, audit.unexplained, color=theme.ink)
+        lower.plot(log.time, unexplained, color=theme.ink)
         # On the scale of a twentieth of the energies: a line that looks flat is explained.
         lower.set_ylim(-(limit := max(0.05 * largest, 1.2 * left)), limit)
         share = 100.0 * left / largest if largest else 0.0

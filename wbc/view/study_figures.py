@@ -203,32 +203,28 @@ def experiment_figure(
             motion stands alone without any.
         theme: page colours.
     """
+    units = list(dict.fromkeys(joints.values()))
+    panels = {
+        f"position [{', '.join(units)}]": motion[0],
+        f"velocity [{', '.join(f'{unit}/s' for unit in units)}]": motion[1],
+        **{f"{n}: torque that the wrong cause leaves [noise rms]": x for n, x in misfits.items()},
+    }
     with drawing(theme):
-        sides = 2 if misfits else 1  # with one cause alone nothing is told apart
-        figure, grid = new_figure(2, sides, 9.6, 4.8, share_x=True)
-        for row, (values, label) in enumerate(
-            zip(motion, (("position", ""), ("velocity", "/s")), strict=True)
-        ):
-            name, per = label
-            units = ", ".join(f"{unit}{per}" for unit in dict.fromkeys(joints.values()))
-            _lines(grid[row][0], list(joints), time, values)
-            grid[row][0].set_title(f"{name} [{units}]")
-        for row, (name, values) in enumerate(list(misfits.items())[:2]):
-            axes = grid[row][1]
-            _lines(axes, list(joints), time, values)
-            axes.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
-            axes.set_title(f"{name}: torque that the wrong cause leaves [noise rms]")
+        # With one cause alone nothing is told apart.
+        figure, grid = new_figure(2, 2 if misfits else 1, 9.6, 4.8, share_x=True)
+        axes = [row[k] for k in range(len(grid[0])) for row in grid]
+        for ax, (title, values) in zip(axes, panels.items(), strict=False):
+            for i, joint in enumerate(joints):
+                dashes = DASHES[i % len(DASHES)]
+                ax.plot(time, values[:, i], color=f"C{i}", linestyle=dashes, label=joint)
+            ax.set_title(title)
         top = max((abs(values).max() for values in misfits.values()), default=1.0)
-        for row in range(2) if misfits else ():
-            grid[row][1].set_ylim(-1.1 * top, 1.1 * top)
-            grid[row][1].set_visible(row < len(misfits))
-        for axes in grid[1]:
-            axes.set_xlabel("time [s]")
-        legend_above(figure, grid[0][0], min(len(joints), 6))
+        for ax in axes[2:]:
+            ax.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
+            ax.set_ylim(-1.1 * top, 1.1 * top)
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+        for ax in grid[1]:
+            ax.set_xlabel("time [s]")
+        legend_above(figure, axes[0], min(len(joints), 6))
     return figure
-
-
-def _lines(axes: Axes, joints: Sequence[str], time: FloatArray, values: FloatArray) -> None:
-    for i, joint in enumerate(joints):
-        dashes = DASHES[i % len(DASHES)]
-        axes.plot(time, values[:, i], color=f"C{i}", linestyle=dashes, label=joint)

@@ -28,23 +28,14 @@ _RESOLUTION = 160.0  # [dots per inch] of a PNG
 DASHES = ("-", (0, (5, 2)), (0, (1.5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)), (0, (3, 1)))
 
 
-_INKED = [
-    "axes.edgecolor",
-    "axes.labelcolor",
-    "axes.titlecolor",
-    "text.color",
-    "xtick.color",
-    "ytick.color",
-]
-
-
 @contextmanager
 def drawing(theme: Theme = LIGHT) -> Iterator[None]:
     """Draw in the style of a theme inside a `with` block."""
+    inked = ("axes.edgecolor", "axes.labelcolor", "axes.titlecolor", "text.color")
     settings = {
         "figure.facecolor": theme.page,
         "axes.facecolor": theme.panel,
-        **dict.fromkeys((*_INKED, "xtick.color", "ytick.color"), theme.ink),
+        **dict.fromkeys((*inked, "xtick.color", "ytick.color"), theme.ink),
         "grid.color": theme.faint,
         "grid.linewidth": 0.6,
         "axes.grid": True,
@@ -93,17 +84,16 @@ def new_figure(
 
 
 def panel_figure(
-    count: int, columns: int, width: float, height: float, more: float = 0.0
+    count: int, columns: int, width: float, height: float
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with `count` panels of `width` x `height` inches, `columns` in a row.
 
     Args:
         count, columns: of panels.
         width, height: of each [inch].
-        more: height for what stands above all [inch].
     """
     rows = -(-count // columns)
-    figure, grid = new_figure(rows, columns, width * columns, height * rows + more)
+    figure, grid = new_figure(rows, columns, width * columns, height * rows)
     axes = [ax for row in grid for ax in row]
     for ax in axes[count:]:
         ax.set_visible(False)
