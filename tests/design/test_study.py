@@ -1,4 +1,4 @@
-"""Studies: sweeps, tables on disk and fronts."""
+"""Studies: sweeps, the catalogue of gearboxes, tables on disk and fronts."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from wbc.design import (
     Objective,
     Study,
     best_designs,
+    choose_gearboxes,
     describe_columns,
     pareto_front,
     parse_objective,
     parse_sweep,
     read_designs,
+    read_gearboxes,
     run_study,
     sampled_designs,
 )
@@ -38,6 +40,10 @@ def study(*sweeps: str, **changes: object) -> Study:
     return replace(first, **changes)  # type: ignore[arg-type]
 
 
+def geared(names: str) -> Study:
+    return study(parameters=(), gearboxes=choose_gearboxes(names, read_gearboxes()))
+
+
 def test_sweeps_are_read_as_they_are_written() -> None:
     assert parse_sweep("reduction=6:160").grid[[0, -1]].tolist() == [6.0, 160.0]
     np.testing.assert_allclose(parse_sweep("reduction=1:100:3:log").grid, [1.0, 10.0, 100.0])
@@ -49,12 +55,9 @@ def test_sweeps_are_read_as_they_are_written() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("reduction", "use NAME=LOW:HIGH"),
-        ("reduction=a:b", "could not convert"),
         ("reduction=9:3", "no range"),
         ("reduction=0:3:3:log", "above 0"),
         ("reduction=1:3:0", "at least 1"),
-        ("reduction=1:2:3:4", "use NAME=LOW:HIGH"),
         ("ratio=1:3", "There are: reduction"),
         ("length=1:3", "name the link"),
         ("joint=1:3", "name the joint"),
@@ -122,28 +125,6 @@ def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
     assert read_designs(one)["reduction"].min() >= 6.0
 
 
-def test_the_command_writes_table_front_and_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    command = ["design", "planar_leg", "--sweep", "reduction=6:160:8:log"]
-    command += ["--sweep", "forward_efficiency=0.5:0.98:6"]
-    assert main([*command, "--figures", "out", "--json", "f.json"]) == 0
-    assert "Pareto front" in capsys.readouterr().out
-    found = json.loads(Path("f.json").read_text())
-    assert found["designs"] == 48
-    assert found["objectives"] == ["lift:max", "impact_mitigation:max"]
-    # Of two gears the more efficient one is better in both: the front is that of one efficiency.
-    assert {row["forward_efficiency"] for row in found["front"]} == {0.98}
-    assert len(found["front"]) == 8
-    assert {p.name for p in Path("out").iterdir()} == {
-        "planar_leg_design_map.png",
-        "planar_leg_design_front.png",
-    }
-    assert main([*command, "--json", "-"]) == 0
-    assert json.loads(capsys.readouterr().out)["designs"] == 48
-
-
 @pytest.mark.parametrize(
     ("sweep", "first"),
     [("forward_efficiency=0.6:0.9:3", "holding_torque:min"), ("torque_limit=1:3:3", "lift:max")],
@@ -152,40 +133,23 @@ def test_an_arm_without_torque_limits_is_not_judged_by_an_unlimited_lift(
     sweep: str, first: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    command = ["design", "staubli_tx40", "--contact", "link_6", "--json", "f.json"]
-    command += ["--pose", "joint_2=0.5,joint_3=1.2", "--sweep", "reduction=20:160:4:log"]
-    assert main([*command, "--sweep", sweep]) == 0
+    command = "design staubli_tx40 --contact link_6 --pose joint_2=0.5,joint_3=1.2 --json f.json"
+    command += f" --sweep reduction=20:160:4:log --sweep {sweep}"
+    assert main(command.split()) == 0
     found = json.loads(Path("f.json").read_text())
     assert found["objectives"] == [first, "backward_inertia:min"]
-    column = first.split(":")[0]
     # A real choice: every design of the front has a finite value, and they differ.
-    values = {row[column] for row in found["front"]}
+    values = {row[first.split(":")[0]] for row in found["front"]}
     assert "unlimited" not in values
     assert len(values) > 1
 
 
-@pytest.mark.parametrize(
-    ("robot", "extra"),
-    [
-        ("solo12", ["--sweep", "reduction=5:20:5", "--sweep", "length.FL_LOWER_LEG=0.1:0.2:3"]),
-        ("staubli_tx40", ["--sweep", "reduction=10:200:5", "--contact", "link_6"]),
-    ],
-)
-def test_a_quadruped_and_an_arm(
-    robot: str, extra: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    arm = ["--pose", "joint_2=0.4,joint_3=1.2"] if robot == "staubli_tx40" else []
-    assert main(["design", robot, *extra, *arm, "--axes", "xyz", "--json", "f.json"]) == 0
-    table = read_designs("designs.parquet")
-    assert np.all(np.isfinite(table["backward_inertia"]))
-    assert np.all(np.diff(table["backward_inertia"].reshape(5, -1)[:, 0]) > 0.0)
-
-
 def brute(costs: np.ndarray) -> set[int]:
     """Return the rows that no other row beats, by comparing all pairs."""
-    beaten = [np.any(np.all(costs <= row, axis=1) & np.any(costs < row, axis=1)) for row in costs]
-    return set(np.flatnonzero(np.isfinite(costs).all(axis=1) & ~np.array(beaten)).tolist())
+    finite = np.isfinite(costs).all(axis=1)
+    rows = costs[finite]
+    beaten = [np.any(np.all(rows <= row, axis=1) & np.any(rows < row, axis=1)) for row in costs]
+    return set(np.flatnonzero(finite & ~np.array(beaten)).tolist())
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3])
@@ -195,19 +159,15 @@ def test_the_front_is_that_of_all_pairs(columns: int, rows: int, digits: int) ->
     random = np.random.default_rng(columns).normal(size=(rows, columns))
     random[::7] = 0.1 * random[::7] + 2.0 * (rows > 400)
     values = np.round(random, digits)
+    values[3::50, 0] = np.nan  # rows that never count
     table = {f"c{i}": values[:, i] for i in range(columns)}
     signs = np.array([1.0, -1.0, 1.0])[:columns]
     objectives = [Objective(f"c{i}", signs[i] < 0) for i in range(columns)]
     front = pareto_front(table, objectives)
     assert set(front.tolist()) == brute(values * signs)
     assert np.all(np.diff((values * signs)[front, 0]) >= 0.0)
-
-
-def test_rows_without_a_number_never_count() -> None:
-    table = {"a": np.array([1.0, np.nan, 3.0, np.inf]), "b": np.array([2.0, 9.0, np.nan, 0.0])}
-    assert pareto_front(table, [Objective("a"), Objective("b")]).tolist() == [3, 0]
-    nothing = {"a": np.array([np.nan])}
-    assert pareto_front(nothing, [Objective("a")]).size == 0
+    infinite = {"a": np.array([1.0, 3.0, np.inf]), "b": np.array([2.0, np.nan, 0.0])}
+    assert pareto_front(infinite, [Objective("a"), Objective("b")]).tolist() == [2, 0]
 
 
 def test_objectives_are_read_and_checked() -> None:
@@ -256,3 +216,85 @@ def test_a_picture_gets_whole_designs_evenly_spread(
     pq.write_table(pa.table(columns), table, row_group_size=1200)
     assert len(sampled_designs(table, ROWS)["design"]) == ROWS
     assert sampled_designs(table, 100)["design"].tolist() == list(range(0, ROWS, 30))
+
+
+def test_every_row_has_a_source_and_plausible_numbers() -> None:
+    boxes = read_gearboxes().values()
+    kinds = {"direct drive", "planetary", "cycloidal", "strain wave"}
+    assert {box.kind.split(" (")[0] for box in boxes} >= kinds
+    for box in boxes:
+        assert len(box.source) > 10
+        for value in (box.forward_efficiency, box.backward_efficiency):
+            assert value is None or 0.0 < value <= 1.0
+        assert box.gear_inertia is None or box.gear_inertia < 1e-3  # kg m^2, not kg cm^2
+
+
+def test_a_gearbox_sets_what_it_knows_and_nothing_else() -> None:
+    gears = LEG.transmission
+    robot, _ = geared("bilateral_drive").designs(0, 1).robot_at(0)
+    np.testing.assert_array_equal(robot.transmission.gear_ratio, gears.gear_ratio)
+    np.testing.assert_array_equal(robot.transmission.rotor_inertia, gears.rotor_inertia)
+    assert robot.transmission.forward_efficiency.tolist() == [0.89, 0.89]
+    assert robot.transmission.backward_efficiency.tolist() == [0.853, 0.853]
+    robot, _ = geared("sp100_mc_10").designs(0, 1).robot_at(0)
+    assert robot.transmission.gear_ratio.tolist() == [10.0, 10.0]
+    np.testing.assert_allclose(robot.transmission.rotor_inertia, gears.rotor_inertia + 2.07e-4)
+    np.testing.assert_allclose(robot.transmission.backward_efficiency, 2.0 - 1.0 / 0.985)
+
+
+def test_what_a_gearbox_leaves_out_may_be_swept() -> None:
+    swept = (parse_sweep("forward_efficiency=0.8,0.9"),)
+    both = replace(geared("cqdd,bilateral_drive"), parameters=swept)
+    found = both.designs(0, both.size).gears
+    assert found["forward_efficiency"][:, 0].tolist() == [0.8, 0.9, 0.8, 0.9]
+    backward = found["backward_efficiency"][:, 0]
+    np.testing.assert_allclose(backward[:2], [0.75, 2.0 - 1.0 / 0.9])
+    np.testing.assert_allclose(backward[2:], 0.853)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name,kind\na,b", "needs the columns"),
+        ("{head}\na,b,x,,,,c", "not a number"),
+        ("{head}\na,b,nan,,,,c", "line 2: reduction: 'nan' is no finite number"),
+        ("{head}\na,b,9,,,,", "the source"),
+        ("{head}\na,b,9,,,,c\na,b,9,,,,c", "twice"),
+    ],
+)
+def test_catalogues_that_cannot_be_trusted_are_named(
+    text: str, message: str, tmp_path: Path
+) -> None:
+    head = "name,kind,reduction,forward_efficiency,backward_efficiency,gear_inertia,source"
+    path = tmp_path / "own.csv"
+    path.write_text(text.format(head=head))
+    with pytest.raises(DesignError, match=message):
+        read_gearboxes(path)
+    with pytest.raises(DesignError, match="hd20_low"):
+        choose_gearboxes("hd30", read_gearboxes())
+
+
+def test_the_command_compares_gearboxes_by_their_front(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", "planar_leg", "--gearbox", "all", "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert all(box["source"] for box in found["gearboxes"])
+    assert found["designs"] == len(found["gearboxes"])
+    assert found["objectives"] == ["lift:max", "impact_mitigation:max"]
+    assert main(["list", "gearboxes"]) == 0
+    assert "Matsuki" in capsys.readouterr().out
+
+
+def test_a_front_without_designs_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A straight leg: infinite force, infinite inertia."""
+    out = tmp_path / "straight.parquet"
+    options = f"--pose knee=0 --sweep reduction=20:100:3 --out {out}"
+    assert main(["design", "planar_leg_fixed", *options.split()]) == 0
+    assert "No design can be judged" in " ".join(capsys.readouterr().out.split())
+    other = f"--pose paper --sweep reduction=20:100:3 --out {tmp_path}/bent.parquet"
+    assert main(["design", "planar_leg", *other.split()]) == 0
+    assert "No design can be judged" not in capsys.readouterr().out

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wbc.cli import main
 from wbc.design.experiment import (
     BAND,
     MotionLimits,
@@ -61,19 +58,14 @@ def test_the_closed_form_is_the_mean_over_the_open_values() -> None:
     """Brute force: a distance for each of many values, the effects being linear in them."""
     one, other = np.array([[0.03**2]]), np.array([[0.05**2]])
     found = along_a_motion(rivals(*FRICTIONS, covariances=(one, other), noise=0.2))
+    scale = effect_class("viscous_friction").parameters[0].scale
     spread = float(found.rivals.open_part(0)[0, 0])  # type: ignore[index]
-    assert spread < 0.03 / effect_class("viscous_friction").parameters[0].scale
+    assert spread < 0.03 / scale
     drawn = []
     for z in np.random.default_rng(1).normal(size=400):
-        value = 0.1 + spread * effect_class("viscous_friction").parameters[0].scale * z
-        at = replace(
-            found.rivals,
-            causes=(
-                parse_cause(f"viscous_friction@knee:coefficient={value}", LEG),
-                found.rivals.causes[1],
-            ),
-            covariances=(None, other),
-        )
+        cause = parse_cause(f"viscous_friction@knee:coefficient={0.1 + spread * scale * z}", LEG)
+        causes = (cause, found.rivals.causes[1])
+        at = replace(found.rivals, causes=causes, covariances=(None, other))
         drawn.append(Predictions(at, found.motion, found.links).near_distance((0, 1)))
     assert found.near_distance((0, 1)) == pytest.approx(softened(np.array(drawn)), rel=0.05)
     assert softened(found.distances((0, 1))) == pytest.approx(found.near_distance((0, 1)), rel=0.25)
@@ -114,28 +106,6 @@ def found() -> Diagnosis:
     return diagnose(LEG, logs, kinds)
 
 
-def test_the_band_is_that_of_the_diagnosis(found: Diagnosis) -> None:
-    table = found.to_json()
-    assert 3.0 <= table["band"] <= 15.0
-    assert tied_rivals(table, LEG, NOISE).band == table["band"]
-    assert tied_rivals(table, LEG, NOISE, 4.0).band == 4.0
-    assert tied_rivals({**table, "band": None}, LEG, NOISE).band == BAND
-
-
-def test_a_diagnosis_says_what_it_leaves_open(found: Diagnosis) -> None:
-    table: dict[str, Any] = found.to_json()
-    chosen = tied_rivals(table, LEG, NOISE)
-    own, rival = chosen.covariances
-    assert own is not None
-    assert rival is not None
-    (estimate,) = found.findings[0].parameters.values()
-    # Of the intervals without what filters distort.
-    assert 0.2 * (estimate.high - estimate.low) < 3.29 * own[0, 0] ** 0.5
-    assert 3.29 * own[0, 0] ** 0.5 < 1.3 * (estimate.high - estimate.low)
-    older = {**table, "ranking": [{**row, "covariance": None} for row in table["ranking"]]}
-    assert tied_rivals(older, LEG, NOISE).covariances == (None, None)
-
-
 def effect(name: str, where: str, **values: float) -> dict[str, Any]:
     return {"effect": name, "where": [where], "parameters": values}
 
@@ -145,56 +115,6 @@ def diagnosis(**changes: Any) -> dict[str, Any]:
     other = effect("viscous_friction", "hip", coefficient=0.2)
     row = {"added": [1], "removed": [1], "standing": "not distinguishable", "effects": [other]}
     return {"verdict": "ambiguous", "effects": [own], "ranking": [row], **changes}
-
-
-def test_ties_bring_their_fitted_numbers() -> None:
-    found, rival = tied_causes(diagnosis(), LEG)
-    assert found == (CoulombFriction("hip", level=0.5),)
-    assert rival[0].values == {"coefficient": 0.2}
-
-
-def test_without_fitted_rivals_the_alternatives_have_typical_sizes() -> None:
-    own = {**effect("coulomb_friction", "hip", level=0.5)}
-    own["alternatives"] = [{"effect": "viscous_friction", "where": "hip"}]
-    _, rival = tied_causes(diagnosis(effects=[own], ranking=[]), LEG)
-    (parameter,) = effect_class("viscous_friction").parameters
-    assert rival[0].values == {"coefficient": parameter.scale}
-
-
-def test_without_a_tie_the_closest_rival_is_taken() -> None:
-    rows = [{**diagnosis()["ranking"][0], "standing": "worse"}]
-    rows.append({**rows[0], "effects": [effect("torque_offset", "hip", offset=0.1)]})
-    assert [cause[0].name for cause in tied_causes(diagnosis(ranking=rows), LEG)] == [
-        "coulomb_friction",
-        "viscous_friction",
-    ]
-
-
-def test_soft_gears_among_the_rivals_are_left_out_and_said() -> None:
-    soft = effect("joint_compliance", "knee", stiffness=900.0, damping=2.0)
-    rows = [{**diagnosis()["ranking"][0], "effects": [soft]}]
-    with pytest.raises(DesignError, match="soft or loose gear"):
-        tied_causes(diagnosis(ranking=rows), LEG)
-
-
-def test_a_real_diagnosis_goes_through_the_command(
-    found: Diagnosis,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("found.json").write_text(json.dumps(found.to_json()))
-    command = ["experiment", "planar_leg_fixed", "--lossless", "--between", "found.json"]
-    command += ["--duration", "2", "--speed", "6", "--rounds", "2", "--json", "odds.json"]
-    assert main(command) == 0
-    assert "coulomb_friction at hip" in capsys.readouterr().out
-    causes = json.loads(Path("odds.json").read_text())["causes"]
-    assert causes[0][0]["parameters"]["level"] == pytest.approx(0.5, abs=0.01)
-    assert len(causes) == 2
-    Path("found.json").write_text("{")
-    assert main(command) == 2
-    assert "cannot be read as JSON" in capsys.readouterr().err
 
 
 def test_a_special_case_does_not_hide_what_a_motion_can_tell() -> None:
@@ -218,11 +138,48 @@ def test_causes_that_no_motion_tells_apart_are_refused() -> None:
 
 
 def test_the_cheap_distance_is_the_refitted_one_where_effects_are_linear() -> None:
-    found = along_a_motion(
-        rivals("viscous_friction@knee", "coulomb_friction@knee", "rotor_inertia@hip")
-    )
+    names = ("viscous_friction@knee", "coulomb_friction@knee", "rotor_inertia@hip")
+    found = along_a_motion(rivals(*names))
     for pair in found.rivals.pairs:
         assert found.near_distance(pair) == pytest.approx(found.distance(pair), rel=1e-4)
+
+
+def test_a_diagnosis_says_its_band_and_what_it_leaves_open(found: Diagnosis) -> None:
+    table: dict[str, Any] = found.to_json()
+    assert 3.0 <= table["band"] <= 15.0
+    chosen = tied_rivals(table, LEG, NOISE)
+    assert chosen.band == table["band"]
+    assert tied_rivals(table, LEG, NOISE, 4.0).band == 4.0
+    own, rival = chosen.covariances
+    assert own is not None
+    assert rival is not None
+    (estimate,) = found.findings[0].parameters.values()
+    # Of the intervals without what filters distort.
+    share = 3.29 * own[0, 0] ** 0.5 / (estimate.high - estimate.low)
+    assert 0.2 < share < 1.3
+    rows = [{**row, "covariance": None} for row in table["ranking"]]
+    older = tied_rivals({**table, "band": None, "ranking": rows}, LEG, NOISE)
+    assert (older.band, older.covariances) == (BAND, (None, None))
+
+
+def test_rivals_are_the_ties_or_the_closest_or_the_alternatives() -> None:
+    given = diagnosis()
+    found, rival = tied_causes(given, LEG)
+    assert found == (CoulombFriction("hip", level=0.5),)
+    assert rival[0].values == {"coefficient": 0.2}
+    (row,) = given["ranking"]
+    rows = [{**row, "standing": "worse"}]
+    rows.append({**rows[0], "effects": [effect("torque_offset", "hip", offset=0.1)]})
+    _, rival = tied_causes(diagnosis(ranking=rows), LEG)
+    assert rival[0].name == "viscous_friction"
+    # Without fitted rivals the alternatives have typical sizes.
+    own = {**given["effects"][0], "alternatives": [{"effect": "viscous_friction", "where": "hip"}]}
+    _, rival = tied_causes(diagnosis(effects=[own], ranking=[]), LEG)
+    (parameter,) = effect_class("viscous_friction").parameters
+    assert rival[0].values == {"coefficient": parameter.scale}
+    soft = effect("joint_compliance", "knee", stiffness=900.0, damping=2.0)
+    with pytest.raises(DesignError, match="soft or loose gear"):
+        tied_causes(diagnosis(ranking=[{**row, "effects": [soft]}]), LEG)
 
 
 def test_one_cause_alone_gets_the_motion_that_shrinks_its_intervals() -> None:

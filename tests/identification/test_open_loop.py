@@ -5,39 +5,21 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
+from tests.moved import STEP, servo, servo_log
 from wbc.cli import main
-from wbc.effects import CoulombFriction, PayloadMass, TransmissionEfficiency, load_robot
+from wbc.effects import CoulombFriction, TransmissionEfficiency, load_robot
 from wbc.identification.open_loop import HORIZONS, open_loop
 from wbc.identification.readings import with_machine
 from wbc.measurement import Log, save_log
-from wbc.robot import Robot
-from wbc.robot.dc_drive import DcDrive
 from wbc.samples import sample_logs
-from wbc.sim.servo_rollout import servo_rollout
-from wbc.sim.servo_run import ServoRun
-
-GAIN, SUPPLY, STEP = 2.0, 7.4, 0.004
 
 
-def servo(payload: float = 0.0) -> Robot:
-    robot = load_robot("xl330_pendulum")
-    if payload:
-        robot = robot.with_effect(PayloadMass(robot.bodies[-1], mass=payload))
-    gears = robot.transmission
-    return robot.with_transmission(
-        gears.replace(duty_gain=np.array([GAIN]), supply_voltage=np.array([SUPPLY]))
-    )
-
-
-def servo_log(payload: float = 0.0) -> Log:
+def swung(payload: float = 0.0) -> Log:
     """Return targets and positions of a servo as another integrator moves it."""
     time = np.arange(0.0, 8.0, STEP)
     goal = 1.2 * np.sin(1.5 * time) + 0.3 * np.sin(4.1 * time)
-    run = ServoRun("run", GAIN, goal, np.ones(time.size), np.zeros(time.size))
-    moved = servo_rollout([(servo(payload), DcDrive(SUPPLY))], [run], STEP)[:, 0, 0]
-    return Log(time, {"shaft.position": moved, "shaft.target_position": goal})
+    return servo_log(servo(payload=payload), goal)
 
 
 def test_the_robot_with_its_losses_stays_with_the_log_and_one_without_leaves_it() -> None:
@@ -55,20 +37,20 @@ def test_the_robot_with_its_losses_stays_with_the_log_and_one_without_leaves_it(
 
 
 def test_a_drive_with_a_target_sees_the_simulated_motion() -> None:
-    found = open_loop(servo(), [servo_log()])
+    found = open_loop(servo(), [swung()])
     assert found.reason == ""
     assert np.all(found.error < 2e-3)
     assert np.all(found.moved > 0.05)
     # With the torque that the drive made along the log a heavier arm would fall; held by its
     # drive it misses by the sag of the position loop alone.
-    heavy = open_loop(servo(payload=0.1), [servo_log()])
+    heavy = open_loop(servo(payload=0.1), [swung()])
     assert 5e-3 < heavy.error[0, -1] < 0.2
 
 
 def test_a_log_is_simulated_with_its_own_load() -> None:
-    log = with_machine(servo_log(payload=0.2), servo(), servo(payload=0.2))
+    log = with_machine(swung(payload=0.2), servo(), servo(payload=0.2))
     assert np.all(open_loop(servo(), [log]).error < 2e-3)
-    assert open_loop(servo(), [servo_log(payload=0.2)]).error[0, -1] > 0.02
+    assert open_loop(servo(), [swung(payload=0.2)]).error[0, -1] > 0.02
 
 
 def test_what_cannot_be_simulated_says_why() -> None:
@@ -84,7 +66,7 @@ def test_what_cannot_be_simulated_says_why() -> None:
 
 
 def test_a_short_log_leaves_the_long_horizon_open() -> None:
-    whole = servo_log()
+    whole = swung()
     short = Log(whole.time[:375], {k: v[:375] for k, v in whole.columns.items()})
     found = open_loop(servo(), [short])
     assert np.isfinite(found.error[0, :2]).all()
@@ -92,20 +74,11 @@ def test_a_short_log_leaves_the_long_horizon_open() -> None:
     assert found.starts[2] == 0
 
 
-@pytest.mark.parametrize("command", ["compare", "diagnose"])
-def test_commands_print_and_write_it(command, tmp_path, capsys) -> None:
-    paths = []
-    for k, log in enumerate(sample_logs()[:2]):
-        paths.append(str(save_log(log, tmp_path / f"run{k}.csv")))
-    result = tmp_path / "result.json"
-    leg = ["--robot", "planar_leg_fixed", "--lossless"]
-    add = ["--add", "transmission_efficiency"] if command == "diagnose" else []
-    main([command, *paths, *leg, *add, "--json", str(result)])
+def test_the_command_prints_and_writes_it(tmp_path, capsys) -> None:
+    paths = [str(save_log(log, tmp_path / f"{k}.csv")) for k, log in enumerate(sample_logs()[:2])]
+    command = "diagnose --robot planar_leg_fixed --lossless --add transmission_efficiency --json"
+    main([*command.split(), str(tmp_path / "result.json"), *paths])
     assert "open loop" in capsys.readouterr().out
-    found = json.loads(result.read_text())["open_loop"]
-    if command == "diagnose":
-        before, after = (found[key]["joints"]["knee"]["error"] for key in ("before", "after"))
-        assert after[1] < 0.5 * before[1]
-    else:
-        assert found["horizons"] == [0.1, 0.5, 2.0]
-        assert found["joints"]["knee"]["error"][1] > 0.1
+    found = json.loads((tmp_path / "result.json").read_text())["open_loop"]
+    before, after = (found[key]["joints"]["knee"]["error"] for key in ("before", "after"))
+    assert after[1] < 0.5 * before[1]

@@ -70,14 +70,12 @@ def test_a_column_that_no_cause_needs_changes_nothing() -> None:
 
 
 def test_the_side_of_the_gear_on_which_torque_is_told_changes_nothing() -> None:
-    ratio = dict(zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True))
     told = []
     for log in RUNS:
-        rotor = [f"{joint}.rotor_torque" for joint in ratio]
-        kept = log.select(name for name in log.names if name not in rotor)
-        torques = {
-            f"{j}.motor_torque": n * log.column(f"{j}.rotor_torque") for j, n in ratio.items()
-        }
+        torques = {}
+        for joint, ratio in zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True):
+            torques[f"{joint}.motor_torque"] = ratio * log.column(f"{joint}.rotor_torque")
+        kept = log.select(name for name in log.names if "torque" not in name)
         told.append(kept.with_columns(torques))
     assert answer(told) == pytest.approx(usual(), rel=1e-6)
 

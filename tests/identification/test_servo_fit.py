@@ -5,19 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from wbc.effects import CoulombFriction, PayloadMass, load_robot
 from wbc.errors import IdentificationError
 from wbc.identification.readings import with_machine
-from wbc.identification.servo import (
-    FitStart,
-    ServoFit,
-    Span,
-    fit_rollouts,
-    fit_servos,
-    lockstep_fit,
-)
+from wbc.identification.servo import ServoFit, Span, fit_rollouts, fit_servos
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
@@ -31,26 +23,36 @@ def fit_servo(build: Any, spans: Any, runs: Sequence[Any], step: float, **how: A
     return fit_servos(build, spans, runs, step, [range(len(runs))], **how)[0]
 
 
+def followed(
+    goal: np.ndarray,
+    step: float,
+    gain: float,
+    mass: float,
+    resistance: float,
+    coulomb: float,
+    sag: float,
+) -> np.ndarray:
+    """Simulate the servo in plain floats: semi-implicit steps, friction by clipping."""
+    q, v, reached, inertia, kt = 0.0, 0.0, [], mass * 0.1**2 + 0.00181, 0.387
+    for wanted in goal:
+        reached.append(q)
+        duty = min(max(gain * (wanted - q), -1.0), 1.0)
+        current = (7.4 * duty - kt * v) / (resistance + sag * abs(duty))
+        torque = kt * current - mass * 9.81 * 0.1 * np.sin(q)
+        free = v + step * torque / inertia
+        v = np.sign(free) * max(abs(free) - step * coulomb / inertia, 0.0)
+        q += step * v
+    return np.array(reached)
+
+
 def plant(
     resistance: float, coulomb: float, sag: float, amplitude: float, duration: float = 4.0
 ) -> ServoRun:
-    """Simulate the servo in plain floats: semi-implicit steps, friction by clipping."""
     fine = 10
     time = np.arange(0.0, duration, STEP / fine)
     goal = amplitude * np.sin(4.0 * time + 0.5 * time**2)
-    q, v, reached = 0.0, 0.0, []
-    inertia, kt = 0.49 * 0.1**2 + 0.00181, 0.387
-    for wanted in goal:
-        reached.append(q)
-        duty = min(max(1.5 * (wanted - q), -1.0), 1.0)
-        current = (7.4 * duty - kt * v) / (resistance + sag * abs(duty))
-        torque = kt * current - 0.49 * 9.81 * 0.1 * np.sin(q)
-        free = v + STEP / fine * torque / inertia
-        v = np.sign(free) * max(abs(free) - STEP / fine * coulomb / inertia, 0.0)
-        q += STEP / fine * v
-    return ServoRun(
-        "plant", 1.5, goal[::fine], np.ones(goal[::fine].size), np.array(reached)[::fine]
-    )
+    reached = followed(goal, STEP / fine, 1.5, 0.49, resistance, coulomb, sag)[::fine]
+    return ServoRun("plant", 1.5, goal[::fine], np.ones(reached.size), reached)
 
 
 def build(values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
@@ -90,9 +92,6 @@ def test_says_that_a_number_ended_on_its_bound() -> None:
     runs = [plant(4.0, 0.0, 0.0, 0.8)]
     fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, iterations=30)
     assert "sag" in fit.at_bound
-
-
-def test_refuses_an_empty_task() -> None:
     with pytest.raises(IdentificationError, match="at least one"):
         fit_servo(build, {}, [], STEP)
 
@@ -101,51 +100,10 @@ def test_what_the_runs_leave_open_stays_at_its_start() -> None:
     swing = plant(4.0, 0.03, 1.5, 0.8)
     released = ServoRun("off", 1.5, swing.goal, 0.0 * swing.goal, 0.3 + 0.0 * swing.goal)
     spans = {"resistance": Span(1.0, 3.0, 10.0), "sag": Span(0.0, 0.3, 5.0)}
-    fit = fit_servo(
-        lambda v: build({**v, "coulomb": 0.03}),
-        spans,
-        [released],
-        STEP,
-        starts=[{"sag": 2.0}],
-        hold=0.5,
-    )
+    how = {"starts": [{"sag": 2.0}], "hold": 0.5}
+    fit = fit_servo(lambda v: build({**v, "coulomb": 0.03}), spans, [released], STEP, **how)
     assert fit.values["resistance"] == pytest.approx(3.0, rel=1e-3)
     assert fit.values["sag"] == pytest.approx(0.3, abs=1e-3)
-
-
-TIME = np.linspace(0.0, 3.0, 60)
-DATA = 2.0 * np.exp(-1.3 * TIME) + 0.4 + 0.02 * np.sin(40.0 * TIME)
-DATA[7] += 1.5
-
-
-FIRST = np.array([1.0, 0.5, 0.1])
-ROWS = [np.append(row, np.ones(3, dtype=bool)) for row in (TIME >= 0.0, TIME < 1.5, TIME > 0.4)]
-
-
-def residuals(points: np.ndarray, tasks: Sequence[int]) -> np.ndarray:
-    size, rate, rest = points.T[:, :, None]
-    seen = np.array(ROWS)[list(tasks)]  # What a task does not see need not be a number.
-    missed = size * np.exp(-rate * TIME) + rest - DATA
-    return np.where(seen, np.hstack([missed, 0.02 * (points - FIRST)]), np.nan)
-
-
-def test_finds_the_minima_of_the_loss_within_the_bounds() -> None:
-    scale, soft = np.array([1.0, 1.0, 0.3]), 0.05
-    for high in ([9.0, 9.0, 9.0], [9.0, 1.0, 9.0]):
-        bounds = np.array([0.0, 0.1, 0.0]), np.array(high)
-        starts = [FitStart(FIRST, row) for row in ROWS]
-        found = lockstep_fit(residuals, starts, bounds, scale, soft, 60)
-        for task, (x, cost) in enumerate(found):
-
-            def full(x: np.ndarray, task: int = task) -> np.ndarray:
-                return residuals(x[None], [task])[0][ROWS[task]]
-
-            truth = least_squares(
-                full, FIRST, bounds=bounds, loss="soft_l1", f_scale=soft, xtol=1e-12, ftol=1e-12
-            )
-            assert cost <= truth.cost * (1.0 + 1e-4)
-            np.testing.assert_allclose(x, truth.x, atol=5e-3)
-            assert np.all(x <= bounds[1])
 
 
 LOADS = ((0.8, 0.0), (1.5, 0.2), (3.0, 0.4))
@@ -153,20 +111,11 @@ LOADS = ((0.8, 0.0), (1.5, 0.2), (3.0, 0.4))
 
 
 def swung(gain: float, more: float, rate: float) -> Log:
-    """Return a run of the servo in plain floats, with more mass at the end of its arm."""
+    """Return a run of the servo with more mass at the end of its arm."""
     time, fine = np.arange(0.0, 1.5, 0.005 / 10), slice(None, None, 10)
     goal = 1.2 * np.sin(rate * time + 0.7 * time**2)
-    q, v, reached = 0.0, 0.0, []
-    mass, kt, step = 0.49 + more, 0.387, 0.005 / 10
-    inertia = mass * 0.1**2 + 0.00181
-    for wanted in goal:
-        reached.append(q)
-        duty = min(max(gain * (wanted - q), -1.0), 1.0)
-        torque = kt * (7.4 * duty - kt * v) / 5.0 - mass * 9.81 * 0.1 * np.sin(q)
-        free = v + step * torque / inertia
-        v = np.sign(free) * max(abs(free) - step * 0.03 / inertia, 0.0)
-        q += step * v
-    columns = {"shaft.position": np.array(reached)[fine], "shaft.target_position": goal[fine]}
+    reached = followed(goal, 0.005 / 10, gain, 0.49 + more, 5.0, 0.03, 0.0)
+    columns = {"shaft.position": reached[fine], "shaft.target_position": goal[fine]}
     return Log(time[fine], columns)
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from wbc.effects import load_robot
 from wbc.identification.readings import check_log, check_logs
 from wbc.measurement import Log, LogSource, align_velocity, mended
 from wbc.measurement.filters import fit_velocity
+
+Change = Callable[[Log], Log]
 
 
 def _kinds(log: Log) -> set[str]:
@@ -42,28 +46,75 @@ def test_the_delay_of_a_velocity_is_found_finer_than_a_sample_and_taken_out(dela
     assert np.std(aligned.column("hip.velocity") - expected) < 4e-3
 
 
-@pytest.mark.parametrize("mend", ["align_velocity", "lag"])
-def test_a_shifted_column_follows_the_rows_through_times_that_cluster(mend: str) -> None:
-    """Of a recorded pendulum, rows 2 microseconds apart; the printed mend made it useless."""
-    random = np.random.default_rng(0)
-    time = np.arange(0.0, 10.0, 0.005)
-    time[1::20] = time[0::20] + 2e-6
-    seen, delay = 0.02 * random.standard_normal(time.size), 0.0035
-    columns = {"a.position": np.sin(3.0 * time), "a.velocity": 3.0 * np.cos(3.0 * (time - delay))}
-    columns["a.velocity"] += seen
-    if mend == "align_velocity":
-        log = align_velocity(Log(time, columns))
-    else:
-        log = mended(Log(time, columns), {"columns": {"a.velocity": {"lag": delay}}})
-    wrong = log.column("a.velocity") - 3.0 * np.cos(3.0 * log.time)
-    assert np.std(wrong) < 0.03
+T, RANDOM = np.arange(2000) * 0.002, np.random.default_rng(0)
 
 
-def test_a_full_duty_is_saturation_even_while_the_joint_stands_still(swing: Log) -> None:
-    duty = np.where(swing.time > 3.0, 1.0, 0.2 * np.sin(swing.time))
-    position = np.minimum(swing.time, 3.0)
-    log = Log(swing.time, {"a.position": position, "a.duty": duty})
-    assert "saturation" in _kinds(log)
+def held(column: str, start: int, stop: int) -> Change:
+    def change(log: Log) -> Log:
+        values = log.column(column).copy()
+        values[start:stop] = values[start]
+        return log.with_columns({column: values})
+
+    return change
+
+
+def with_(column: str, change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    return lambda log: log.with_columns({column: change(log.column(column))})
+
+
+def until_the_end(torque: np.ndarray) -> np.ndarray:
+    """Return a clipped torque with an extreme in its last row, which was a crash."""
+    return np.append(np.clip(torque[:-2], -1.0, 0.7), [0.0, 0.7])
+
+
+# What is wrong, its kind, and what the finding says (its text and column).
+WRONG: dict[str, tuple[Change, str, str]] = {
+    "a position is stuck": (held("hip.position", 700, 800), "stuck", "1.400 s"),
+    "a velocity is stuck": (held("knee.velocity", 900, 1050), "stuck", "knee.velocity"),
+    "a position is lost": (held("hip.position", 1700, 2000), "stuck", ""),
+    "coarse steps": (with_("hip.position", lambda q: np.round(q / 0.2) * 0.2), "coarse", ""),
+    "one number": (held("hip.position", 0, 2000), "constant_joint", "hip.position"),
+    "a hole": (lambda s: Log(s.time + 0.5 * (s.time >= 2.4), s.columns), "gap", "2.3980 s"),
+    "a copy": (
+        lambda s: s.with_columns({"hip.velocity": s.column("hip.position")}),
+        "velocity_unrelated",
+        "",
+    ),
+    "noise": (with_("hip.velocity", lambda v: RANDOM.normal(size=2000)), "velocity_unrelated", ""),
+    "uneven": (lambda s: Log(np.sort(RANDOM.uniform(0.0, 4.0, 2000)), s.columns), "jitter", ""),
+    "few rows": (lambda s: s[:50], "short", ""),
+    "clipped": (with_("hip.rotor_torque", lambda u: np.clip(u, -0.7, 0.7)), "saturation", "49.7 %"),
+    "at last": (with_("hip.rotor_torque", until_the_end), "saturation", ""),
+    # Even while the joint stands still.
+    "full duty": (
+        lambda s: Log(
+            s.time,
+            {"a.position": np.minimum(T, 3.0), "a.duty": np.where(T > 3.0, 1.0, 0.2 * np.sin(T))},
+        ),
+        "saturation",
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_with_a_channel_is_named(name: str, swing: Log) -> None:
+    change, kind, says = WRONG[name]
+    found = check_log(change(swing)).of_kind(kind)
+    assert found
+    assert says in f"{found[0].text} {found[0].column}"
+
+
+def test_rest_held_poses_and_fine_steps_are_not_wrong(swing: Log) -> None:
+    rest = np.where(T < 2.0, np.sin(np.pi * T) ** 2, 0.0)
+    speed = np.where(T < 2.0, np.pi * np.sin(2 * np.pi * T), 0.0)
+    assert "stuck" not in _kinds(Log(T, {"a.position": rest, "a.velocity": speed}))
+    pose = np.clip(np.sin(2.0 * T), -0.5, 0.5)
+    assert "saturation" not in _kinds(Log(T, {"a.position": pose, "a.motor_torque": 3.0 * pose}))
+    step = 2 * np.pi / 4096
+    quality = check_log(with_("hip.position", lambda q: np.round(q / step) * step)(swing))
+    assert quality.resolution["hip.position"] == pytest.approx(step, rel=1e-3)
+    assert quality.resolution["knee.position"] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -75,36 +126,6 @@ def test_unsigned_wraps_are_recognised(period: float, words: str) -> None:
     (finding,) = check_log(Log(time, {"a.position": position})).of_kind("wrap")
     assert words in finding.text
     assert f"unwrap = {period:.6g}"[:12] in finding.way_out
-
-
-def test_a_clipped_torque_is_saturated_and_a_held_pose_is_not(swing: Log) -> None:
-    clipped = np.clip(swing.column("hip.rotor_torque"), -0.7, 0.7)
-    (finding,) = check_log(swing.with_columns({"hip.rotor_torque": clipped})).of_kind("saturation")
-    share = np.mean(np.abs(clipped) == 0.7)
-    assert f"{100 * share:.1f} %" in finding.text
-    time = np.arange(2000) * 0.002
-    pose = np.clip(np.sin(2.0 * time), -0.5, 0.5)
-    held = Log(time, {"a.position": pose, "a.motor_torque": 3.0 * pose})
-    assert "saturation" not in _kinds(held)
-
-
-def test_stuck_sensors_are_told_from_joints_at_rest(swing: Log) -> None:
-    stuck = swing.column("hip.position").copy()
-    stuck[700:800] = stuck[700]
-    (finding,) = check_log(swing.with_columns({"hip.position": stuck})).of_kind("stuck")
-    assert "1.400 s" in finding.text
-    held = swing.column("knee.velocity").copy()
-    held[900:1050] = held[900]
-    (finding,) = check_log(swing.with_columns({"knee.velocity": held})).of_kind("stuck")
-    assert finding.column == "knee.velocity"
-    lost = swing.column("hip.position").copy()
-    lost[1700:] = lost[1700]
-    assert "stuck" in _kinds(swing.with_columns({"hip.position": lost}))
-    time = swing.time
-    rest = np.where(time < 2.0, np.sin(np.pi * time) ** 2, 0.0)
-    speed = np.where(time < 2.0, np.pi * np.sin(2 * np.pi * time), 0.0)
-    still = Log(time, {"a.position": rest, "a.velocity": speed})
-    assert "stuck" not in _kinds(still)
 
 
 @pytest.mark.parametrize(
@@ -128,28 +149,6 @@ def test_a_wrist_held_still_is_no_broken_sensor(count: float, noise: float, offs
     assert "while the velocity changes" in finding.text
 
 
-def test_resolution_constant_joints_gaps_and_unrelated_velocities(swing: Log) -> None:
-    step = 2 * np.pi / 4096
-    coarse = np.round(swing.column("hip.position") / step) * step
-    quality = check_log(swing.with_columns({"hip.position": coarse}))
-    assert quality.resolution["hip.position"] == pytest.approx(step, rel=1e-3)
-    assert quality.resolution["knee.position"] == 0.0
-    rough = np.round(swing.column("hip.position") / 0.2) * 0.2
-    assert check_log(swing.with_columns({"hip.position": rough})).of_kind("coarse")
-    quality = check_log(swing.with_columns({"hip.position": np.full(2000, 0.3)}))
-    assert quality.of_kind("constant_joint")[0].column == "hip.position"
-    time = swing.time + 0.5 * (np.arange(2000) >= 1200)
-    gap = check_log(Log(time, swing.columns)).of_kind("gap")[0]
-    assert "2.3980 s" in gap.text
-    copied = swing.with_columns({"hip.velocity": swing.column("hip.position")})
-    assert "velocity_unrelated" in _kinds(copied)
-    noise = np.random.default_rng(0).normal(size=2000)
-    assert "velocity_unrelated" in _kinds(swing.with_columns({"hip.velocity": noise}))
-    jittery = np.sort(np.random.default_rng(1).uniform(0.0, 4.0, 2000))
-    assert {"jitter", "gap"} & _kinds(Log(jittery, {"a.current": jittery}))
-    assert "short" in _kinds(swing[:50])
-
-
 def test_logs_that_fight_each_other_are_named(swing: Log) -> None:
     def named(log: Log, name: str) -> Log:
         return log.with_source(LogSource(path=name))
@@ -167,10 +166,18 @@ def test_logs_that_fight_each_other_are_named(swing: Log) -> None:
     assert check_logs([a, named(swing[100:], "tail.csv")])[0].findings == ()
 
 
-def test_an_extreme_in_the_last_row_of_a_log_is_no_crash(swing: Log) -> None:
-    time = np.arange(3300) * 0.002
-    torque = np.clip(np.sin(5.0 * time), -1.0, 0.7)
-    torque[-1] = 0.7
-    torque[-2] = 0.0
-    log = Log(time, {"a.position": np.sin(5.0 * time), "a.motor_torque": torque})
-    assert "saturation" in _kinds(log)
+@pytest.mark.parametrize("mend", ["align_velocity", "lag"])
+def test_a_shifted_column_follows_the_rows_through_times_that_cluster(mend: str) -> None:
+    """Of a recorded pendulum, rows 2 microseconds apart; the printed mend made it useless."""
+    random = np.random.default_rng(0)
+    time = np.arange(0.0, 10.0, 0.005)
+    time[1::20] = time[0::20] + 2e-6
+    seen, delay = 0.02 * random.standard_normal(time.size), 0.0035
+    columns = {"a.position": np.sin(3.0 * time), "a.velocity": 3.0 * np.cos(3.0 * (time - delay))}
+    columns["a.velocity"] += seen
+    if mend == "align_velocity":
+        log = align_velocity(Log(time, columns))
+    else:
+        log = mended(Log(time, columns), {"columns": {"a.velocity": {"lag": delay}}})
+    wrong = log.column("a.velocity") - 3.0 * np.cos(3.0 * log.time)
+    assert np.std(wrong) < 0.03

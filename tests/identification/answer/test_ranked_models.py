@@ -9,21 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.moved import swing
 from tests.outside import DATA, ROOT, outside
 from tests.recover.plant import recorded
-from wbc import Robot, load_robot
+from wbc import load_robot
 from wbc.effects import (
+    EFFECTS,
     CoulombFriction,
     DirectionalViscousFriction,
     JointSpring,
-    LinkInertia,
-    LinkInertias,
-    LoadFriction,
     PayloadMass,
-    RotorInertia,
-    StribeckFriction,
-    TorqueConstant,
     TorqueOffset,
     ViscousFriction,
 )
@@ -60,58 +54,21 @@ def test_the_true_robot_is_best_and_the_others_are_told_from_it(logs: list[Log])
     assert ranked["given"].standing == "worse"
     assert ranked["given"].difference > 2.0 * ranked["given"].deviation
     assert ranked["almost"].parameters == 2
+    # Beside others a robot leaves what it leaves alone.
+    alone = {name: compare(robot, logs).error for name, robot in robots.items()}
+    assert {name: one.error for name, one in ranked.items()} == pytest.approx(alone, rel=1e-9)
 
 
 def test_a_number_at_its_bound_is_said(logs: list[Log]) -> None:
     stiff = GIVEN.with_effect(JointSpring.at("knee", {"stiffness": 0.0, "rest": 0.0}))
     assert rank_robots({"stiff": stiff}, logs)[0].warnings == ()
-    end = next(p for p in ViscousFriction.parameters if p.name == "coefficient").high
-    extreme = GIVEN.with_effect(ViscousFriction("knee", end))
-    assert (
-        "coefficient of viscous_friction at knee"
-        in rank_robots({"x": extreme}, logs)[0].warnings[0]
-    )
-
-
-def test_robots_that_cannot_be_compared_are_refused(logs: list[Log]) -> None:
+    extreme = GIVEN.with_effect(ViscousFriction("knee", ViscousFriction.parameters[0].high))
+    (warning,) = rank_robots({"x": extreme}, logs)[0].warnings
+    assert "coefficient of viscous_friction at knee" in warning
     with pytest.raises(IdentificationError, match="no robot"):
         rank_robots({}, logs)
     with pytest.raises(IdentificationError, match="'other' and 'one' have different joints"):
         rank_robots({"one": GIVEN, "other": load_robot("double_pendulum")}, logs)
-
-
-BELIEVED = load_robot("planar_leg_fixed")
-TRUTH = BELIEVED.lossless().with_effects(CoulombFriction("hip", 0.7), PayloadMass("shin", 0.3))
-
-
-LOGS = [swing(TRUTH, 1, seconds=5.0), swing(TRUTH, 2, seconds=5.0)]
-ROBOTS: dict[str, Robot] = {
-    "as described": BELIEVED,
-    "lossless": BELIEVED.lossless(),
-    "truth": TRUTH,
-    "wrong motor": BELIEVED.lossless().with_effect(RotorInertia("knee", 0.05)),
-}
-
-
-def test_the_error_alone_is_that_beside_others() -> None:
-    beside = {c.name: c.error for c in rank_robots(ROBOTS, LOGS)}
-    reverse = {c.name: c.error for c in rank_robots(dict(reversed(ROBOTS.items())), LOGS)}
-    alone = {name: compare(robot, LOGS).error for name, robot in ROBOTS.items()}
-    assert beside == pytest.approx(alone, rel=1e-9)
-    assert reverse == pytest.approx(alone, rel=1e-9)
-    assert min(alone, key=lambda name: alone[name]) == "truth"
-
-
-def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
-    assert TRUTH.without_effects().effects == ()
-    masses = [inertia.mass for inertia in TRUTH.without_effects().model.inertias]
-    assert masses == [inertia.mass for inertia in BELIEVED.model.inertias]
-    more = TRUTH.with_effect(CoulombFriction("knee", 0.1))
-    assert more.without_effects() is TRUTH.without_effects()
-    assert BELIEVED.without_effects() is BELIEVED
-    # What is changed in code after effects were added has no robot before them to go back to.
-    heavy = TRUTH.with_gravity((0.0, 0.0, -1.62))
-    assert heavy.without_effects().model.gravity.linear[2] == -1.62
 
 
 EFFICIENCY, FRICTION = ("transmission_efficiency", "knee"), ("coulomb_friction", "hip")
@@ -173,9 +130,10 @@ def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: P
     robot = load_robot(str(leg)).lossless()
     columns = ROOT / "robots" / "go2" / "columns.toml"
     logs = load_logs([outside("go2_position_control/go2_air.parquet")], columns)
-    kinds = (CoulombFriction, ViscousFriction, StribeckFriction, LoadFriction, TorqueOffset)
-    links = (RotorInertia, LinkInertia, LinkInertias, TorqueConstant)
-    left = [output.after for output in diagnose(robot, logs, (*kinds, *links)).outputs]
+    names = """coulomb_friction viscous_friction stribeck_friction load_friction torque_offset
+    rotor_inertia link_inertia link_inertias torque_constant"""
+    kinds = [EFFECTS[name] for name in names.split()]
+    left = [output.after for output in diagnose(robot, logs, kinds).outputs]
     assert np.all(left < 1.02 * identify(robot, logs).left)
 
 
@@ -212,3 +170,14 @@ def test_a_doubtful_cause_does_not_change_the_number_of_a_certain_one(logs: list
     assert "predicts better without it" in lacking[0].warnings[0]
     same = describe_findings(trials, names)
     assert same[0].parameters["coefficient"].used is None
+
+
+def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
+    robot = GIVEN.with_effects(CoulombFriction("hip", 0.7), PayloadMass("shin", 0.3))
+    bare = robot.without_effects()
+    assert bare.effects == ()
+    assert [i.mass for i in bare.model.inertias] == [i.mass for i in GIVEN.model.inertias]
+    assert robot.with_effect(CoulombFriction("knee", 0.1)).without_effects() is bare
+    # What is changed in code after effects were added has no robot before them to go back to.
+    moon = robot.with_gravity((0.0, 0.0, -1.62))
+    assert moon.without_effects().model.gravity.linear[2] == -1.62

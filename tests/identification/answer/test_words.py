@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.moved import swing
+from tests.moved import moved, swing
 from tests.outside import ROOT
-from wbc import load_robot
+from wbc import Robot, load_robot
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset, ViscousFriction
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import Diagnosis, compare, diagnose
@@ -24,36 +24,33 @@ from wbc.identification.records.noise import NoiseFloor
 from wbc.measurement import Log
 from wbc.robot import Effect
 
+LEG = load_robot("planar_leg_fixed").lossless()
 TIME = np.arange(1000) * 0.005
 LOG = Log(TIME, {"hip.position": np.sin(TIME), "knee.position": np.cos(TIME)})
+BARE = f'name = "bare"\nmodel = "{ROOT}/robots/planar_leg/planar_leg.urdf"\n'
 
 
 @pytest.mark.parametrize("what", [compare, diagnose])
-def test_names_single_logs_and_paths_are_told_in_words(what: Callable[..., object]) -> None:
-    robot = load_robot("planar_leg_fixed")
-    for arguments, says in (
-        (("planar_leg_fixed", [LOG]), r"not 'planar_leg_fixed'; load it with load_robot"),
-        ((robot, LOG), r"give one log as \[log\]"),
-        ((robot, "run.csv"), r"not 'run.csv'; read files with load_logs"),
-        ((robot, Path("run.csv")), r"not 'run.csv'; read files with load_logs"),
-        ((robot, 3), r"logs are expected, not '3'"),
-        ((robot, ["run.csv"]), r"not 'run.csv'; read files with load_logs"),
-    ):
-        with pytest.raises(IdentificationError, match=says):
-            what(*arguments)
-
-
-@pytest.mark.parametrize("what", [compare, diagnose])
-def test_a_description_without_gears_is_told_in_words(
-    what: Callable[..., object], tmp_path: Path
+@pytest.mark.parametrize(
+    ("robot", "logs", "says"),
+    [
+        ("leg", [LOG], "not 'leg'; load it with load_robot"),
+        (LEG, LOG, r"give one log as \[log\]"),
+        (LEG, "run.csv", "not 'run.csv'; read files with load_logs"),
+        (LEG, Path("run.csv"), "not 'run.csv'; read files with load_logs"),
+        (LEG, ["run.csv"], "not 'run.csv'; read files with load_logs"),
+        (LEG, 3, "logs are expected, not '3'"),
+        (BARE, [LOG], r"'bare' has no gears(?s:.*)\[gears.JOINT\]"),
+    ],
+)
+def test_what_is_no_robot_or_no_log_is_told_in_words(
+    what: Callable[..., object], robot: Robot | str, logs: object, says: str, tmp_path: Path
 ) -> None:
-    model = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
-    (tmp_path / "robot.toml").write_text(f'name = "bare"\nmodel = "{model}"\n')
-    with pytest.raises(IdentificationError, match=r"'bare' has no gears(?s:.*)\[gears.JOINT\]"):
-        what(load_robot(tmp_path / "robot.toml"), [LOG])
-
-
-LEG = load_robot("planar_leg_fixed").lossless()
+    if robot is BARE:
+        (tmp_path / "robot.toml").write_text(BARE)
+        robot = load_robot(tmp_path / "robot.toml")
+    with pytest.raises(IdentificationError, match=says):
+        what(robot, logs)
 
 
 def commands_in(text: str) -> list[str]:
@@ -71,21 +68,16 @@ def found(logs: list[Log]) -> Diagnosis:
     return diagnose(LEG, logs, [CoulombFriction])
 
 
-def test_what_is_saved_already_is_not_saved_again(found: Diagnosis) -> None:
+def test_the_commands_to_run_next_are_those_of_what_was_saved(found: Diagnosis) -> None:
     told = what_to_do(found, Commands(["a run.csv"], "leg.toml", saved="new.toml", lossless=True))
-    assert commands_in(told) == ["wbc compare 'a run.csv' --robot new.toml"]
     # --lossless would take the losses that were found out of the corrected model again.
-    assert "--lossless" not in told
+    assert commands_in(told) == ["wbc compare 'a run.csv' --robot new.toml"]
     assert told.endswith("Then use new.toml in place of leg.toml.")
-
-
-def test_logs_of_other_machines_keep_their_losses(found: Diagnosis) -> None:
-    """With --lossless, LOG@ROBOT is read without losses; beside the corrected robot it is not."""
-    told = what_to_do(found, Commands(["a.csv", "b.csv@other.toml"], "leg.toml", lossless=True))
-    (save,) = commands_in(told)
-    assert (
-        save == "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
-    )
+    # With --lossless, LOG@ROBOT is read without losses; beside the corrected robot it is not.
+    files = ["a.csv", "b.csv@other.toml"]
+    (save,) = commands_in(what_to_do(found, Commands(files, "leg.toml", lossless=True)))
+    command = "wbc diagnose a.csv b.csv@other.toml --robot leg.toml --lossless --save fitted.toml"
+    assert save == command
 
 
 @pytest.mark.parametrize(
@@ -172,11 +164,6 @@ def test_many_rivals_ask_for_few_motions() -> None:
     assert motions.count("; ") == 2
 
 
-def test_every_inseparable_effect_exists() -> None:
-    for kind in EFFECTS.values():
-        assert set(kind.search.inseparable) <= set(EFFECTS) - {kind.name}
-
-
 def left(clue: str, elsewhere: str = "", memory: bool = False) -> Remainder:
     return Remainder("knee", 1.0, "N m", 20.0, ((clue, 0.5),), elsewhere, 1.0, memory)
 
@@ -194,13 +181,20 @@ def left(clue: str, elsewhere: str = "", memory: bool = False) -> Remainder:
 )
 def test_what_is_left_says_what_to_record(remainder: Remainder, words: str) -> None:
     for verdict in ("unknown", "partial"):
-        assert words in next_experiment(verdict, [], [remainder], REPEATED, EFFECTS)
+        said = next_experiment(verdict, [], [remainder], REPEATED, EFFECTS)
+        assert words in said
+        assert "Repeat one run exactly" not in said
+        # A floor that is only a bound asks for a repeat.
+        bound = next_experiment(verdict, [], [remainder], FLOOR, EFFECTS)
+        assert "Repeat one run exactly" in bound
 
 
-def test_a_floor_that_is_only_a_bound_asks_for_a_repeat() -> None:
-    one = left("speed")
-    assert "Repeat one run exactly" in next_experiment("unknown", [], [one], FLOOR, EFFECTS)
-    assert "Repeat" not in next_experiment("unknown", [], [one], REPEATED, EFFECTS)
+def test_what_is_left_at_a_joint_without_a_motor_asks_for_no_motion_of_it() -> None:
+    left = Remainder("shoulder", 1.0, "N m", 58383.0, (("load", 0.5),), "elbow", 1.0, True, False)
+    assert left.experiment.startswith("move elbow alone: what is left at shoulder")
+    assert not replace(left, elsewhere="").experiment
+    # A floor that cannot be is not counted in.
+    assert "more than 100 times the noise floor" in left.text
 
 
 @pytest.mark.parametrize("verdict", ["unknown", "partial"])
@@ -213,49 +207,18 @@ def test_drives_that_report_only_noise_come_first(verdict: Verdict) -> None:
     assert "Turn knee at several constant speeds" in both
 
 
-def test_nobody_is_asked_to_hold_a_joint_still_that_no_motor_moves() -> None:
-    left = Remainder("shoulder", 1.0, "N m", 20.0, (("load", 0.5),), "elbow", 1.0, True, False)
-    assert left.experiment.startswith("move elbow alone: what is left at shoulder")
-    assert not replace(left, elsewhere="").experiment
-
-
-def test_a_floor_that_cannot_be_is_not_counted_in() -> None:
-    left = Remainder("knee", 1.0, "N m", 58383.0, (), "", 1.0, False)
-    assert "more than 100 times the noise floor" in left.text
-    assert "58383" not in left.text
-
-
-@pytest.fixture(scope="module")
-def sliding() -> Diagnosis:
-    robot = load_robot("emps")
-    bare = robot.without_effects()
-    ratio = float(robot.transmission.gear_ratio[0])
-    mass = (
-        float(bare.model.inertias[1].mass) + float(robot.transmission.rotor_inertia[0]) * ratio**2
-    )
-    logs = []
-    for seed in range(2):
-        rng = np.random.default_rng(seed)
-        t = np.arange(0.0, 6.0, 1e-3)
-        waves = [(0.05 / w, w, rng.uniform(0.0, 6.0)) for w in (2.0, 5.0, 9.0)]
-        place = sum(a * np.sin(w * t + p) for a, w, p in waves)
-        speed = sum(a * w * np.cos(w * t + p) for a, w, p in waves)
-        push = mass * sum(-a * w * w * np.sin(w * t + p) for a, w, p in waves)
-        push += 20.0 * np.sign(speed) + 0.05 * rng.standard_normal(len(t))
-        columns = {"slide.position": place, "slide.velocity": speed, "slide.motor_torque": push}
-        logs.append(Log(t, columns))
-    return diagnose(bare, logs, [CoulombFriction, ViscousFriction])
-
-
-def test_a_sliding_joint_is_answered_in_newtons_and_metres(sliding: Diagnosis) -> None:
+def test_a_sliding_joint_is_answered_in_newtons_and_metres() -> None:
+    robot = load_robot("emps").without_effects()
+    waves = [[(0.05 / rate, rate, rate) for rate in (2.0, 5.0, 9.0)]]
+    rubbing, time = robot.with_effect(CoulombFriction("slide", 20.0)), np.arange(0.0, 6.0, 1e-3)
+    logs = [moved(rubbing, time, waves, (0.0, 0.0, 0.05), seed) for seed in (0, 1)]
+    sliding = diagnose(robot, logs, [CoulombFriction, ViscousFriction])
     (friction,) = [f for f in sliding.findings if f.effect.name == "coulomb_friction"]
     assert friction.parameters["level"].value == pytest.approx(20.0, rel=0.05)
     assert friction.parameters["level"].unit == "N"
     assert "N m" not in str(sliding)
     assert "Coulomb friction of 20 N at slide" in str(sliding)
-
-
-def test_nothing_is_attainable_below_the_noise_of_the_sensors(sliding: Diagnosis) -> None:
+    # Nothing is attainable below the noise of the sensors.
     assert all(min(o.after, o.floor) <= o.attainable <= o.after for o in sliding.outputs)
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.signal import lfilter
 
 from wbc.effects import Backlash, CoulombFriction, TorqueOffset
 from wbc.identification.choice.certainty import Support, odds_of
@@ -33,17 +33,6 @@ def hypothesis(
     folds = np.broadcast_to(np.atleast_1d(left), 5).astype(float)[:, None]
     samples, rows = np.array([0.4]), np.full(5, 100.0)
     return Hypothesis(effects, folds, folds, 0.0, folds[:, 0], samples, rows, -prior, ())
-
-
-def test_evidence_is_the_log_density_of_gaussian_noise() -> None:
-    one, other = weigh(PROBLEM, [hypothesis(4.0), hypothesis(2.0)])  # type: ignore[arg-type]
-    assert other - one == pytest.approx(0.5 * 5 * 40 * np.log(2.0))
-
-
-def test_no_model_is_better_than_its_sensors() -> None:
-    """Below the floor the scale stays that of the sensors: only the squares count."""
-    one, other = weigh(PROBLEM, [hypothesis(1.0), hypothesis(0.9)])  # type: ignore[arg-type]
-    assert other - one == pytest.approx(0.5 * 5 * 40 * 0.1)
 
 
 def test_less_in_every_fold_is_never_less_evidence() -> None:
@@ -106,18 +95,6 @@ def test_each_output_is_judged_with_the_samples_of_the_one_that_leaves_least_the
     assert both[1, 1] - both[0, 1] == pytest.approx(0.5 * 200 * np.log(4.0))
 
 
-def test_odds_add_up_and_name_what_stands_for_what() -> None:
-    found = hypothesis(1.0, -10.0, (FRICTION,))
-    rival = hypothesis(1.0, -11.0, (OFFSET,))
-    nothing = hypothesis(2.0)
-    trials = SimpleNamespace(problem=PROBLEM, known=[nothing, rival, found])
-    odds = odds_of(trials)  # type: ignore[arg-type]
-    assert sum(odds.shares) == pytest.approx(1.0)
-    assert odds.of(FRICTION.key) == pytest.approx(1.0 / (1.0 + np.exp(-1.0)), rel=1e-6)
-    assert odds.rivals(found) == ((OFFSET.key,),)
-    assert odds.of_any((FRICTION.key, OFFSET.key)) == pytest.approx(1.0)
-
-
 def test_an_answer_that_is_not_believable_has_odds_all_the_same() -> None:
     """Dropping doubtful causes left numbers no machine has: a recorded arm ended in an error."""
     nothing, sick = hypothesis(2.0), hypothesis(1.0, -10.0, (FRICTION,))
@@ -126,33 +103,6 @@ def test_an_answer_that_is_not_believable_has_odds_all_the_same() -> None:
     odds = odds_of(trials, final=sick)  # type: ignore[arg-type]
     assert not sick.believable
     assert np.isfinite(odds.level(sick))
-
-
-def _problem(rows: int) -> EstimationProblem:
-    """Return a problem of two logs, all of whose rows count, without anything else."""
-    record = SimpleNamespace(
-        rows=rows, weight=np.ones((rows, 1)), condense=lambda values: np.ones((rows, 1))
-    )
-    problem = object.__new__(EstimationProblem)
-    object.__setattr__(problem, "records", (record, record))
-    object.__setattr__(problem, "floor", SimpleNamespace(aside=()))
-    return problem
-
-
-def test_band_limited_noise_has_two_samples_in_five_rows() -> None:
-    random = np.random.default_rng(0)
-    noise = random.standard_normal((4000, 1))
-    low = sosfiltfilt(butter(3, 0.4, output="sos"), noise, axis=0)  # five rows per period
-    assert _problem(2000).independent_samples(low)[0] == pytest.approx(0.4, rel=0.15)
-
-
-@pytest.mark.parametrize("share", [0.8, 0.95])
-def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
-    """First-order noise: the sum of its squared autocorrelations is known (Bartlett)."""
-    random = np.random.default_rng(1)
-    noise = lfilter([1.0], [1.0, -share], random.standard_normal((40000, 1)), axis=0)
-    expected = (1.0 - share**2) / (1.0 + share**2)
-    assert _problem(20000).independent_samples(noise)[0] == pytest.approx(expected, rel=0.15)
 
 
 def test_an_effect_at_every_joint_may_imitate_what_sits_in_every_joint() -> None:
@@ -165,3 +115,19 @@ def test_an_effect_at_every_joint_may_imitate_what_sits_in_every_joint() -> None
 
     assert probability(expected=1.0, remainder=1.1) < 0.95  # a rotor's inertia
     assert probability(expected=2.0, remainder=1.1) > 0.95  # friction, which most robots have
+
+
+@pytest.mark.parametrize("share", [0.8, 0.95])
+def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
+    """First-order noise: the sum of its squared autocorrelations is known (Bartlett)."""
+    rows = 20000
+    record = SimpleNamespace(
+        rows=rows, weight=np.ones((rows, 1)), condense=lambda values: np.ones((rows, 1))
+    )
+    problem = object.__new__(EstimationProblem)
+    object.__setattr__(problem, "records", (record, record))
+    object.__setattr__(problem, "floor", SimpleNamespace(aside=()))
+    white = np.random.default_rng(1).standard_normal((2 * rows, 1))
+    noise = lfilter([1.0], [1.0, -share], white, axis=0)
+    expected = (1.0 - share**2) / (1.0 + share**2)
+    assert problem.independent_samples(noise)[0] == pytest.approx(expected, rel=0.15)

@@ -19,9 +19,9 @@ from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.information import UsualRows
-from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts, interval_bounds
+from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts
 from wbc.measurement import Log
-from wbc.robot import Effect, Parameter
+from wbc.robot import Parameter
 from wbc.sim.excitation import record_with
 
 
@@ -32,18 +32,9 @@ def leg() -> Robot:
 
 def _falling(leg: Robot, seconds: float) -> list[Log]:
     """Return a log of a leg that stands on its head, which a soft gear cannot hold."""
-    time = np.arange(0.0, seconds, 0.01)
-    random = np.random.default_rng(0)
-    columns = {}
-    for k, joint in enumerate(leg.transmission.joints):
-        angle = 2.0 * np.pi * (0.5 + 0.2 * k) * time
-        rate = 2.0 * np.pi * (0.5 + 0.2 * k)
-        columns[f"{joint}.position"] = 0.3 * np.sin(angle) + (np.pi if k == 0 else 0.0)
-        columns[f"{joint}.velocity"] = 0.3 * rate * np.cos(angle)
-        columns[f"{joint}.motor_torque"] = 5.0 * np.sin(angle + 1.0)
-        for name, size in (("position", 1e-5), ("velocity", 1e-3), ("motor_torque", 1e-2)):
-            columns[f"{joint}.{name}"] += size * random.standard_normal(time.size)
-    return [Log(time, columns)]
+    slow, fast = 2.0 * np.pi * np.array([0.5, 0.7])
+    waves = [[(np.pi, 0.0, 0.5 * np.pi), (0.3, slow, 0.0)], [(0.0, 0.0, 0.0), (0.3, fast, 0.0)]]
+    return [moved(leg, np.arange(0.0, seconds, 0.01), waves, (1e-5, 1e-3, 5e-4))]
 
 
 def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
@@ -71,61 +62,14 @@ def test_a_diagnosis_survives_gears_that_hold_nothing(leg: Robot) -> None:
 LEG = load_robot("planar_leg_fixed")
 
 
-@pytest.fixture(scope="module")
-def logs() -> tuple[Log, ...]:
-    return record_with(LEG, [CenterOfMass("shin", 0.0, 0.0, 0.05)], duration=3.0)
-
-
-def test_a_number_that_these_motions_cannot_show_may_be_anything(logs: tuple[Log, ...]) -> None:
-    problem = EstimationProblem.from_logs(LEG, logs)
-    fit = problem.fit([CenterOfMass("shin", 0.0, 0.0, 0.05)])
-    bounds = interval_bounds(fit, problem.blocks, problem.distortion(fit))
-    of = {parameter.name: ends for (_, parameter), ends in zip(fit.parameters, bounds, strict=True)}
-    across = next(p for p in CenterOfMass.parameters if p.name == "y")
-    np.testing.assert_array_equal(of["y"], [across.low, across.high])
-    assert np.ptp(of["z"]) < 0.05
-
-
-def test_the_answer_says_which_numbers_it_does_not_know(logs: tuple[Log, ...]) -> None:
+def test_a_number_that_these_motions_cannot_show_is_not_told() -> None:
+    logs = record_with(LEG, [CenterOfMass("shin", 0.0, 0.0, 0.05)], duration=3.0)
     (finding,) = diagnose(LEG, logs).findings
     assert finding.effect.name == "center_of_mass"
     assert "y" in finding.parameters
     assert set(finding.numbers) == {"x", "z"}
     assert "these logs do not tell y: it stays at 0 m" in finding.warnings
-
-
-ROBOT = load_robot("simple_pendulum")
-
-
-def fitted(*effects: Effect) -> tuple[EstimationProblem, Fit]:
-    """Return a pendulum's log with these effects, and their fit."""
-    sines = [[(0.5, 2.0 * np.pi * frequency, 0.0) for frequency in (0.4, 1.1)]]
-    time = np.arange(0.0, 8.0, 0.004)
-    log = moved(ROBOT.with_effects(*effects), time, sines, noise=(1e-6, 1e-5, 1e-4))
-    problem = EstimationProblem.from_logs(ROBOT, [log])
-    return problem, problem.fit(effects)
-
-
-def test_one_cause_moves_by_the_share_of_the_first_error_that_looks_like_it() -> None:
-    truth = ViscousFriction("pendulum", coefficient=0.3)
-    problem, fit = fitted(truth)
-    scale = fit.parameters[0][1].scale
-    (shift,) = alike_shifts(fit, problem.first, problem.row_noise(fit.residual)) * scale
-    # The friction alone makes the first error.
-    assert shift == pytest.approx(0.3 * ALIKE * DISTORTED, rel=0.02)
-    assert problem.distortion(fit)[0] * scale >= 1.6 * shift
-
-
-def test_two_causes_that_look_alike_move_by_more() -> None:
-    pair = ViscousFriction("pendulum", coefficient=0.3), CoulombFriction("pendulum", level=0.2)
-    problem, fit = fitted(*pair)
-    both = alike_shifts(fit, problem.first, problem.row_noise(fit.residual))
-    columns = fit.jacobian.reshape(-1, 2)
-    others = columns[:, ::-1]
-    left = columns - others * np.sum(columns * others, axis=0) / np.sum(others**2, axis=0)
-    size = np.sqrt(np.mean(left**2, axis=0))
-    expected = ALIKE * DISTORTED * np.sqrt(problem.first[0] - 1.0) / size
-    np.testing.assert_allclose(both, expected, rtol=1e-6)
+    assert finding.parameters["z"].high - finding.parameters["z"].low < 0.05
 
 
 ROWS, FOLDS = 24, np.repeat([0, 1, 2], 8)
@@ -186,10 +130,15 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
 
 
-def test_numbers_that_the_logs_tell_are_counted_by_how_predictions_follow_them() -> None:
-    """The degrees of freedom of a fit are the trace of d prediction / d data (Ye, 1998)."""
-    fit = linear_fit(np.random.default_rng(6), drawn=4, free=2)
-    a, usual = fit.usual.weighted(fit.jacobian), fit.usual.jacobian
-    follows = a @ np.linalg.solve(a.T @ a + usual.T @ usual, a.T)
-    assert 6.0 - fit.untold.sum() == pytest.approx(np.trace(follows), rel=1e-6)
-    assert 5.0 < np.trace(follows) < 6.0
+def test_one_cause_moves_by_the_share_of_the_first_error_that_looks_like_it() -> None:
+    robot, truth = load_robot("simple_pendulum"), ViscousFriction("pendulum", coefficient=0.3)
+    sines = [[(0.5, 2.0 * np.pi * frequency, 0.0) for frequency in (0.4, 1.1)]]
+    time = np.arange(0.0, 8.0, 0.004)
+    log = moved(robot.with_effect(truth), time, sines, noise=(1e-6, 1e-5, 1e-4))
+    problem = EstimationProblem.from_logs(robot, [log])
+    fit = problem.fit([truth])
+    scale = fit.parameters[0][1].scale
+    (shift,) = alike_shifts(fit, problem.first, problem.row_noise(fit.residual)) * scale
+    # The friction alone makes the first error.
+    assert shift == pytest.approx(0.3 * ALIKE * DISTORTED, rel=0.02)
+    assert problem.distortion(fit)[0] * scale >= 1.6 * shift

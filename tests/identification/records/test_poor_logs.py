@@ -114,18 +114,13 @@ def test_logs_of_two_machines_are_seen_to_disagree(runs: list[Log]) -> None:
 
 def test_a_flying_robot_needs_no_contact_forces() -> None:
     flying = replace(load_robot("planar_leg").lossless(), contacts=())
-    count = 1000
-    t = np.arange(count) * 0.004
-    random = np.random.default_rng(1)
-    columns = {}
+    t, random, columns = np.arange(1000) * 0.004, np.random.default_rng(1), {}
     for name in flying.single_joints:
         phase = random.uniform(0.0, 6.0)
         columns[f"{name}.position"] = 0.2 * np.sin(5.0 * t + phase)
         columns[f"{name}.velocity"] = 1.0 * np.cos(5.0 * t + phase)
-    columns["base_z.position"] = 10.0 - 0.5 * 9.81 * t**2
-    columns["base_z.velocity"] = -9.81 * t
-    for joint in JOINTS:
-        columns[f"{joint}.rotor_torque"] = 0.01 * random.standard_normal(count)
+    columns["base_z.position"], columns["base_z.velocity"] = 10.0 - 0.5 * 9.81 * t**2, -9.81 * t
+    columns |= {f"{joint}.rotor_torque": 0.01 * random.standard_normal(1000) for joint in JOINTS}
     assert len(compare(flying, [Log(t, columns)]).outputs) == 5
 
 
@@ -221,13 +216,8 @@ def test_a_repeat_that_holds_a_joint_still_says_nothing_of_its_noise(logs: list[
 
 def test_a_channel_that_never_changes_is_no_crash(logs: list[Log]) -> None:
     hip, knee, _ = logs
-    held = hip.with_columns(
-        {
-            "knee.position": np.full(len(hip), hip.column("knee.position")[0]),
-            "knee.velocity": np.zeros(len(hip)),
-            "knee.rotor_torque": np.zeros(len(hip)),
-        }
-    )
+    begin = {"position": hip.column("knee.position")[0], "velocity": 0.0, "rotor_torque": 0.0}
+    held = hip.with_columns({f"knee.{q}": np.full(len(hip), x) for q, x in begin.items()})
     found = diagnose(ROBOT, [held, knee], [CoulombFriction])
     assert {f.effect.where for f in found.findings} == {"hip", "knee"}
 
@@ -237,35 +227,28 @@ BAND = Bandwidth(residual=10.0, kinematics=40.0)
 RATE = 500.0
 
 
-def _log(force: np.ndarray) -> Log:
+def away(force: np.ndarray, band: Bandwidth = BAND) -> np.ndarray:
+    """Return which samples are judged of a log of a foot with this force [N]."""
     time = np.arange(len(force)) / RATE
     wave = np.sin(4.0 * time)
     columns = {f"{j}.position": 0.1 * wave for j in FLOATING.single_joints}
     columns |= {f"{j}.rotor_torque": 0.1 * wave for j in FLOATING.transmission.joints}
     columns |= {"foot.force.x": 0.0 * wave, "foot.force.y": 0.0 * wave, "foot.force.z": force}
-    return Log(time, columns)
+    return away_from_impacts(FLOATING, read_channels(FLOATING, Log(time, columns)), band)
 
 
 def test_the_samples_around_a_strike_are_set_aside() -> None:
-    force = np.where(np.arange(2000) < 800, 0.0, 180.0)
-    away = away_from_impacts(FLOATING, read_channels(FLOATING, _log(force)), BAND)
+    row = np.arange(2000)
+    struck = away(np.where(row < 800, 0.0, 180.0))
     reach = int(2.0 * RATE / BAND.kinematics)
-    assert not away[800 - reach : 800 + reach].any()
-    assert away.sum() == 2000 - 2 * reach
-
-
-def test_a_foot_that_is_loaded_within_a_tenth_of_a_second_is_no_strike() -> None:
-    force = 180.0 * np.clip((np.arange(2000) - 800) / 50.0, 0.0, 1.0)
-    assert away_from_impacts(FLOATING, read_channels(FLOATING, _log(force)), BAND).all()
-
-
-def test_half_of_a_log_stays_however_often_the_foot_strikes() -> None:
-    force = np.where(np.arange(2000) // 20 % 2 == 0, 0.0, 180.0 + np.arange(2000) / 20.0)
-    channels = read_channels(FLOATING, _log(force))
-    away = away_from_impacts(FLOATING, channels, BAND)
-    assert 0.45 < away.mean() < 0.55
-    hard = replace(BAND, kinematics=400.0)  # shorter filters lose less
-    assert away_from_impacts(FLOATING, channels, hard).mean() > away.mean()
+    assert not struck[800 - reach : 800 + reach].any()
+    assert struck.sum() == 2000 - 2 * reach
+    # A foot that is loaded within a tenth of a second is no strike.
+    assert away(180.0 * np.clip((row - 800) / 50.0, 0.0, 1.0)).all()
+    # Half of a log stays, however often the foot strikes, and more with shorter filters.
+    often = np.where(row // 20 % 2 == 0, 0.0, 180.0 + row / 20.0)
+    assert 0.45 < away(often).mean() < 0.55
+    assert away(often, replace(BAND, kinematics=400.0)).mean() > away(often).mean()
 
 
 def test_a_comparison_says_which_joint_fails_and_what_it_follows() -> None:
