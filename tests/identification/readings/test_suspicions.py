@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from tests.moved import moved
 from tests.outside import outside
 from wbc.dynamics import link_torque
-from wbc.effects import load_robot
+from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
 from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together
 from wbc.robot import Motion, Robot
 from wbc.robot.library import robots_directory
+from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
 RECORDED = {
@@ -43,16 +45,27 @@ def recorded(name: str) -> tuple[Robot, tuple[Log, ...]]:
     return robot, load_logs(paths, robots_directory() / name / "columns.toml", gear_ratios=ratios)
 
 
-@pytest.mark.parametrize("case", range(11))
-def test_no_hidden_effect_of_the_practice_leg_looks_like_a_wrong_column(case: int) -> None:
-    logs = load_logs([outside(f"practice_leg/case{case:02d}{letter}.csv") for letter in "ac"])
-    assert find_suspicions(logs, LEG) == [[], []]
+def practice(case: str, letters: str) -> tuple[Log, ...]:
+    return load_logs([outside(f"practice_leg/{case}{letter}.csv") for letter in letters])
 
 
-@pytest.mark.parametrize("case", range(4))
-def test_nor_of_the_leg_that_stands_on_the_ground(case: int) -> None:
-    logs = load_logs([outside(f"practice_leg/float{case:02d}{letter}.csv") for letter in "ab"])
-    assert find_suspicions(logs, load_robot("planar_leg").lossless()) == [[], []]
+def foreign(name: str, runs: str) -> tuple[Robot, tuple[Log, ...]]:
+    folder = outside(f"foreign/{name}")
+    logs = load_logs([folder / f"run{k}.csv" for k in runs], folder / "columns.toml")
+    return load_robot(folder / "robot.toml"), logs
+
+
+@pytest.mark.parametrize(
+    "case",
+    [*((f"case{k:02d}", "ac", LEG) for k in range(11)),
+     *((f"float{k:02d}", "ab", load_robot("planar_leg").lossless()) for k in range(4))],
+    ids=str,
+)  # fmt: skip
+def test_no_hidden_effect_of_the_practice_leg_looks_like_a_wrong_column(
+    case: tuple[str, str, Robot],
+) -> None:
+    name, letters, robot = case
+    assert find_suspicions(practice(name, letters), robot) == [[], []]
 
 
 @pytest.mark.parametrize("name", RECORDED)
@@ -64,10 +77,9 @@ def test_recorded_machines_are_not_suspected(name: str) -> None:
 
 @pytest.mark.parametrize("ratio", [9.0, 50.0])
 def test_the_gear_ratio_of_another_robot_is_told_with_its_true_value(ratio: float) -> None:
-    paths = [outside(f"practice_leg/case00{letter}.csv") for letter in "acd"]
     gears = replace(LEG.transmission, gear_ratio=np.full(2, ratio))
-    found = find_suspicions(load_logs(paths), replace(LEG, transmission=gears))
-    (finding,) = found[0]
+    robot = replace(LEG, transmission=gears)
+    (finding,) = find_suspicions(practice("case00", "acd"), robot)[0]
     assert (finding.kind, finding.severity) == ("gear_ratio", "error")
     stated = float(finding.text.split("are ")[1].split(" times")[0])
     assert stated * ratio == pytest.approx(20.0, rel=0.05)
@@ -86,7 +98,21 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, tuple[Log, ...
     return robot, load_logs([outside(f"{ARM}/run{k}.csv") for k in (1, 2, 3)], columns)
 
 
+@pytest.fixture(scope="module")
+def leg() -> tuple[Log, ...]:
+    """Two runs of a leg whose hip rubs."""
+    return record_with(LEG, [CoulombFriction("hip", 0.6)], duration=5.0)[:2]
+
+
+@pytest.mark.parametrize("factor", [0.15, 0.4, 2.5, 7.0])
+def test_wrong_torque_constants_are_no_wrong_side(leg: tuple[Log, ...], factor: float) -> None:
+    weak = [mended(log, {"columns": {n: {"scale": factor} for n in _ROTORS}}) for log in leg]
+    said = suspicions(LEG, weak)
+    assert all("times what the links need" in text and "side" not in text for text in said)
+
+
 _TORQUES = ("shoulder.motor_torque", "elbow.motor_torque")
+_ROTORS, _MOTORS = (tuple(f"{j}.{q}_torque" for j in ("hip", "knee")) for q in ("rotor", "motor"))
 MISTAKES = [
     # A slide without gravity: friction of any size explained a thousand times the force.
     ("emps", {"slide.motor_torque": {"scale": 1000}}, "error", "slide.motor_torque holds mN"),
@@ -109,6 +135,20 @@ MISTAKES = [
     # Behind the last joint a link that is turned needs the same torque.
     ("arm", {"elbow.position": {"offset": 0.5 * np.pi}}, "warning", "the zero of elbow.position"),
     ("arm", {"elbow.position": {"offset": np.pi}}, "warning", "the zero of elbow.position is off"),
+    *(
+        ("leg", {n: {"scale": size} for n in _ROTORS}, "error", f"signs of {' and '.join(_ROTORS)}")
+        for size in (-2.5, -0.4)
+    ),
+    ("leg", {_ROTORS[1]: {"scale": 20}}, "error", f"after the reduction as {_ROTORS[1]}"),
+    *(
+        (
+            "leg",
+            {m: {"from": r, "scale": s} for m, r in zip(_MOTORS, _ROTORS, strict=True)},
+            "error",
+            says,
+        )
+        for s, says in ((1.0, "before the reduction"), (400.0, "once too often"))
+    ),
     # As moteus and ODrive report them: that the torques were 6.3 times the need was all.
     (
         "arm",
@@ -126,8 +166,9 @@ def test_a_mistake_in_all_logs_of_a_machine_is_named(
     severity: str,
     says: str,
     arm: tuple[Robot, tuple[Log, ...]],
+    leg: tuple[Log, ...],
 ) -> None:
-    robot, logs = arm if name == "arm" else recorded(name)
+    robot, logs = {"arm": arm, "leg": (LEG, leg)}.get(name) or recorded(name)
     wrong = [mended(log, {"columns": columns}) for log in logs[:3]]
     for own in find_suspicions(wrong, robot):
         assert says in own[0].text
@@ -138,6 +179,11 @@ def test_a_mistake_in_all_logs_of_a_machine_is_named(
 def changed(log: Log, change: Callable[[Log, int, np.ndarray], np.ndarray]) -> Log:
     names = [f"{joint}.motor_torque" for joint in JOINTS]
     return log.with_columns({n: change(log, k, log.column(n)) for k, n in enumerate(names)})
+
+
+def delayed(log: Log, late: float, *names: str) -> Log:
+    """Return a log whose channels come late [s]."""
+    return log.with_columns({n: np.interp(log.time - late, log.time, log.column(n)) for n in names})
 
 
 def slow(log: Log, _: int, torque: np.ndarray, constant: float = 0.05) -> np.ndarray:
@@ -188,20 +234,10 @@ def test_a_late_torque_is_named_and_moved_back(
 
 @pytest.mark.parametrize("name", ["27_ur5_null", "26_xarm7_outside_belt"])
 def test_a_torque_late_by_two_hundredths_of_a_second_is_noticed(name: str) -> None:
-    folder = outside(f"foreign/{name}")
-    robot = load_robot(folder / "robot.toml")
-    logs = load_logs([folder / f"run{k}.csv" for k in (1, 2)], folder / "columns.toml")
+    robot, logs = foreign(name, "12")
     assert find_suspicions(logs, robot) == [[], []]
-    late = [
-        log.with_columns(
-            {
-                n: np.interp(log.time - 0.02, log.time, log.column(n))
-                for n in log.columns
-                if "torque" in n
-            }
-        )
-        for log in logs
-    ]
+    torques = [n for n in logs[0].columns if "torque" in n]
+    late = [delayed(log, 0.02, *torques) for log in logs]
     (finding,) = find_suspicions(late, robot)[0]
     assert finding.kind == "torque_late"
     assert {entry["lag"] for entry in finding.mend["columns"].values()} == {0.02}
@@ -227,16 +263,6 @@ def test_fewer_samples_than_coefficients_tell_no_scale(tmp_path: Path) -> None:
     (tmp_path / "map.toml").write_text("\n".join(['time.from = "times"', *lines]))
     logs = load_logs([outside("kuka_lwr4/lwr3.npz")], tmp_path / "map.toml")
     assert find_suspicions(logs, robot) == [[]]
-
-
-def test_a_position_that_nothing_needs_changes_nothing() -> None:
-    robot = load_robot(outside("tmotor_ak80/robot.toml"))
-    ratios = {"motor": 9.0}
-    names = ("sysid_1", "sysid_2", "opposing_2")
-    paths = [outside(f"tmotor_ak80/with_position/{name}.parquet") for name in names]
-    logs = load_logs(paths, outside("tmotor_ak80/with_position/columns.toml"), gear_ratios=ratios)
-    assert find_suspicions(logs, robot) == [[], [], []]
-    assert suspicions(robot, logs) == []
 
 
 @pytest.mark.parametrize(("joints", "factor"), [(JOINTS, 20.0 / 9.0), (("elbow",), 1.5)])
@@ -265,23 +291,21 @@ def test_friction_far_above_the_need_of_a_flange_is_no_other_unit(
         "<body name='flange' pos='0 0 -.4'><joint name='wrist' axis='0 1 0'/>"
         f"<inertial pos='0 0 0' mass='.3' {flange}/></body></body></worldbody></mujoco>"
     )
-    gear = 'gear_ratio = { value = 1.0, unit = "1", source = "given" }\n'
-    gear += 'rotor_inertia = { value = 0.0, unit = "kg m^2", source = "given" }\n'
-    gears = "".join(f"[gears.{joint}]\n{gear}" for joint in ("shoulder", "wrist"))
-    (tmp_path / "robot.toml").write_text(
-        f'name = "arm"\nmodel = "arm.xml"\nbase = "fixed"\n{gears}'
+    gear = "".join(
+        f'[gears.{j}]\ngear_ratio = {{ value = 1.0, unit = "1", source = "given" }}\n'
+        'rotor_inertia = { value = 0.0, unit = "kg m^2", source = "given" }\n'
+        for j in ("shoulder", "wrist")
     )
-    robot, time = load_robot(tmp_path / "robot.toml"), np.arange(0.0, 20.0, 0.01)
-    position = np.sin(np.outer(time, [1.1, 1.7])) + 0.4 * np.sin(np.outer(time, [2.3, 3.1]))
-    velocity, change = (np.diff(position, n, axis=0)[: time.size - 2] / 0.01**n for n in (1, 2))
-    need = link_torque(robot, Motion(position[:-2], velocity, change))
-    torque = need + [1.0, size * np.std(need[:, 1])] * (np.tanh(velocity / 0.02) + velocity)
-    columns = {
-        f"{joint}.{quantity}": values[: time.size - 2, k]
-        for k, joint in enumerate(("shoulder", "wrist"))
-        for quantity, values in (("position", position), ("motor_torque", torque))
-    }
-    assert find_suspicions([Log(time[:-2], columns)], robot) == [[]]
+    (tmp_path / "robot.toml").write_text(f'name = "arm"\nmodel = "arm.xml"\nbase = "fixed"\n{gear}')
+    robot = load_robot(tmp_path / "robot.toml")
+    waves = [[(1.0, r, 0.0), (0.4, 2.0 * r, 0.0)] for r in (1.1, 1.7)]
+    log = moved(robot, np.arange(0.0, 20.0, 0.01), waves, (0.0, 0.0, 0.0))
+    rubs = {}
+    for joint, times in (("shoulder", 1.0), ("wrist", size)):
+        name, speed = f"{joint}.rotor_torque", log.column(f"{joint}.velocity")
+        level = 1.0 if joint == "shoulder" else times * np.std(log.column(name))
+        rubs[name] = log.column(name) + level * (np.tanh(speed / 0.02) + speed)
+    assert find_suspicions([log.with_columns(rubs)], robot) == [[]]
 
 
 @pytest.mark.parametrize("trembling", [0.0, 3e-3])
@@ -292,10 +316,10 @@ def test_joints_that_are_held_while_another_moves_accuse_nobody(
     robot, random, logs = arm[0], np.random.default_rng(0), []
     time = np.arange(0.0, 6.0, 0.005)
     smooth = np.hanning(41) / np.sqrt(np.sum(np.hanning(41) ** 2))
-    for moved in range(len(JOINTS)):
+    for moving in range(len(JOINTS)):
         noise = random.standard_normal((time.size, len(JOINTS)))
         position = trembling * np.apply_along_axis(np.convolve, 0, noise, smooth, "same")
-        position[:, moved] = np.sin(1.3 * time) + 0.3 * np.sin(3.1 * time)
+        position[:, moving] = np.sin(1.3 * time) + 0.3 * np.sin(3.1 * time)
         velocity = np.gradient(position, 0.005, axis=0)
         change = np.gradient(velocity, 0.005, axis=0)
         torque = link_torque(robot, Motion(position, velocity, change)) + np.tanh(velocity / 0.05)
@@ -315,10 +339,7 @@ def test_a_torque_that_is_late_in_one_joint_alone_is_measured(
 ) -> None:
     robot, logs = arm
     name = "elbow.motor_torque"
-    wrong = [
-        log.with_columns({name: np.interp(log.time - constant, log.time, log.column(name))})
-        for log in logs
-    ]
+    wrong = [delayed(log, constant, name) for log in logs]
     (finding,) = find_suspicions(wrong, robot)[0]
     assert (finding.kind, finding.severity) == ("torque_late", "warning")
     assert list(finding.likeliest["columns"]) == [name]
@@ -344,7 +365,7 @@ def test_a_torque_that_nobody_understands_is_refused(arm: tuple[Robot, tuple[Log
 
 def test_what_logs_show_with_other_numbers_is_mended_once() -> None:
     """Two logs turned the sign twice, and the printed map changed nothing."""
-    logs = load_logs([outside(f"practice_leg/case00{letter}.csv") for letter in "ac"])
+    logs = practice("case00", "ac")
     sizes = ({"hip": -1.0, "knee": -1.0}, {"hip": -1.001})
     wrong = [
         log.with_columns({f"{j}.velocity": s * log.column(f"{j}.velocity") for j, s in own.items()})
@@ -359,9 +380,7 @@ def test_what_logs_show_with_other_numbers_is_mended_once() -> None:
 @pytest.mark.parametrize(("name", "number"), [("14_z1_ripple", 2), ("24_kinova_outside_wind", 1)])
 def test_a_zero_that_is_another_in_one_log_is_told_at_all_joints(name: str, number: int) -> None:
     """The last of an arm, and one beside a joint whose torque follows no need."""
-    folder = outside(f"foreign/{name}")
-    robot = load_robot(folder / "robot.toml")
-    logs = load_logs([folder / f"run{k}.csv" for k in (1, 2, 3)], folder / "columns.toml")
+    robot, logs = foreign(name, "123")
     column = f"{robot.transmission.joints[number]}.position"
     off = logs[1].with_columns({column: logs[1].column(column) + 0.3})
     before, (finding,), after = find_suspicions([logs[0], off, logs[2]], robot)
@@ -372,9 +391,7 @@ def test_a_zero_that_is_another_in_one_log_is_told_at_all_joints(name: str, numb
 
 def test_three_wrists_in_a_wrong_order_are_put_back() -> None:
     """One exchange was found, and the check approved the rest: exchanged wrists explain 99 %."""
-    folder = outside("foreign/27_ur5_null")
-    robot = load_robot(folder / "robot.toml")
-    logs = load_logs([folder / f"run{k}.csv" for k in (1, 2)], folder / "columns.toml")
+    robot, logs = foreign("27_ur5_null", "12")
     wrists = robot.transmission.joints[3:]
     order = dict(zip(wrists, (*wrists[1:], wrists[0]), strict=True))
     moved = {
