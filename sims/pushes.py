@@ -29,9 +29,9 @@ def torque_of(robot: Robot, push: FloatArray, q: FloatArray) -> FloatArray:
     return np.asarray(terms.contact_jacobian[:3].T @ push)
 
 
-def acceleration(robot: Robot, push: FloatArray, powered: bool) -> float:
+def acceleration(plant: Plant, push: FloatArray, powered: bool) -> float:
     """Return how fast the foot gives way along a push (3,) [N] from rest [m/s^2]."""
-    plant, q = Plant(robot, FREE), robot.pose("paper")
+    robot, q = plant.robot, plant.robot.pose("paper")
     torque = torque_of(robot, push, q)
     motor = -torque / robot.transmission.gear_ratio if powered else np.zeros(len(torque))
     step = 1e-4
@@ -41,12 +41,12 @@ def acceleration(robot: Robot, push: FloatArray, powered: bool) -> float:
 
 def force_to_move(robot: Robot, direction: Sequence[float], powered: bool) -> float:
     """Return the least push [N] along `direction` that moves the foot; infinite for none."""
-    low, high = 0.0, _STRONGEST
+    low, high, plant = 0.0, _STRONGEST, Plant(robot, FREE)
     unit = np.array(direction) / np.linalg.norm(direction)
-    if acceleration(robot, high * unit, powered) < 1e-6:
+    if acceleration(plant, high * unit, powered) < 1e-6:
         return np.inf
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high) if low > 1.0 else np.sqrt(max(low, 1e-3) * high)
-        moves = acceleration(robot, middle * unit, powered) > 1e-6
+        moves = acceleration(plant, middle * unit, powered) > 1e-6
         low, high = (low, middle) if moves else (middle, high)
     return high
