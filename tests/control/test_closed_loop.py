@@ -1,4 +1,4 @@
-"""The leg on its point foot: lossy plant, what the controller knows of its gears decides."""
+"""In the plant: what the controller knows of its gears decides, and unknown loads are learned."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""The controller's problem written down a second time, as the paper states it.
+"""Directions of power: consistent, the best of all 2^m, and between them at rest.
 
-Variables are accelerations, contact forces and rotor torques (times the gear ratio); the
-dissipative equation of motion with given directions is the equality, each direction's sign of mesh
-power an inequality. Nothing of `wbc.control` assembles it.
+The controller's problem is written down a second time here, as the paper states it. Variables are
+accelerations, contact forces and rotor torques (times the gear ratio); the dissipative equation of
+motion with given directions is the equality, each direction's sign of mesh power an inequality.
+Nothing of `wbc.control` assembles it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`step` never raises, is always bounded and always safe: hostile states and inputs."""
+"""`step` never raises, is bounded and safe; without a solution it holds and lets down."""
 
 from __future__ import annotations
 

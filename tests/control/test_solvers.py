@@ -17,17 +17,12 @@ from wbc.effects import load_robot
 from wbc.robot import Motion
 
 TRUNK = {"solo12": "base_link", "talos": "torso_2_link"}
-CORNER = {"solo12": "FL_foot", "talos": "left_sole_front_left"}
 WAYS = [(solver, start) for start in WarmStart for solver in ("proxqp", "daqp")]
 TICKS = 4
 
 
 def trunk(robot, kind=control.FrameOrientationTask, **more):
     return kind(name="trunk", frame=TRUNK[robot.name], **more)
-
-
-def foot(robot):
-    return robot.contact(CORNER[robot.name]).frame
 
 
 def wound(robot):
@@ -52,7 +47,7 @@ TASKS = {
     "angular momentum": lambda r: control.AngularMomentumTask(weight=0.5),
     "capture point": lambda r: control.CapturePointTask(height=0.3, weight=0.5),
     "momentum": lambda r: control.CentroidalMomentumTask(weight=0.1),
-    "distance": lambda r: control.FrameDistanceTask(frame=TRUNK[r.name], other=foot(r)),
+    "distance": lambda r: control.FrameDistanceTask(frame=TRUNK[r.name], other=r.contacts[0].frame),
     "orientation": trunk,
     "pose": lambda r: trunk(r, control.FramePoseTask),
     "position": lambda r: trunk(r, control.FramePositionTask, axes="xz"),

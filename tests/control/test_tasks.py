@@ -1,4 +1,4 @@
-"""Hard tasks and targets far away, limits of tasks, efforts among equal motions, forces."""
+"""Targets far away, limits of tasks, and efforts among equal motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inverse dynamics of whole logs against single samples and forward dynamics."""
+"""Inverse dynamics of logs against samples, forward dynamics, and rotors on joints of their own."""
 
 from __future__ import annotations
 
@@ -139,49 +139,22 @@ def rotor_body(axis: FloatArray, spin: float) -> pin.Inertia:
     return pin.Inertia(MASS, np.zeros(3), moment)
 
 
-def with_real_rotors(robot: Robot) -> tuple[pin.Model, list[int]]:
-    """Return the links with one revolute joint and body per rotor, and the order of s in it."""
-    model, gears = pin.Model(), robot.transmission
-    model.gravity = robot.model.gravity
-    new = {0: 0}
-    for number in range(robot.model.njoints):
-        if number:
-            new[number] = model.addJoint(
-                new[robot.model.parents[number]],
-                robot.model.joints[number].copy()
-                if hasattr(robot.model.joints[number], "copy")
-                else robot.model.joints[number],
-                robot.model.jointPlacements[number],
-                robot.model.names[number],
-            )
-            model.appendBodyToJoint(new[number], robot.model.inertias[number], pin.SE3.Identity())
-        # Rotors are leaves right behind their housing, so that subtrees stay contiguous.
-        for gear in np.flatnonzero(robot.mounting.housing == number):
-            axis = robot.mounting.axis[gear]
-            joint = model.addJoint(
-                new[number],
-                pin.JointModelRevoluteUnaligned(*axis),
-                pin.SE3.Identity(),
-                f"rotor:{gears.joints[gear]}",
-            )
-            body = rotor_body(axis, gears.rotor_inertia[gear])
-            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    order: list[int] = []
-    for number in range(1, robot.model.njoints):
-        start = model.joints[new[number]].idx_v
-        order += range(start, start + robot.model.joints[number].nv)
-    order += [model.joints[model.getJointId(f"rotor:{j}")].idx_v for j in gears.joints]
-    return model, order
+def with_real_rotors(robot: Robot) -> pin.Model:
+    """Return the links with one revolute joint and body per rotor behind them: its v is s_dot."""
+    model, gears = robot.model.copy(), robot.transmission
+    mounted = zip(robot.mounting.housing.tolist(), robot.mounting.axis, strict=True)
+    for gear, (housing, axis) in enumerate(mounted):
+        kind = pin.JointModelRevoluteUnaligned(*axis)
+        joint = model.addJoint(housing, kind, pin.SE3.Identity(), f"rotor:{gears.joints[gear]}")
+        body = rotor_body(axis, gears.rotor_inertia[gear])
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    return model
 
 
-def configuration(robot: Robot, real: pin.Model, q: FloatArray) -> FloatArray:
-    """Return q of the model with rotors for q of the links."""
-    full = pin.neutral(real)
-    for number in range(1, robot.model.njoints):
-        joint = robot.model.joints[number]
-        there = real.joints[real.getJointId(robot.model.names[number])]
-        full[there.idx_q : there.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
-    return full
+def effort(model: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Return what this motion needs; rotors stand at zero, as their place tells nothing."""
+    full = np.concatenate((q, np.zeros(model.nq - len(q))))
+    return pin.rnea(model, model.createData(), full, v, a).copy()
 
 
 def carrying(robot: Robot) -> Robot:
@@ -198,36 +171,27 @@ def carrying(robot: Robot) -> Robot:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_redundant_inertia_and_bias_are_those_of_real_rotor_joints(name: str, seed: int) -> None:
     robot = load_robot(name)
-    real, order = with_real_rotors(robot)
-    ours = carrying(robot)
+    real, ours = with_real_rotors(robot), carrying(robot)
     q, v = random_state(ours, np.random.default_rng(seed))
     model = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v))
-    s_dot = model.nullspace @ v
-    data = real.createData()
-    full_q, full_v = configuration(robot, real, q), np.zeros(real.nv)
-    full_v[order] = s_dot
-    mass = pin.crba(real, data, full_q)
-    mass = np.triu(mass) + np.triu(mass, 1).T
-    np.testing.assert_allclose(model.inertia, mass[np.ix_(order, order)], atol=1e-9)
-    bias = pin.nonLinearEffects(real, data, full_q, full_v)
-    np.testing.assert_allclose(model.bias, bias[order], atol=1e-8)
+    rest = np.zeros(real.nv)
+    held = effort(real, q, rest, rest)
+    mass = np.stack([effort(real, q, rest, unit) - held for unit in np.eye(real.nv)], axis=1)
+    np.testing.assert_allclose(model.inertia, mass, atol=1e-9)
+    bias = effort(real, q, model.nullspace @ v, rest)
+    np.testing.assert_allclose(model.bias, bias, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg", "solo12"])
 def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(name: str) -> None:
     robot = load_robot(name).lossless()
-    real, order = with_real_rotors(robot)
-    ours = carrying(robot)
+    real, ours = with_real_rotors(robot), carrying(robot)
     q, v = random_state(ours, np.random.default_rng(3))
     a = np.random.default_rng(4).normal(size=robot.model.nv)
     nullspace = dynamics.redundant_model(ours, dynamics.evaluate(ours, q, v)).nullspace
-    full_v, full_a = np.zeros((2, real.nv))
-    full_v[order], full_a[order] = nullspace @ v, nullspace @ a
-    whole = configuration(robot, real, q), full_v, full_a
-    effort = pin.rnea(real, real.createData(), *whole)[order]
     # Perfect gears: the rotor torque does the work of everything that moves with the joint.
     nv, gears = robot.model.nv, robot.transmission
-    needed = nullspace.T @ effort
+    needed = nullspace.T @ effort(real, q, nullspace @ v, nullspace @ a)
     tau = np.linalg.solve(gears.distribution, needed[robot.actuated])
     motion = Motion(q[None], v[None], a[None])
     found, rest = dynamics.rotor_torque(ours, motion, dynamics.link_torque(ours, motion))

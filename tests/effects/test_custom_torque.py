@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.effects.needed import needed
+from tests.effects.needed import motion_of, needed
 from wbc.arrays import FloatArray
 from wbc.effects import CustomTorque, load_robot, save_robot
 from wbc.errors import EffectError, RobotError
@@ -27,9 +27,8 @@ FORMULA = {
 
 
 @pytest.fixture
-def motion() -> Motion:
-    q, v, a = np.random.default_rng(3).normal(size=(3, 60, 2))
-    return Motion(q, v, a)
+def motion(leg: Robot) -> Motion:
+    return motion_of(leg)
 
 
 def gravity_of_the_hip(q: FloatArray) -> FloatArray:

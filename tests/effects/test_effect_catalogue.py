@@ -9,27 +9,13 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from tests.effects.needed import needed
+from tests.effects.needed import motion_of, needed
 from wbc.arrays import FloatArray
 from wbc.effects import EFFECTS, CoulombFriction, JointEffect, load_robot, save_robot
 from wbc.effects.tables import left_for_hooks
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion, Parameter, Robot
 from wbc.robot.table import SI_UNITS
-
-SAMPLES = 20
-
-
-def motion_of(robot: Robot) -> Motion:
-    q, v, a = np.random.default_rng(9).normal(size=(3, SAMPLES, robot.model.nv))
-    return Motion(
-        q,
-        v,
-        a,
-        time=0.01 * np.arange(SAMPLES),
-        temperature=np.full((SAMPLES, 2), 40.0),
-        supply_voltage=np.full((SAMPLES, 2), 24.0),
-    )
 
 
 def away_from_null(kind: type[Effect], robot: Robot, where: str) -> Effect:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tests.effects.needed import needed
+from tests.effects.needed import motion_of, needed
 from wbc import Robot, effects, load_robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque
@@ -37,9 +37,8 @@ ADDED: list[tuple[Effect, Law]] = [
 
 
 @pytest.fixture
-def motion() -> Motion:
-    q, v, a = np.random.default_rng(7).normal(size=(3, 50, 2))
-    return Motion(q, v, a, temperature=np.full((50, 2), 60.0))
+def motion(leg: Robot) -> Motion:
+    return motion_of(leg)
 
 
 @pytest.mark.parametrize(("effect", "law"), ADDED, ids=[effect.name for effect, _ in ADDED])

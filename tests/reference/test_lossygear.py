@@ -1,4 +1,4 @@
-"""The three LossyGear demos of the Modelica Standard Library as robots with one joint."""
+"""The time step against the three LossyGear demos of the Modelica Standard Library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots: names, poses, copies, and joints that turn without end."""
+"""Robots: names, poses, copies, endless joints; shipped ones say where their numbers are from."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +15,6 @@ from wbc.sim import ClosedLoop, Plane, Plant, SensorNoise, TorqueLag
 LEG, AIR = load_robot("planar_leg_fixed"), Plane(height=-10.0)
 
 
-@dataclass
-class Torque:
-    rotor_torque: np.ndarray
-
-
 class Damper:
     """A controller that needs no model."""
 
@@ -28,7 +23,9 @@ class Damper:
 
     def step(self, state, references=None, contacts=None):
         self.seen.append(state)
-        return Torque(0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity)
+        return SimpleNamespace(
+            rotor_torque=0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity
+        )
 
 
 def played(noise=None, lag=None, ticks=50):

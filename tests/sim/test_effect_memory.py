@@ -16,13 +16,9 @@ from wbc import Robot, load_robot
 from wbc.effects import ActuationDelay, JointEffect, ThermalDrift
 from wbc.sim import Plane, Plant, SimState, simulate
 
+LEG = load_robot("planar_leg_fixed").lossless()
 START = np.array([0.3, -0.6])
 RATIO = 20.0
-
-
-@pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
 
 
 def truth(
@@ -56,7 +52,7 @@ def march(
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.0037, 0.012])
-def test_a_delayed_command_acts_when_it_arrives(leg: Robot, delay: float) -> None:
+def test_a_delayed_command_acts_when_it_arrives(delay: float) -> None:
     steps = np.array([[0.3, -0.4], [0.6, 0.2], [-0.2, 0.3], [0.4, -0.4]])
 
     def command(t: float) -> np.ndarray:
@@ -67,8 +63,8 @@ def test_a_delayed_command_acts_when_it_arrives(leg: Robot, delay: float) -> Non
         return RATIO * np.array([command(t)[0], late]), []
 
     jumps = {*(0.025 * i for i in range(5)), *(0.025 * i + delay for i in range(4))}
-    y = truth(leg, rate, [], sorted(t for t in jumps if t <= 0.1))
-    robot = leg.with_effect(ActuationDelay("knee", delay))
+    y = truth(LEG, rate, [], sorted(t for t in jumps if t <= 0.1))
+    robot = LEG.with_effect(ActuationDelay("knee", delay))
     errors = []
     for h in (1e-3, 5e-4):
         end = march(robot, command, h, round(0.1 / h))
@@ -104,8 +100,8 @@ class Maxwell(JointEffect):
         return self.on_joint(robot, motion, -self.stiffness * self.stretch(robot, motion, 0.5)[0])
 
 
-def test_any_hook_of_an_effect_nobody_knows_sees_its_own_state(leg: Robot) -> None:
-    robot = leg.with_effects(Maxwell("hip", 60.0, 3.0), ThermalDrift("knee", 0.3, 1.2))
+def test_any_hook_of_an_effect_nobody_knows_sees_its_own_state() -> None:
+    robot = LEG.with_effects(Maxwell("hip", 60.0, 3.0), ThermalDrift("knee", 0.3, 1.2))
 
     def rate(t: float, v: np.ndarray, z: np.ndarray) -> tuple:
         return np.array([-60.0 * z[0], -4.0 * (1.0 - 0.3 * z[1])]), [
@@ -123,8 +119,8 @@ def test_any_hook_of_an_effect_nobody_knows_sees_its_own_state(leg: Robot) -> No
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_a_run_taken_up_again_goes_on_to_the_same_bits(leg: Robot) -> None:
-    robot = leg.with_effects(ActuationDelay("hip", 0.0035), ThermalDrift("knee", 0.3, 1.2))
+def test_a_run_taken_up_again_goes_on_to_the_same_bits() -> None:
+    robot = LEG.with_effects(ActuationDelay("hip", 0.0035), ThermalDrift("knee", 0.3, 1.2))
     plant = Plant(robot, terrain=Plane(height=-9.0))
 
     def command(state: SimState) -> np.ndarray:

@@ -5,26 +5,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wbc.effects import CoulombFriction, LoadFriction, RotorInertia, ViscousFriction, load_robot
-from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
 
+PENDULUM = load_robot("xl330_pendulum")
 MASS, LEVER, ARMATURE, KT, RESISTANCE = 0.49, 0.1, 0.00181, 0.387, 4.02
-
-
-@pytest.fixture
-def pendulum() -> Robot:
-    return load_robot("xl330_pendulum")
 
 
 def run(goal: float, rows: int, first: float = 0.0, enabled: float = 1.0) -> ServoRun:
     return ServoRun("run", 2.0, np.full(rows, goal), np.full(rows, enabled), np.full(rows, first))
 
 
-def test_a_winding_that_warms_gives_way_under_a_held_load(pendulum: Robot) -> None:
+def test_a_winding_that_warms_gives_way_under_a_held_load() -> None:
     step, duration, heating, cooling = 1e-3, 2.0, 0.15, 0.8
-    robot = pendulum.with_effect(ViscousFriction("shaft", 0.05))
+    robot = PENDULUM.with_effect(ViscousFriction("shaft", 0.05))
     drive = DcDrive(7.4, source_resistance=0.5, heating=heating, cooling=cooling)
     reached = servo_rollout([(robot, drive)], [run(1.2, int(duration / step))], step)[:, 0, 0]
 
@@ -44,21 +39,21 @@ def test_a_winding_that_warms_gives_way_under_a_held_load(pendulum: Robot) -> No
     assert cold[-1] > reached[-1] + 0.05
 
 
-def test_released_frictionless_swing_keeps_its_energy(pendulum: Robot) -> None:
+def test_released_frictionless_swing_keeps_its_energy() -> None:
     step = 2e-4
     reached = servo_rollout(
-        [(pendulum, DcDrive(7.4))], [run(1.0, 10000, first=0.7, enabled=0.0)], step
+        [(PENDULUM, DcDrive(7.4))], [run(1.0, 10000, first=0.7, enabled=0.0)], step
     )[:, 0, 0]
     assert reached.max() == pytest.approx(0.7, abs=1e-3)
     assert reached.min() == pytest.approx(-0.7, abs=1e-3)
 
 
-def test_dry_friction_holds_inside_its_cone_and_not_outside(pendulum: Robot) -> None:
+def test_dry_friction_holds_inside_its_cone_and_not_outside() -> None:
     angle = 0.2
     weight = MASS * 9.81 * LEVER * np.sin(angle)
     held, falling = (
         servo_rollout(
-            [(pendulum.with_effect(CoulombFriction("shaft", share * weight)), DcDrive(7.4))],
+            [(PENDULUM.with_effect(CoulombFriction("shaft", share * weight)), DcDrive(7.4))],
             [run(0.0, 400, first=angle, enabled=0.0)],
             0.005,
         )[:, 0, 0]
@@ -68,10 +63,10 @@ def test_dry_friction_holds_inside_its_cone_and_not_outside(pendulum: Robot) -> 
     assert falling[-1] < angle - 1e-3
 
 
-def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other(pendulum: Robot) -> None:
+def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other() -> None:
     # Slowly: t = T / (1 - c) on the way up, t = T / (1 + c) on the way down.
     c, step = 0.3, 0.002
-    robot = pendulum.with_effect(LoadFriction("shaft", c))
+    robot = PENDULUM.with_effect(LoadFriction("shaft", c))
     ramp = np.concatenate([np.linspace(0.0, 1.5, 10000), np.linspace(1.5, 0.0, 10000)])
     slow = ServoRun("slow", 2.0, ramp, np.ones(ramp.size), np.zeros(ramp.size))
     reached = servo_rollout([(robot, DcDrive(7.4))], [slow], step)[:, 0, 0]
@@ -82,9 +77,9 @@ def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other(pendulum
         assert load / (KT * current) == pytest.approx(share, rel=0.01)
 
 
-def test_variants_side_by_side_equal_each_alone(pendulum: Robot) -> None:
+def test_variants_side_by_side_equal_each_alone() -> None:
     robots = [
-        pendulum.with_effects(RotorInertia("shaft", inertia), CoulombFriction("shaft", level))
+        PENDULUM.with_effects(RotorInertia("shaft", inertia), CoulombFriction("shaft", level))
         for inertia, level in ((0.001, 0.0), (0.004, 0.05))
     ]
     drives = [DcDrive(7.4), DcDrive(6.0, source_resistance=1.0, current_limit=0.8)]

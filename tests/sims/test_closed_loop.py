@@ -5,24 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sims import embedding_plain, embedding_realtime, embedding_ros2_control
+from sims import embedding_mujoco, embedding_plain, embedding_realtime, embedding_ros2_control
 from sims.closed_loop import PUSH, OwnPlant, main, run
 from sims.embedding_realtime import PATIENCE, PERIOD, DeadlineMonitor
 from sims.embedding_ros2_control import FakeHardware, Return, WholeBodyController
 from sims.legged import pushed
+from sims.mujoco_plant import MujocoPlant
 from wbc import load_robot
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 ERROR, TORQUE = "centre of mass, rms error [mm]", "torque, rms [% of limit]"
 
 
-def needs_mujoco():
-    return pytest.importorskip("mujoco", reason="MuJoCo, a development dependency, is not here")
-
-
 @pytest.fixture(scope="module")
 def solo():
-    needs_mujoco()
     return main(0.45, ["solo12"], ["MuJoCo", "wbc.sim"])
 
 
@@ -54,9 +50,6 @@ def test_mujoco_and_the_plant_agree(solo):
 
 def test_both_plants_tip_a_pushed_humanoid_onto_the_edges_of_its_soles_and_back():
     """Eight points share the load; soles tip, land flat and rock: rigid here, soft in MuJoCo."""
-    needs_mujoco()
-    from sims.mujoco_plant import MujocoPlant
-
     talos = load_robot("talos")
     pose, act = np.array(talos.pose("half_sitting")), pushed(PUSH["talos"], 0.05, 0.1)
     one, other = (
@@ -69,17 +62,9 @@ def test_both_plants_tip_a_pushed_humanoid_onto_the_edges_of_its_soles_and_back(
     assert one["centre of mass, largest error [mm]"] > 4.0
 
 
-def test_plain_loop():
-    figures = embedding_plain.main(0.2)
-    assert figures["refused ticks"] == 0
-    assert figures["largest error of the centre of mass [mm]"] < 2.0
-
-
-def test_mujoco_loop():
-    needs_mujoco()
-    from sims import embedding_mujoco
-
-    figures = embedding_mujoco.main(0.2)
+@pytest.mark.parametrize("loop", [embedding_plain, embedding_mujoco], ids=["plain", "MuJoCo"])
+def test_a_loop_of_the_documentation_stands(loop):
+    figures = loop.main(0.2)
     assert figures["refused ticks"] == 0
     assert figures["largest error of the centre of mass [mm]"] < 2.0
 

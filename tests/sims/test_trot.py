@@ -20,7 +20,6 @@ def test_solo12_trots_a_metre_and_more_on_lossy_gears(scene):
 
 
 def test_mujoco_agrees_that_knowing_the_losses_pays():
-    pytest.importorskip("mujoco")
     found = main(2.0, ["MuJoCo"], ["level"], ["dissipative", "conservative"])
     knowing, not_knowing = found.values()
     assert knowing[FELL] == not_knowing[FELL] == 0.0

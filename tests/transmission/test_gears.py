@@ -1,4 +1,4 @@
-"""Gears: their numbers, the mesh law, flanks, and wedge and planetary gear against balances."""
+"""Gears: their numbers, the mesh law, and wedge and planetary gear against balances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies on the ground: they lie on it, lose energy, come to rest, as they do in MuJoCo."""
+"""Bodies on the ground: they lie on it, lose energy and come to rest, as they do in MuJoCo."""
 
 from __future__ import annotations
 

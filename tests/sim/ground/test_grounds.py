@@ -1,4 +1,4 @@
-"""Contacts that belong to a solid; boxes, edges, balls and height fields; starts in the ground."""
+"""Contacts that belong to a solid; boxes, edges, balls and height fields; small overlaps."""
 
 from __future__ import annotations
 

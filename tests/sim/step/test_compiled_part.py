@@ -7,25 +7,16 @@ import pinocchio as pin
 import pytest
 
 from tests.sim.random_robots import BASES, random_robot, softened
-from wbc.dynamics import Workspace
+from wbc.dynamics import evaluate
 from wbc.robot import Robot
 from wbc.sim import Plane, Plant, SimState, StepSolution
 from wbc.transmission import Transmission
 
-_WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-
 
 def contact_jacobian(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return H_l (nv, nv) and the Jacobians (k, 3, nv) of the contact points by pinocchio."""
-    space = Workspace(robot)
-    model, data = space.model, space.data
-    upper = np.triu(pin.crba(model, data, q, pin.Convention.WORLD))
-    rows = []
-    for frame in space.frames:
-        pin.updateFramePlacement(model, data, frame)
-        whole = pin.getFrameJacobian(model, data, frame, _WORLD).reshape(6, -1)
-        rows.append(np.array(whole[:3]))
-    return upper + np.triu(upper, 1).T, np.reshape(rows, (-1, 3, model.nv))
+    terms = evaluate(robot, q, np.zeros(robot.model.nv))
+    return terms.mass_matrix, terms.contact_jacobian.reshape(-1, 3, robot.model.nv)
 
 
 def turning() -> Robot:
