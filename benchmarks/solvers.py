@@ -28,8 +28,7 @@ from rich.table import Table
 import wbc.control.qp.search as search
 from benchmarks.controller import machine
 from benchmarks.controller_scenes import controller, standing
-from wbc.control.qp.problem import QPStatus
-from wbc.control.qp.solvers import solve
+from wbc.control.qp.solvers import QPStatus, solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
@@ -90,7 +89,7 @@ def judge(problem, own, found):
         )
         took, broken = 1e6 * (time.thread_time() - start), np.inf
         if answer.status is QPStatus.SOLVED and len(answer.x) == len(problem.g):
-            broken = answer.primal_residual(problem)
+            broken = answer.residuals(problem)[0]
         cost = np.inf
         if broken <= KEPT:
             cost = 0.5 * answer.x @ problem.H @ answer.x + problem.g @ answer.x

@@ -141,19 +141,28 @@ class Structure:
         Args:
             label: of the kind.
             fields: name -> kind of array, as in `wbc.compiled`, or of structure; `Count` or `Flag`
-                for a number that stays the same.
+                for a number that stays the same. Behind the kind may stand the shape, numbers or
+                names of sizes: such an array is made where it is not given.
         """
-        kinds = {name: kind_of(field) for name, field in fields.items()}
+        self._shapes = {name: f[1:] for name, f in fields.items() if isinstance(f, tuple)}
+        kinds = {name: kind_of(f[0] if name in self._shapes else f) for name, f in fields.items()}
         self.kind = _Kind(label, tuple(kinds.items()))
         self._made = type(label, (NamedArrays,), {"_numba_type_": self.kind, "_fields": kinds})
 
-    def of(self, **values: Any) -> Any:
+    def of(self, sizes: Mapping[str, int] | None = None, /, **values: Any) -> Any:
         """Return a structure that holds these arrays; they are read and written where they lie.
 
+        Args:
+            sizes: those of the arrays that are made here, of zeros.
+            values: the other arrays.
+
         Raises:
-            KeyError: an array is missing.
+            KeyError: an array or a size is missing.
             TypeError: an array of another kind.
         """
+        for name in self._shapes.keys() - values.keys():
+            shape = [(sizes or {})[n] if isinstance(n, str) else n for n in self._shapes[name]]
+            values[name] = np.zeros(shape, np.dtype(str(self.kind.fields[name].dtype)))
         return self._made(values)
 
 

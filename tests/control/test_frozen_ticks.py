@@ -94,7 +94,7 @@ def scene(
 SCENES = {
     "noisy": scene(noise=0.3),
     "joint limits": scene(limits=limited),
-    "braking": scene(noise=0.2, limits=lambda r: limited(r, braking=control.MotorBraking())),
+    "braking": scene(noise=0.2, limits=lambda r: limited(r, braking=0.8)),
     "knee": scene(limits=lambda r: [control.RotorTorqueLimit(fraction=0.8, knee=0.2)], noise=0.3),
     "dry and wet": scene(rubs=[DRY, WET]),
     "torque constants": scene(rubs=[("torque_constant", 1.02)]),

@@ -12,7 +12,6 @@ from wbc.control import (
     Controller,
     ControllerSettings,
     JointLimit,
-    MotorBraking,
     PostureTask,
     Reference,
     RotorTorqueLimit,
@@ -48,7 +47,7 @@ def test_a_knee_stops_with_its_motors_own_torque(knows):
     Counting on more than its motor has it comes too fast, and brakes with all there is from there.
     """
     robot = ARM.with_transmission(ARM.transmission.replace(torque_limit=[0.5, 0.5]))
-    braking = MotorBraking(share=0.8) if knows else None
+    braking = 0.8 if knows else None
     limit = JointLimit.of(robot, ("knee",), acceleration=400.0, braking=braking)
     limit = replace(limit, lower=np.array([-2.0]), upper=np.array([0.9]), speed=np.array([30.0]))
     top, far, _ = driven_beyond(robot, [RotorTorqueLimit(), limit], 0.9, -1.0, 3.0, 1200, CERTAINLY)
@@ -69,7 +68,7 @@ def test_braking_is_what_the_gears_allow():
     solo = load_robot("solo12")
     gears = solo.transmission
     load, inertia = np.linspace(-0.5, 0.5, 12), np.full(12, 0.01)
-    brakes = JointLimit.of(solo, braking=MotorBraking(share=0.9))
+    brakes = JointLimit.of(solo, braking=0.9)
     limit = 0.9 * gears.gear_ratio * gears.torque_limit
     for way in (1.0, -1.0):
         b = (brakes.torque + way * load) / (inertia + brakes.reflected)
@@ -84,7 +83,7 @@ def test_a_joint_that_motors_share_stops_by_the_weakest_of_them():
     gears = leg.transmission
     weak = leg.with_transmission(gears.replace(torque_limit=gears.torque_limit * [0.1, 1.0]))
     for robot in (leg, weak):
-        held = MotorBraking().share * np.abs(gears.gear_ratio * robot.transmission.torque_limit)
+        held = 0.8 * np.abs(gears.gear_ratio * robot.transmission.torque_limit)
         held = held / gears.backward_efficiency
         torque = JointLimit.of(robot).torque
         np.testing.assert_allclose(torque, [held[0], held.min()])

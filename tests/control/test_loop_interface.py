@@ -27,7 +27,7 @@ from wbc.control import (
     Status,
 )
 from wbc.control.inputs import LONGEST
-from wbc.control.qp.problem import QPProblem
+from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.task import Task
 from wbc.effects import load_robot
 from wbc.robot import JointMap, Motion

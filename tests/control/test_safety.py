@@ -22,8 +22,7 @@ from wbc.control import (
     Status,
     explain,
 )
-from wbc.control.qp.problem import QPStatus
-from wbc.control.qp.solvers import solve
+from wbc.control.qp.solvers import QPStatus, solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.library import robot_names

@@ -13,7 +13,7 @@ from wbc.control.rows.efforts import (
     OutputTorqueEffort,
     RotorTorqueEffort,
 )
-from wbc.control.rows.limits import JointLimit, MotorBraking, RotorTorqueLimit
+from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.point_foot import PointFootBalanceTask
 from wbc.control.rows.schedule import ContactRamp, ContactSchedule
 from wbc.control.rows.task import (
@@ -60,7 +60,6 @@ __all__ = [
     "LetDown",
     "LinearMomentumTask",
     "MeshLossEffort",
-    "MotorBraking",
     "OutputTorqueEffort",
     "PointContact",
     "PointFootBalanceTask",

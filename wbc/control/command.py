@@ -10,7 +10,7 @@ import numpy as np
 from proxsuite import proxqp
 
 from wbc.arrays import FloatArray
-from wbc.control.qp.problem import QPProblem, QPSolution
+from wbc.control.qp.solvers import QPProblem, QPSolution
 from wbc.errors import ControlError
 from wbc.transmission import Direction
 

@@ -27,9 +27,8 @@ from wbc.control.inputs import (
 )
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
-from wbc.control.qp.problem import QPProblem
 from wbc.control.qp.program import Recipe
-from wbc.control.qp.solvers import check_solver
+from wbc.control.qp.solvers import QPProblem, check_solver
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contacts import Contact, ContactSet
 from wbc.control.rows.efforts import Effort
@@ -200,44 +199,42 @@ class Controller:
             self._inputs.check(given)
             motion = self._drivetrain.true_motion(motion)
             levels, ceilings = self._levels.of(given.contacts, given.dt)
-            asked = self._asked(motion, given, ceilings, levels[0].program.contacts)
-            answer = descend(levels, asked)
+            told = self._ask(motion, given, levels[0].program.contacts)
+            answer = descend(levels, PendingTick(motion, ceilings, given.dt, self._last, told))
             self._level = answer.level
-            if isinstance(answer, Refusal):
-                return self._refused(answer, asked, start)
-            self._remember(answer, asked)
-            return self._command(answer, motion, start)
+            if isinstance(answer, SolvedLevel):
+                self._remember(answer, motion)
+                return self._command(answer, motion, start)
+            complaint = answer.complaint or size_complaint(given.references)
+            return self._refused(answer, complaint, motion, given.dt, start)
         except TickInputError as cause:
             complaint = cause.status, str(cause)
         except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
         return self._fallback.command(motion, complaint, given.dt, start)
 
-    def _asked(
-        self,
-        motion: Motion,
-        given: TickInputs,
-        ceilings: Mapping[str, float] | None,
-        contacts: ContactSet,
-    ) -> PendingTick:
+    def _ask(self, motion: Motion, given: TickInputs, contacts: ContactSet) -> int:
         """Write what only Python can say of a state; nothing is remembered.
+
+        Returns:
+            what of the state is evaluated then, see `wbc.control.tick`.
 
         Raises:
             TickInputError: a reference that does not fit its task.
         """
         kinematics, moved = self._kinematics, self._asks_ahead
+        rested = contacts.rank < contacts.rows
         try:
             for stack in self._stacks:
                 stack.weigh(given.weights, given.activation)
                 moved = stack.take(given.references) or moved
-            rested = contacts.rank < contacts.rows
-            told = (MOVED if moved or rested else 0) | (RESTED if rested else 0)
-            if told:
-                kinematics.update(motion.position, motion.velocity)
-                for stack in self._stacks:
-                    stack.ask(kinematics)
-            else:
+            if not moved and not rested:
                 kinematics.take(motion.position, motion.velocity)
+                self._drivetrain.take(motion, contacts.contacts)
+                return 0
+            kinematics.update(motion.position, motion.velocity)
+            for stack in self._stacks:
+                stack.ask(kinematics)
         except ControlError as cause:
             raise TickInputError(str(cause)) from cause
         if self._collision is not None:
@@ -245,7 +242,7 @@ class Controller:
         if rested:
             contacts.fill(kinematics)
         self._drivetrain.take(motion, contacts.contacts)
-        return PendingTick(motion, given.references, ceilings, given.dt, self._last, told)
+        return MOVED | (RESTED if rested else 0)
 
     def _command(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
         """Return the command of a usable solution of a tick that began at `start` [s]."""
@@ -268,31 +265,27 @@ class Controller:
             passed=answer.passed,
         )
 
-    def _refused(self, refusal: Refusal, asked: PendingTick, start: float) -> Command:
+    def _refused(
+        self, refusal: Refusal, complaint: Complaint, motion: Motion, dt: float, start: float
+    ) -> Command:
         """Return the safe command of a tick that has no usable solution."""
-        complaint = refusal.complaint or size_complaint(asked.references)
         if complaint[0] is not Status.NOT_FINITE:
             for stack in self._stacks:
                 stack.remember()
-        self._last = refusal.level.expecting(self._last)
-        refused = None
-        if refusal.found is not None:
-            program = refusal.level.program
-            refused = Refused(program.dense(), program)
-        return self._fallback.command(
-            asked.motion, complaint, asked.dt, start, refusal.found, refused
-        )
+        self._last, found = refusal.level.expecting(self._last), refusal.found
+        program = refusal.level.program
+        refused = None if found is None else Refused(program.dense(), program)
+        return self._fallback.command(motion, complaint, dt, start, found, refused)
 
-    def _remember(self, answer: SolvedLevel, asked: PendingTick) -> None:
+    def _remember(self, answer: SolvedLevel, motion: Motion) -> None:
         """Take what the next tick starts from."""
         for stack in self._stacks:
             stack.remember()
-        program, block = answer.level.program, answer.block
-        self._last, contacts = block, program.contacts
-        self._fallback.remember(answer, contacts.contacts)
+        self._last, contacts = answer.block, answer.level.program.contacts.contacts
+        self._fallback.remember(answer, contacts)
         if self._drivetrain.learns:
-            leads_to = asked.motion.velocity + asked.dt * block[program.at.x][: program.nv]
-            self._drivetrain.remember(leads_to, contacts.contacts)
+            leads_to = motion.velocity + answer.dt * answer.acceleration
+            self._drivetrain.remember(leads_to, contacts)
 
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)

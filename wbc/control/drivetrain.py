@@ -84,6 +84,7 @@ class GearModel:
         self.learns = rate > 0.0
         unlimited = np.full(gears.size, np.inf)
         self.memory: Any = GEARS.of(
+            {"m": gears.size, "v": nv},
             driven=np.array(robot.actuated, dtype=np.int_),
             from_joints=from_joints,
             topology=np.array(gears.topology),
@@ -92,28 +93,15 @@ class GearModel:
             rotor=own.copy(),
             dry=np.abs(self._ratio) * gears.rotor_coulomb_friction,
             viscous=self._ratio**2 * gears.rotor_viscous_friction,
-            rotor_added=np.zeros(gears.size),
-            rest=np.empty(gears.size),
-            forward=np.empty(gears.size),
-            backward=np.empty(gears.size),
             lower=-unlimited,
             upper=unlimited,
             laws=self._table.joints,
             numbers=self._table.numbers,
             drives=self._table.drives,
-            effects=np.zeros(nv),
-            rubbing=np.zeros(nv),
-            learned=np.zeros(nv),
             predicted=np.full(nv, np.nan),
             bound=np.zeros(nv) if observer is None else observer.bounds(nv),
             inertia=turns.T @ (gears.reflected_inertia[:, None] * turns),
             blend=np.array([blend.trusted_error, blend.full_speed, blend.correction, rate]),
-            bias=np.zeros(nv),
-            rotor_bias=np.zeros(gears.size),
-            disturbance=np.zeros(nv),
-            smooth=np.zeros(nv),
-            rubs=np.zeros(nv),
-            joint=np.zeros(gears.size),
         )
         self._take_efficiencies(gears.forward_efficiency, gears.backward_efficiency)
         if limit is not None:
@@ -238,10 +226,6 @@ class GearModel:
     def speed(self, velocity: FloatArray) -> FloatArray:
         """Return dpsi (m,) [rad/s] of v (nv,)."""
         return np.asarray(self.memory.from_joints @ velocity[self.memory.driven])
-
-    def position(self, position: FloatArray) -> FloatArray:
-        """Return psi (m,) [rad] of q (nq,)."""
-        return np.asarray(self.memory.from_joints @ position[self.robot.actuated_position])
 
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""

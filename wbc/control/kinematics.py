@@ -59,7 +59,6 @@ class Kinematics:
         self.mass = float(pin.computeTotalMass(model))
         self.gravity = float(np.linalg.norm(model.gravity.linear))
         self._rest = np.zeros(nv)
-        self._frames: dict[str, int] = {}
         self._moved = False
         jacobian: FloatArray = data.J.reshape(6, nv)
         self.joint_places = _places(model, data)
@@ -67,6 +66,7 @@ class Kinematics:
         joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
         joints[:, [0, 4]] += 1
         self.tree = TREE.of(
+            {"j": model.njoints, "v": nv},
             jacobian=jacobian,
             places=self.joint_places,
             mass_matrix=self.mass_matrix,
@@ -78,14 +78,6 @@ class Kinematics:
             gravity=frozen(model.gravity.linear),
             starts=starts,
             columns=columns,
-            poses=np.zeros((model.njoints, 12)),
-            bodies=np.zeros((model.njoints, 10)),
-            rates=np.zeros((model.njoints, 6)),
-            drifts=np.zeros((model.njoints, 6)),
-            forces=np.zeros((model.njoints, 6)),
-            com_drift=np.zeros(3),
-            momentum_drift=np.zeros(6),
-            bias=np.zeros(nv),
         )
         self.bias: FloatArray = self.tree.bias
         self.known_by_joints = _axes_turn_with_bodies(model)
@@ -133,14 +125,10 @@ class Kinematics:
         Raises:
             ControlError: no such frame; the message lists those there are.
         """
-        number = self._frames.get(name)
-        if number is None:
-            if not self.model.existFrame(name):
-                known = [frame.name for frame in self.model.frames]
-                raise ControlError(unknown_name("frame", name, known))
-            number = int(self.model.getFrameId(name))
-            self._frames[name] = number
-        return number
+        if not self.model.existFrame(name):
+            known = [frame.name for frame in self.model.frames]
+            raise ControlError(unknown_name("frame", name, known))
+        return int(self.model.getFrameId(name))
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""

@@ -37,7 +37,7 @@ from wbc.control.qp.gear_rows import (
     place_slopes,
     place_torques,
 )
-from wbc.control.qp.problem import INFINITE
+from wbc.control.qp.solvers import INFINITE
 from wbc.control.rows.limits import JOINTS, place_joint_bounds
 from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
@@ -63,9 +63,9 @@ TASKS = Structure(
     limits=Row,
     weights=Row,
     parts=OutDense,
-    wanted=OutRow,
-    diagonal=Row,
-    pull=OutRow,
+    wanted=(OutRow, "k"),
+    diagonal=(Row, "v"),
+    pull=(OutRow, "v"),
 )
 """The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
 
@@ -90,17 +90,17 @@ PROGRAM = Structure(
     joints=JOINTS.kind,
     solver=SOLVER.kind,
     limited=Places,
-    map=OutDense,
-    output_bias=OutRow,
+    map=(OutDense, "m", "n"),
+    output_bias=(OutRow, "m"),
     undriven=Places,
     counts=OutPlaces,
     numbers=Row,
     efforts=Dense,
     effort_kinds=Dense,
-    slopes=OutDense,
-    turning=OutRow,
-    output=OutRow,
-    positive=OutPlaces,
+    slopes=(OutDense, 2, "m"),
+    turning=(OutRow, "m"),
+    output=(OutRow, "m"),
+    positive=(OutPlaces, "m"),
     stated_lower=OutRow,
     stated_upper=OutRow,
 )

@@ -41,14 +41,14 @@ TREE = Structure(
     gravity=Row,
     starts=Places,
     columns=Places,
-    poses=OutDense,
-    bodies=OutDense,
-    rates=OutDense,
-    drifts=OutDense,
-    forces=OutDense,
-    com_drift=OutRow,
-    momentum_drift=OutRow,
-    bias=OutRow,
+    poses=(OutDense, "j", 12),
+    bodies=(OutDense, "j", 10),
+    rates=(OutDense, "j", 6),
+    drifts=(OutDense, "j", 6),
+    forces=(OutDense, "j", 6),
+    com_drift=(OutRow, 3),
+    momentum_drift=(OutRow, 6),
+    bias=(OutRow, "v"),
 )
 """A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
 

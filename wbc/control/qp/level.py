@@ -11,12 +11,11 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.command import Status, consistent
-from wbc.control.inputs import Complaint, Reference
+from wbc.control.inputs import Complaint
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
-from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program, Recipe
 from wbc.control.qp.search import DirectedSolution, DirectionSearch
-from wbc.control.qp.solvers import WarmStart
+from wbc.control.qp.solvers import QPProblem, QPSolution, QPStatus, WarmStart
 from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
 from wbc.control.tick import (
@@ -58,7 +57,6 @@ class PendingTick(NamedTuple):
 
     Attributes:
         motion: the state.
-        references: of the tick.
         ceilings: greatest normal force [N] of each active contact, or None.
         dt: time until the next tick [s].
         last: block of the last tick.
@@ -66,7 +64,6 @@ class PendingTick(NamedTuple):
     """
 
     motion: Motion
-    references: Mapping[str, Reference]
     ceilings: Mapping[str, float] | None
     dt: float
     last: FloatArray
@@ -79,7 +76,6 @@ class SolvedLevel(NamedTuple):
     Attributes:
         level: that was solved.
         block: results, as `Program.at` says.
-        stated: solution of its last program, None where it is what the block holds.
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
         time: [s] it took.
@@ -91,7 +87,6 @@ class SolvedLevel(NamedTuple):
 
     level: Level
     block: FloatArray
-    stated: QPSolution | None
     found: DirectedSolution | None
     verdict: Complaint
     time: float
@@ -137,8 +132,8 @@ class SolvedLevel(NamedTuple):
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
-        if self.stated is not None:
-            return self.stated
+        if self.found is not None:
+            return self.found.solution
         return self.level.program.stated(self.block, self.hard)
 
 
@@ -185,7 +180,7 @@ class Level:
         if ended == DONE:
             hard = int(program.memory.counts[HARD])
             elapsed = perf_counter() - start
-            return SolvedLevel(self, block, None, None, _SOLVED, elapsed, asked.dt, hard=hard)
+            return SolvedLevel(self, block, None, _SOLVED, elapsed, asked.dt, hard=hard)
         if ended == TOO_LARGE:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
@@ -195,7 +190,7 @@ class Level:
     def _pass(self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray) -> int:
         """Do the compiled part of a tick; return how it ended."""
         program, memory = self.program, self.program.memory
-        motion, _, _, dt, last, told = asked
+        motion, _, dt, last, told = asked
         program.take(asked.ceilings)
         if program.repeats:
             program.place_basis()
@@ -265,7 +260,7 @@ class Level:
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
         elapsed = perf_counter() - start
         told = asked.dt, agrees, passed
-        return SolvedLevel(self, block, solution, found, verdict, elapsed, *told)
+        return SolvedLevel(self, block, found, verdict, elapsed, *told)
 
     def _giving_way(
         self, output: FloatArray

@@ -21,7 +21,7 @@ from wbc.compiled import (
     compiled,
 )
 from wbc.control.qp.linalg import extend_basis
-from wbc.control.qp.problem import INFINITE
+from wbc.control.qp.solvers import INFINITE
 from wbc.control.tick import BOUNDS, COST, HARD, JOINT, PROGRAM, REGULAR, TASKS, TORQUE
 from wbc.structures import Structure
 
@@ -33,16 +33,16 @@ _NARROW = 3e-5
 
 LOCK = Structure(
     "Lock",
-    above=OutDense,
-    left=OutDense,
-    kept=OutDense,
-    scaled=OutDense,
-    binding=OutDense,
-    places=OutPlaces,
-    free=OutDense,
-    scales=OutRow,
-    decided=OutPlaces,
-    ends=OutPlaces,
+    above=(OutDense, "a", "n"),
+    left=(OutDense, "k", "n"),
+    kept=(OutDense, "k", "n"),
+    scaled=(OutDense, "k", "n"),
+    binding=(OutDense, "r", "n"),
+    places=(OutPlaces, "r"),
+    free=(OutDense, "k", "n"),
+    scales=(OutRow, "n"),
+    decided=(OutPlaces, "r"),
+    ends=(OutPlaces, 3),
 )
 """Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
 are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are

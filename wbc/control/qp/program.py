@@ -16,7 +16,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
-from wbc.control.qp.problem import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution, QPStatus
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contacts import ContactSet
 from wbc.control.rows.efforts import Effort
@@ -35,8 +35,9 @@ REACH = 30.0
 # Limits that give way cost _FIRM times the heaviest task. What costs less than that task over _FIRM
 # is raised to it: with costs that span more than six decades daqp and the dual method call programs
 # infeasible that are not, and with 1e2 to 1e4 the passings are the same to three digits (Solo12, a
-# joint at its stop at 1 to 30 rad/s).
-_FIRM = 1e3
+# joint at its stop at 1 to 30 rad/s). On seven hostile ticks of Talos daqp takes 115 to 265
+# iterations with 1e2, 161 to 512 with 1e3.
+_FIRM = 1e2
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
@@ -143,9 +144,11 @@ class Program:
         solver.diagonal[self.nv :] = recipe.settings.force_weight
         solver.pull[self.nv :] = recipe.settings.force_weight * shared
         self._write_normals(None)
-        self.lock: Any = None if rank == 0 else _lock(above, self.n, most, self.bounds)
-        sizes = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.bounds]
-        ends = np.cumsum([0, *sizes]).tolist()
+        room = max(most + self.n, self.bounds, above)
+        sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
+        self.lock: Any = LOCK.of(sizes) if rank else None
+        parts = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.bounds]
+        ends = np.cumsum([0, *parts]).tolist()
         self.size = ends[-1]
         self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends)])
 
@@ -186,24 +189,12 @@ class Program:
             C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
         stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
         solver = SOLVER.of(
-            rows=np.zeros((size, n)),
-            right=np.zeros(size),
+            {"k": size, "n": n, "r": bounds},
             softness=softness,
             diagonal=diagonal,
-            pull=np.zeros(n),
             C=C,
             lower=lower,
             upper=upper,
-            give=np.zeros(bounds),
-            inverse=np.zeros(n),
-            lengths=np.zeros(bounds),
-            free=np.zeros(n),
-            force=np.zeros(size),
-            active=np.zeros(size, dtype=np.int_),
-            taken=np.zeros(bounds, dtype=np.int_),
-            scaled=np.zeros((size, n)),
-            system=np.zeros((size, size)),
-            left=np.zeros(size),
         )
         efforts, settings = len(self._efforts), recipe.settings
         ends = self.torque.stop, self.bounds, self.joint.start
@@ -212,6 +203,7 @@ class Program:
         sizes = [recipe.kinematics.mass, self.force_scale, regular, tolerance]
         greatest = tolerance / np.finfo(np.float64).eps
         self.memory: Any = PROGRAM.of(
+            {"m": m, "n": n},
             tree=recipe.kinematics.tree,
             tasks=self.stack.memory,
             contacts=contacts.memory,
@@ -219,17 +211,11 @@ class Program:
             joints=recipe.joints,
             solver=solver,
             limited=np.array(self.gears, dtype=np.int_),
-            map=np.zeros((m, n)),
-            output_bias=np.zeros(m),
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             counts=np.array(counts, dtype=np.int_),
             numbers=np.array([*sizes, greatest]),
             efforts=np.array([e.weights(recipe.robot) for e in self._efforts]).reshape(efforts, m),
             effort_kinds=np.array([e.kind for e in self._efforts]).reshape(efforts, 2),
-            slopes=np.zeros((2, m)),
-            turning=np.zeros(m),
-            output=np.zeros(m),
-            positive=np.zeros(m, dtype=np.int_),
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
@@ -399,20 +385,3 @@ class Program:
             turns = row < self.cone.stop and ("pressure" in label or "yaw" in label)
             return label, self.force_scale, "N m" if turns else "N"
         return label, 1.0, "rad/s^2" if row < self.joint.stop else "m/s^2"
-
-
-def _lock(above: int, n: int, most: int, bounds: int) -> Any:
-    """Return a LOCK for `above` rows of tasks on n variables beside `most` equalities."""
-    size = max(most + n, bounds, above)
-    return LOCK.of(
-        above=np.zeros((above, n)),
-        left=np.zeros((size, n)),
-        kept=np.zeros((size, n)),
-        scaled=np.zeros((size, n)),
-        binding=np.zeros((bounds, n)),
-        places=np.zeros(bounds, dtype=np.int_),
-        free=np.zeros((size, n)),
-        scales=np.zeros(n),
-        decided=np.zeros(bounds, dtype=np.int_),
-        ends=np.zeros(3, dtype=np.int_),
-    )

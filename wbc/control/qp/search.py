@@ -24,9 +24,8 @@ from wbc.control.qp.gear_rows import (
     place_slopes,
 )
 from wbc.control.qp.lock_rows import let_pass
-from wbc.control.qp.problem import QPSolution, QPStatus
 from wbc.control.qp.program import REACH, Program
-from wbc.control.qp.solvers import solve, solver_names
+from wbc.control.qp.solvers import QPSolution, QPStatus, solve, solver_names
 from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_directed_rows, place_efforts
 
 # Share of the rounds in which a better solution than the first is looked for: of 259 hostile ticks
@@ -150,7 +149,8 @@ class DirectionSearch:
             decided: gears that are decided, and whether T > 0 in them.
             spare: how many of the rounds are left for limits that give way; where there are some,
                 the first contradiction is an answer.
-            relaxes: whether to begin with the convex rows alone, and not with those directions.
+            relaxes: whether to begin with the convex rows alone, and not with those directions, and
+                to end with the first solution.
         """
         last, efforts, slopes = self._rounds - spare, GUESSES, self._program.memory.slopes
         self._most = int((1.0 - _LEFT * (spare > 0)) * self._settings.max_iterations)
@@ -210,6 +210,8 @@ class DirectionSearch:
                     else:
                         last = min(last, self.rounds + self._rounds // _BETTER)
                 best, lowest = (solution, node), cost
+                if relaxes:
+                    break
                 continue
             relaxed, sides = solution, {gear: bool(self.output[gear] > 0.0) for gear in gears}
             nodes += _turned(node, sides, cost, taken.copy())

@@ -1,17 +1,105 @@
-"""The solvers behind the controller's own guess: ProxQP and daqp."""
+"""Quadratic programs, what a solver says about one, and the solvers behind the own guess."""
 
 from __future__ import annotations
 
 from enum import Enum
 from math import isqrt
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
 
 import daqp
 import numpy as np
 from proxsuite import proxqp
 
 from wbc.arrays import FloatArray
-from wbc.control.qp.problem import QPProblem, QPSolution, QPStatus
 from wbc.errors import ControlError, unknown_name
+from wbc.files import atomic_write
+
+INFINITE = 1e20
+"""What counts as no bound."""
+
+
+class QPProblem(NamedTuple):
+    """min 1/2 x'Hx + g'x  subject to  A x = b,  lower <= C x <= upper.
+
+    Attributes:
+        H: (n, n), positive semi-definite.
+        g: (n,).
+        A: (n_eq, n).
+        b: (n_eq,).
+        C: (n_in, n).
+        lower: (n_in,); -INFINITE or less is no bound.
+        upper: (n_in,); INFINITE or more is no bound.
+    """
+
+    H: FloatArray
+    g: FloatArray
+    A: FloatArray
+    b: FloatArray
+    C: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    def save(self, path: str | Path) -> Path:
+        """Write the program to a compressed `.npz` file, whole or not at all; return its path."""
+        return atomic_write(path, lambda file: np.savez_compressed(file, **self._asdict()))
+
+    @classmethod
+    def load(cls, path: str | Path) -> QPProblem:
+        """Read a program that `save` wrote.
+
+        Raises:
+            ControlError: no such file, or not one of these.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return cls(*(np.asarray(archive[name], dtype=np.float64) for name in cls._fields))
+        except (OSError, ValueError, KeyError, BadZipFile) as cause:
+            raise ControlError(f"'{path}' holds no saved program: {cause}.") from cause
+
+
+class QPStatus(Enum):
+    """How solving ended."""
+
+    SOLVED = "solved"
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration limit"
+    FAILED = "failed"
+
+
+class QPSolution(NamedTuple):
+    """What a solver returned.
+
+    Attributes:
+        x: (n,).
+        y: multipliers (n_eq,) of the equalities.
+        z: multipliers (n_in,), positive at an upper bound, negative at a lower one.
+        status: how it ended.
+        iterations: of the solver.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    status: QPStatus
+    iterations: int
+
+    def residuals(self, problem: QPProblem) -> tuple[float, float, float]:
+        """Return how far it is from an optimum, three numbers that are zero there.
+
+        The largest violation of a constraint, the largest entry of |Hx + g + A'y + C'z|, and the
+        duality gap |x'Hx + g'x + b'y + upper'z+ + lower'z-|.
+        """
+        (H, g, A, b, C, lower, upper), x, y, z = problem, self.x, self.y, self.z
+        rows = C @ x
+        broken = np.concatenate([np.abs(A @ x - b), rows - upper, lower - rows])
+        gradient = H @ x + g + A.T @ y + C.T @ z
+        bounded = np.where(upper < INFINITE, upper, 0.0) @ np.maximum(z, 0.0)
+        bounded += np.where(lower > -INFINITE, lower, 0.0) @ np.minimum(z, 0.0)
+        gap = abs(float(x @ H @ x + g @ x + b @ y + bounded))
+        return float(broken.max(initial=0.0)), float(np.abs(gradient).max(initial=0.0)), gap
+
 
 _PROXQP = {
     proxqp.PROXQP_SOLVED: QPStatus.SOLVED,

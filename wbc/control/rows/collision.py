@@ -14,13 +14,8 @@ from wbc.arrays import FloatArray, frozen
 from wbc.control.kinematics import Kinematics
 from wbc.control.tree import place_distances
 from wbc.errors import ControlError, unknown_name
-from wbc.robot import Robot
 
 _FLAT = 1e-9  # thickness over size; coal's hull of a mesh with none (4e-17) ends the process
-
-
-_NO_FRAME = 2**64 - 1
-"""What pinocchio says of a solid that was given a joint and no frame."""
 
 
 @final
@@ -92,53 +87,6 @@ class CollisionLimit:
                 "a collision limit needs 0 <= margin < influence [m] and a rate > 0 1/s, got "
                 f"{self.margin}, {self.influence} and {self.rate}."
             )
-
-    @classmethod
-    def of(cls, robot: Robot, geometry: pin.GeometryModel, **settings: float) -> CollisionLimit:
-        """Return the limit of all collision pairs of a geometry model of the robot's own model.
-
-        Load it with `pin.buildGeomFromUrdf(robot.model, ...)` and choose its pairs first: links
-        that a joint connects overlap, so leave their pairs out.
-
-        Raises:
-            ControlError: the geometry was loaded for another model, as that of the URDF without
-                the free-flyer or with joints that are locked here: its solids would stand on other
-                links.
-        """
-        for solid in geometry.geometryObjects:
-            _check_link(robot.model, solid)
-        shapes = [
-            Shape(
-                name=solid.name,
-                geometry=solid.geometry,
-                frame=str(robot.model.names[solid.parentJoint]),
-                placement=solid.placement,
-            )
-            for solid in geometry.geometryObjects
-        ]
-        pairs = [
-            (shapes[pair.first].name, shapes[pair.second].name) for pair in geometry.collisionPairs
-        ]
-        return cls(shapes, pairs, **settings)
-
-
-def _check_link(model: pin.Model, solid: Any) -> None:
-    """Raise ControlError for a solid of a geometry that was loaded for another model."""
-    joint, frame = int(solid.parentJoint), int(solid.parentFrame)
-    fits = joint < model.njoints
-    if fits and frame != _NO_FRAME:
-        fits = frame < model.nframes and int(model.frames[frame].parentJoint) == joint
-    if fits:
-        link = solid.name.rpartition("_")[0]  # pinocchio calls the solids of a link link_0, link_1
-        fits = not model.existFrame(link) or (
-            int(model.frames[model.getFrameId(link)].parentJoint) == joint
-        )
-    if not fits:
-        raise ControlError(
-            f"the geometry was loaded for another model: solid '{solid.name}' belongs to joint "
-            f"{joint}, which is another one here. Load it with "
-            "pin.buildGeomFromUrdf(robot.model, ...)."
-        )
 
 
 class CollisionRows:

@@ -123,26 +123,15 @@ class BoundContact:
         return result
 
 
-def pyramid(friction: float, faces: int) -> FloatArray:
-    """Return rows (faces, 3) with rows @ [fx, fy, fz] <= 0, the linearised friction cone.
+def friction_rows(friction: float, axes: int) -> FloatArray:
+    """Return rows with rows @ f <= 0: friction along all of some axes but the last, the normal.
 
-    The pyramid's edges lie on the cone (its slope is mu cos(pi/faces)). The first face looks along
-    x, so that four faces bound |fx| and |fy|.
-
-    Args:
-        friction: mu >= 0.
-        faces: number of faces, at least 3.
+    In space a pyramid of four sides whose edges lie on the cone (its slope is mu/sqrt(2)), in the
+    plane the cone itself, along the normal alone none.
     """
-    angles = 2.0 * np.pi * np.arange(faces) / faces
-    slope = friction * np.cos(np.pi / faces)
-    return np.column_stack([np.cos(angles), np.sin(angles), np.full(faces, -slope)])
-
-
-def planar_cone(friction: float, axes: int) -> FloatArray:
-    """Return rows with rows @ [f_t, f_z] <= 0 for one tangential axis, or none for f_z alone."""
-    if axes == 1:
-        return np.zeros((0, 1))
-    return np.array([[1.0, -friction], [-1.0, -friction]])
+    tangents = axes - 1
+    slope, along = friction / np.sqrt(max(tangents, 1)), np.eye(tangents)
+    return np.hstack([np.vstack([along, -along]), np.full((2 * tangents, 1), -slope)])
 
 
 @final
@@ -160,17 +149,13 @@ class PointContact(Contact):
     Attributes:
         ground_normal: direction (3,) away from the ground, world axes, of any length; straight
             up when left out.
-        faces: faces of the friction pyramid, at least 3; a planar robot's cone is exact.
     """
 
     ground_normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    faces: int = 4
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        if self.faces < 3:
-            raise ControlError(f"contact '{self.name}': a pyramid has at least 3 faces.")
         normal = checked(
             self.ground_normal, (3,), f"contact '{self.name}': ground_normal", ControlError
         )
@@ -191,7 +176,7 @@ class PointContact(Contact):
         if 2 not in axes:
             raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
         mu = point.friction if self.friction is None else self.friction
-        matrix = pyramid(mu, self.faces) if len(axes) == 3 else planar_cone(mu, len(axes))
+        matrix = friction_rows(mu, len(axes))
         turn = self._ground_axes(axes)
         labels = tuple(f"friction cone, face {i}" for i in range(len(matrix)))
         cone = Cone(frozen(matrix @ turn), labels, frozen(turn[-1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import isfinite, sqrt
 from typing import Any, final
 
@@ -19,26 +19,26 @@ from wbc.structures import Structure
 JOINTS = Structure(
     "Joints",
     rows=Places,
-    positions=Places,
+    position_rows=Places,
     lower=Row,
     upper=Row,
     speed=Row,
     acceleration=Row,
     torque=Row,
     reflected=Row,
-    least=Row,
     load=OutRow,
 )
 """Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
 
 What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
-known to limit it, `reflected` (k,) is the inertia of the rotors then, `least` (k,) a deceleration
-to count on; `load` (nv,) is the torque on the coordinates less M qdd of the last tick, NaN where
-there was none, (0,) where nobody asks.
+known to limit it, `reflected` (k,) is the inertia of the rotors then; `load` (nv,) is the torque on
+the coordinates less M qdd of the last tick, NaN where there was none, (0,) where nobody asks.
 """
 
 _MOST = 1e9
 """[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
+_LEAST = 1.0  # [rad/s^2] deceleration to count on where the load leaves none
+_SHARE = 0.8  # of a motor's torque limit that braking counts on; the load changes until it rests
 _ENDLESS = 1e8  # [rad, rad/s] stated in place of none
 
 
@@ -70,7 +70,7 @@ def place_joint_bounds(
     dt: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Write the least and greatest acceleration of joints, see `JointLimit` and `MotorBraking`.
+    """Write the least and greatest acceleration of joints, see `JointLimit`.
 
     Args:
         joints: JOINTS.
@@ -80,13 +80,13 @@ def place_joint_bounds(
     """
     for k in range(len(joints.rows)):
         row, most, room = joints.rows[k], joints.acceleration[k], joints.torque[k]
-        q, v = position[joints.positions[k]], velocity[row]
+        q, v = position[joints.position_rows[k]], velocity[row]
         high = low = min(most, _MOST)
         if isfinite(room):
             load = joints.load[row] if isfinite(joints.load[row]) else bias[row]
             whole = mass[row, row] + joints.reflected[k]
-            high = min(high, max((room + load) / whole, joints.least[k]))
-            low = min(low, max((room - load) / whole, joints.least[k]))
+            high = min(high, max((room + load) / whole, _LEAST))
+            low = min(low, max((room - load) / whole, _LEAST))
         rise = viable(joints.upper[k] - q, v, high, dt)
         fall = viable(q - joints.lower[k], -v, low, dt)
         highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
@@ -133,40 +133,6 @@ class RotorTorqueLimit:
         return np.where(forward, -full, -along), np.where(forward, along, full)
 
 
-@final
-@dataclass(frozen=True)
-class MotorBraking:
-    """The deceleration that a motor's own torque gives its joint.
-
-    A joint that is braked drives its motor, so the teeth help: of the torque T that holds it back
-    only eta_b T arrives at the motor, which also has its own rotor to stop. With the inertia M of
-    the joint, the others locked, and the load c on it (gravity, contact forces, what its motion
-    asks),
-
-        |T| = (U - N^2 I_r b)/eta_b,   M b = |T| +- c
-        b = (U/eta_b +- c)/(M + N^2 I_r/eta_b),
-
-    plus where the load helps. A gear that cannot be driven backwards brakes as hard as one likes.
-    The load is that of the last tick; `share` leaves room for what changes until the joint rests.
-    Where motors share joints (T = D' tau), a torque on one joint alone is what the weakest of its
-    motors holds, and the rotors of all of them have to stop.
-
-    Attributes:
-        share: of the motor's torque limit that braking may count on, in (0, 1].
-        least: deceleration [rad/s^2] to count on where the load leaves none.
-    """
-
-    share: float = 0.8
-    least: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 0.0 < self.share <= 1.0:
-            raise ControlError(f"motor braking: share must lie in (0, 1], got {self.share:g}.")
-        if not self.least > 0.0:
-            raise ControlError(f"motor braking: least must be > 0 rad/s^2, got {self.least:g}.")
-
-
 def _stated(robot: Robot) -> tuple[str, ...]:
     """Return the driven joints of which the model states a stop or a greatest speed."""
     model, found = robot.model, []
@@ -202,6 +168,18 @@ class JointLimit:
     its stop or too fast for it brakes with b at most. Where it cannot be kept it is passed, see
     `Command.passed`.
 
+    A joint that is braked by its motor drives it, so the teeth help: of the torque T that holds it
+    back only eta_b T arrives at the motor, which also has its own rotor to stop. With the inertia M
+    of the joint, the others locked, and the load c on it (gravity, contact forces, what its motion
+    asks) in the last tick,
+
+        |T| = (U - N^2 I_r b)/eta_b,   M b = |T| +- c
+        b = (U/eta_b +- c)/(M + N^2 I_r/eta_b),
+
+    plus where the load helps. A gear that cannot be driven backwards brakes as hard as one likes.
+    Where motors share joints (T = D' tau), a torque on one joint alone is what the weakest of its
+    motors holds, and the rotors of all of them have to stop.
+
     `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has, and is what
     a controller has by default.
 
@@ -214,7 +192,6 @@ class JointLimit:
         acceleration: greatest acceleration (k,), which is also the greatest braking b.
         torque: (k,) [N m] with which motors hold a joint back at most, infinite without
         reflected: (k,) inertia of the rotors then.
-        least: (k,) deceleration [rad/s^2] to count on.
     """
 
     joints: tuple[str, ...] = ()
@@ -226,7 +203,6 @@ class JointLimit:
     acceleration: FloatArray = field(default_factory=_no_numbers)
     torque: FloatArray = field(default_factory=_no_numbers)
     reflected: FloatArray = field(default_factory=_no_numbers)
-    least: FloatArray = field(default_factory=_no_numbers)
 
     @classmethod
     def of(
@@ -236,7 +212,7 @@ class JointLimit:
         *,
         acceleration: float | FloatArray = np.inf,
         margin: float = 0.0,
-        braking: MotorBraking | None = None,
+        braking: float | None = None,
     ) -> JointLimit:
         """Return the limits that the robot's model states.
 
@@ -247,8 +223,8 @@ class JointLimit:
             acceleration: greatest acceleration and braking [rad/s^2], one number or one per joint;
                 left out there is none but what the motors can do.
             margin: distance kept from every stop [rad].
-            braking: how hard the motors can brake; left out they can with `acceleration`, or as
-                `MotorBraking()` says where that is infinite.
+            braking: share of the motors' torque limits that braking may count on, in (0, 1]; left
+                out joints brake with `acceleration`, or with 0.8 where that is infinite.
 
         Raises:
             ControlError: an acceleration that is not positive, or stops that leave no room.
@@ -265,8 +241,10 @@ class JointLimit:
         greatest = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), (len(rows),))
         if not np.all(greatest > 0.0):
             raise ControlError("the greatest acceleration of a joint must be positive.")
+        if braking is not None and not 0.0 < braking <= 1.0:
+            raise ControlError(f"joint limit: braking must lie in (0, 1], got {braking:g}.")
         if braking is None and np.isinf(greatest).any():
-            braking = MotorBraking()
+            braking = _SHARE
         speed = np.abs(np.asarray(robot.model.upperVelocityLimit)[rows])
         return cls(
             joints=names,
@@ -281,26 +259,15 @@ class JointLimit:
 
     def structure(self, nv: int) -> Any:
         """Return JOINTS with a memory of the load that no other controller has."""
-        return JOINTS.of(
-            rows=self.rows,
-            positions=self.position_rows,
-            lower=self.lower,
-            upper=self.upper,
-            speed=self.speed,
-            acceleration=self.acceleration,
-            torque=self.torque,
-            reflected=self.reflected,
-            least=self.least,
-            load=np.full(nv if np.isfinite(self.torque).any() else 0, np.nan),
-        )
+        load = np.full(nv if np.isfinite(self.torque).any() else 0, np.nan)
+        arrays = {part.name: getattr(self, part.name) for part in fields(self)[1:]}
+        return JOINTS.of(load=load, **arrays)
 
 
-def _braking(
-    robot: Robot, joints: tuple[str, ...], braking: MotorBraking | None
-) -> dict[str, FloatArray]:
+def _braking(robot: Robot, joints: tuple[str, ...], braking: float | None) -> dict[str, FloatArray]:
     """Return the fields of a `JointLimit` about motors that brake joints; endless without."""
     if braking is None:
-        return dict.fromkeys(("torque", "reflected", "least"), frozen(np.full(len(joints), np.inf)))
+        return dict.fromkeys(("torque", "reflected"), frozen(np.full(len(joints), np.inf)))
     gears = robot.transmission
     for joint in joints:
         if joint not in gears.joints:
@@ -310,7 +277,7 @@ def _braking(
             )
     own = [gears.joints.index(joint) for joint in joints]
     drives, eta = gears.backward_efficiency > 0.0, gears.backward_efficiency.clip(1e-9)
-    held = braking.share * np.abs(gears.gear_ratio * gears.torque_limit) / eta
+    held = braking * np.abs(gears.gear_ratio * gears.torque_limit) / eta
     held = np.where(drives & np.isfinite(held), held, np.inf)
     with np.errstate(divide="ignore"):
         torque = (held / np.abs(gears.topology)[own]).min(axis=1)
@@ -319,5 +286,4 @@ def _braking(
     return {
         "torque": frozen(torque),
         "reflected": frozen((B * B * reflected[:, None]).sum(axis=0)),
-        "least": frozen(np.full(len(own), braking.least)),
     }

@@ -14,7 +14,7 @@ from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compil
 from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise, substitute
-from wbc.control.rows.task import Gains, StateTask, number_target, require_frame
+from wbc.control.rows.task import Gains, StateTask, require_frame
 from wbc.control.tree import ROWS, TREE, RowKind, place_frame
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -173,13 +173,9 @@ class PointFootBalanceTask(StateTask):
         rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
         return atan2(rotation.item(0, 2), rotation.item(2, 2))
 
-    def admitted(self, target: Target, size: int) -> float:
-        """Return the pitch [rad] as a number."""
-        return number_target(target)
-
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return the pitch that is missing, (1,) [rad]."""
-        return np.array([float(target) - self.value(kinematics)])
+        return np.asarray(target - self.value(kinematics))
 
     def gains(self, gravity: float) -> Gains:
         """Return one for the feedback, which the tick writes in place of the error."""

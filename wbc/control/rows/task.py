@@ -248,8 +248,8 @@ def require_frame(robot: Robot, frame: str, task: str) -> None:
         )
 
 
-def numbers(given: Any, shape: tuple[int, ...] | None, told: str) -> FloatArray:
-    """Return what was given as a new array of a shape, any where that is None.
+def numbers(given: Any, shape: tuple[int, ...], told: str) -> FloatArray:
+    """Return what was given as a new array of a shape; any one number is an array (1,).
 
     Raises:
         ControlError: another shape, or no real numbers; `told` is what the message calls it.
@@ -258,26 +258,18 @@ def numbers(given: Any, shape: tuple[int, ...] | None, told: str) -> FloatArray:
         values = reals(given)
     except (TypeError, ValueError) as cause:
         raise ControlError(f"{told} holds no array of numbers: {cause}") from cause
-    if shape is not None and values.shape != shape:
+    if shape == (1,) and values.size == 1:
+        return values.reshape(1)
+    if values.shape != shape:
         raise ControlError(f"{told} has shape {values.shape}, expected {shape}")
     return values
 
 
-def vector_target(target: Any, size: int) -> FloatArray:
+def vector_target(target: Any, size: int, told: str = "position") -> FloatArray:
     """Return a target as a new array (size,), see `numbers`."""
     if type(target) is np.ndarray and target.dtype is _FLOAT and target.shape == (size,):
         return target.copy()
-    return numbers(target, (size,), "position")
-
-
-def number_target(target: Any) -> float:
-    """Return a target as a number, see `numbers`; an array of one number is one."""
-    if type(target) is float:
-        return target
-    values = numbers(target, None, "position")
-    if values.size != 1:
-        raise ControlError(f"position has shape {values.shape}, expected a number")
-    return float(values.reshape(-1)[0])
+    return numbers(target, (size,), told)
 
 
 def rotation_target(target: Any) -> FloatArray:

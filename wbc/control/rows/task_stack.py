@@ -11,42 +11,33 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
-from wbc.control.rows.task import PostureTask, StateTask, Task, numbers
+from wbc.control.rows.task import PostureTask, StateTask, Task, vector_target
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
 _NONE: Mapping[str, float] = {}
-_FLOAT = np.dtype(np.float64)
+_PARTS = "error", "rate", "drift", "velocity", "acceleration"
 
 
 class _Entry(NamedTuple):
-    """A task, how it is evaluated, and the memory of its rows.
+    """A task, and where its rows and its target stand.
 
     Attributes:
-        task, name, size: the task, its name, and how many rows it has.
+        task: the task.
+        size: how many rows it has.
+        rows: which ones of the stack.
         number: place of its target in the table of frames, -1 for a task without.
         place: memory of its target in that table (12,), None where it has none.
         slot: the part of all that which a target fills that is an array, None where none does.
-        plain: whether every array of that shape is a target.
-        weights: of its rows (k,).
-        jacobian, drift: memory of J (k, nv) and dJ/dt v (k,), None for a task that selects joints.
-        error, velocity, acceleration: what the gains are applied to, (k,).
     """
 
     task: Task
-    name: str
     size: int
+    rows: slice
     number: int
     place: FloatArray | None
     slot: FloatArray | None
-    plain: bool
-    weights: FloatArray
-    jacobian: FloatArray | None
-    drift: FloatArray | None
-    error: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
 
     @property
     def asked(self) -> bool:
@@ -67,7 +58,6 @@ class TaskStack:
     Attributes:
         tasks: of one level.
         memory: the TASKS.
-        names: of the task of every row.
     """
 
     def __init__(self, robot: Robot, tasks: Sequence[Task], model: pin.Model) -> None:
@@ -86,7 +76,7 @@ class TaskStack:
         total = sum(sizes[task.name] for task in rowed)
         whole = sum(sizes.values())
         self._jacobian, self._drift = np.zeros((total, nv)), np.zeros(total)
-        # error, rate, drift, velocity and acceleration asked for, and what each counts for
+        # what `_PARTS` names, and what each counts for
         self._parts, gains = np.zeros((5, whole)), np.zeros((5, whole))
         self._weights, limits = np.zeros(whole), np.full(whole, np.inf)
         # a placement for every row of the table, or more, and what selecting tasks aim at
@@ -112,26 +102,10 @@ class TaskStack:
                 slot = task.slot(place) if type(task).pack is StateTask.pack else None
             elif rows.start >= total:
                 slot = goals[rows.start - total : rows.stop - total]
-            size, own = sizes[task.name], rows.start < total
-            self._entries.append(
-                _Entry(
-                    task=task,
-                    name=task.name,
-                    size=size,
-                    number=number,
-                    place=place,
-                    slot=slot,
-                    plain=type(task).admitted is Task.admitted,
-                    weights=np.array(np.broadcast_to(task.weight, (size,)), dtype=np.float64),
-                    jacobian=self._jacobian[rows] if own else None,
-                    drift=self._drift[rows] if own else None,
-                    error=self._parts[0, rows],
-                    velocity=self._parts[3, rows],
-                    acceleration=self._parts[4, rows],
-                )
-            )
+            self._entries.append(_Entry(task, sizes[task.name], rows, number, place, slot))
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
+            {"k": whole, "v": nv},
             rows=rows_of(model, table, firsts, self._jacobian, self._drift),
             targets=places,
             chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
@@ -141,12 +115,8 @@ class TaskStack:
             limits=limits,
             weights=self._weights,
             parts=self._parts,
-            wanted=np.zeros(whole),
-            diagonal=np.zeros(nv),
-            pull=np.zeros(nv),
         )
-        self.names = [entry.name for entry in self._entries for _ in range(entry.size)]
-        self._by_name = {entry.name: entry for entry in self._entries}
+        self._by_name = {entry.task.name: entry for entry in self._entries}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self._moves, self._active = True, list[_Entry]()
         self.forget()
@@ -164,26 +134,22 @@ class TaskStack:
         if self._shares == (weights or _NONE, activation or _NONE):
             return
         self._shares = dict(weights or _NONE), dict(activation or _NONE)
-        start, self._active, idle = 0, list[_Entry](), set[str]()
-        for entry in self._entries:
-            rows = slice(start, start + entry.size)
-            start = rows.stop
-            own = self._shares[0].get(entry.name, entry.weights)
-            share = self._shares[1].get(entry.name, 1.0)
-            self._weights[rows] = share * own if share > 0.0 else 0.0
+        self._active, idle = list[_Entry](), set[str]()
+        for task, _, rows, number, _, _ in self._entries:
+            own = self._shares[0].get(task.name, task.weight)
+            share = self._shares[1].get(task.name, 1.0)
+            self._weights[rows] = share * np.asarray(own) if share > 0.0 else 0.0
             active = bool(self._weights[rows].any())
-            if entry.number >= 0:
-                self.memory.rows.used[entry.number] = active
+            if number >= 0:
+                self.memory.rows.used[number] = active
             if active:
-                self._active.append(entry)
+                self._active.append(self._by_name[task.name])
             else:
-                idle.add(entry.name)
-                self._parts[:, rows] = 0.0
-                if entry.drift is not None:
-                    entry.drift[:] = 0.0
+                idle.add(task.name)
+                self._parts[:, rows] = self._drift[rows] = 0.0
         self._idle = frozenset(idle)
         self._asked = [entry for entry in self._active if entry.asked]
-        self._unknown = [entry for entry in self._active if entry.name not in self._held]
+        self._unknown = [entry for entry in self._active if entry.task.name not in self._held]
         self._changed = True
         memory = self.memory
         memory.diagonal[:] = 0.0
@@ -207,7 +173,7 @@ class TaskStack:
                 self._kept = self._kept[0], dict(self._own)
             self._written = False
         if self._changed:
-            self._held = frozenset([entry.name for entry in self._active])
+            self._held = frozenset([entry.task.name for entry in self._active])
             self._unknown, self._changed = [], False
 
     def take(self, references: Mapping[str, Reference]) -> bool:
@@ -230,7 +196,7 @@ class TaskStack:
             entry = self._by_name.get(name)
             if entry is not None:
                 self._admit(entry, reference)
-        self._missing = [entry for entry in self._unknown if entry.name not in self._given]
+        self._missing = [e for e in self._unknown if e.task.name not in self._given]
         return bool(self._missing or self._asked)
 
     def ask(self, kinematics: Kinematics) -> None:
@@ -238,53 +204,37 @@ class TaskStack:
         for entry in self._missing:
             self._put(entry, entry.task.admitted(entry.task.value(kinematics), entry.size))
         for entry in self._asked:
-            task = entry.task
-            if entry.jacobian is not None and entry.drift is not None:
-                entry.jacobian[:] = task.jacobian(kinematics)
-                entry.drift[:] = task.drift(kinematics)
-            entry.error[:] = task.error(kinematics, self._own[entry.name])
+            task, rows = entry.task, entry.rows
+            self._jacobian[rows] = task.jacobian(kinematics)
+            self._drift[rows] = task.drift(kinematics)
+            self._parts[0, rows] = task.error(kinematics, self._own[task.name])
 
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
-        position, idle = reference.position, entry.name in self._idle
+        name = entry.task.name
+        idle, ahead = name in self._idle, ((3, reference.velocity), (4, reference.acceleration))
         try:
-            if position is not None:
-                plain = entry.plain and _is_floats(position, entry.size)
-                target = position if plain else entry.task.admitted(position, entry.size)
+            if reference.position is not None:
+                target = entry.task.admitted(reference.position, entry.size)
                 if not idle:
                     self._put(entry, target)
-            if reference.velocity is not None:
-                self._aim(entry, entry.velocity, reference.velocity, "velocity", idle)
-            if reference.acceleration is not None:
-                self._aim(entry, entry.acceleration, reference.acceleration, "acceleration", idle)
+            for part, asked in ahead:
+                if asked is not None:
+                    values = vector_target(asked, entry.size, _PARTS[part])
+                    if not idle:
+                        self._moves, self._parts[part, entry.rows] = True, values
         except ControlError as cause:
-            raise ControlError(f"the reference of task '{entry.name}': {cause}.") from cause
+            raise ControlError(f"the reference of task '{name}': {cause}.") from cause
         if idle and not reference.is_finite():
-            raise ControlError(f"the reference of task '{entry.name}' is not finite.")
-
-    def _aim(
-        self, entry: _Entry, part: FloatArray, asked: FloatArray, label: str, idle: bool
-    ) -> None:
-        """Take the velocity or acceleration of a reference."""
-        if not _is_floats(asked, entry.size):
-            asked = numbers(asked, (entry.size,), label)
-        if not idle:
-            self._moves = True
-            part[:] = asked
+            raise ControlError(f"the reference of task '{name}' is not finite.")
 
     def _put(self, entry: _Entry, target: Target) -> None:
         """Write a target to where the tick reads it."""
         self._written = True
-        self._given.add(entry.name)
+        self._given.add(entry.task.name)
         if entry.slot is not None:
             entry.slot[:] = target
         elif entry.place is not None:
             cast(StateTask, entry.task).pack(target, entry.place)
         else:
-            # a task of the user's own keeps it beyond the tick
-            self._own[entry.name] = target.copy() if type(target) is np.ndarray else target
-
-
-def _is_floats(values: object, size: int) -> bool:
-    """Whether values are a plain array (size,) of floats."""
-    return type(values) is np.ndarray and values.dtype is _FLOAT and values.shape == (size,)
+            self._own[entry.task.name] = target
