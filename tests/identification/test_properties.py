@@ -52,7 +52,8 @@ TRUTH = {
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_more_logs_never_turn_a_right_answer_wrong(count: int) -> None:
-    assert answer(RUNS[:count]) == pytest.approx(TRUTH, rel=0.05)
+    found = usual() if count == len(RUNS) else answer(RUNS[:count])
+    assert found == pytest.approx(TRUTH, rel=0.05)
 
 
 def test_the_order_of_logs_and_columns_changes_nothing() -> None:
@@ -60,42 +61,22 @@ def test_the_order_of_logs_and_columns_changes_nothing() -> None:
     assert answer(turned) == pytest.approx(usual(), rel=1e-3)
 
 
-def test_a_copy_of_a_run_counts_once() -> None:
-    assert answer([*RUNS, RUNS[0]]) == pytest.approx(usual(), rel=1e-9)
-
-
-def test_a_column_that_no_cause_needs_changes_nothing() -> None:
+def test_copies_of_a_run_and_columns_that_no_cause_needs_change_nothing() -> None:
     more = [log.with_columns({"hip.temperature": np.full(len(log), 30.0)}) for log in RUNS]
-    assert answer(more) == pytest.approx(usual(), rel=1e-9)
-
-
-def test_the_side_of_the_gear_on_which_torque_is_told_changes_nothing() -> None:
-    told = []
-    for log in RUNS:
-        torques = {}
-        for joint, ratio in zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True):
-            torques[f"{joint}.motor_torque"] = ratio * log.column(f"{joint}.rotor_torque")
-        kept = log.select(name for name in log.names if "torque" not in name)
-        told.append(kept.with_columns(torques))
-    assert answer(told) == pytest.approx(usual(), rel=1e-6)
+    assert answer([*more, more[0]]) == pytest.approx(usual(), rel=1e-9)
 
 
 def test_repeats_never_lower_the_noise_floor() -> None:
     """What an encoder's steps do repeats with the motion, and cancels between two such runs."""
-    coarse = []
-    for run, seed in ((RUNS[0], 0), (RUNS[1], 1)):
-        step = 2.0 * np.pi / 2**12
-        positions = {
-            f"{j}.position": step * np.round(run.column(f"{j}.position") / step)
-            for j in LEG.transmission.joints
-        }
-        random = np.random.default_rng(seed)
-        torque = run.column("hip.rotor_torque")
-        noisy = {"hip.rotor_torque": torque + 1e-6 * random.standard_normal(len(run))}
-        coarse.append(run.with_columns(positions | noisy))
-    repeat = coarse[0].with_columns(
-        {"knee.rotor_torque": coarse[0].column("knee.rotor_torque") * (1.0 + 1e-9)}
-    )
+    coarse, step = [], 2.0 * np.pi / 2**12
+    for seed, run in enumerate(RUNS[:2]):
+        names = [f"{j}.position" for j in LEG.transmission.joints]
+        columns = {name: step * np.round(run.column(name) / step) for name in names}
+        noise = 1e-6 * np.random.default_rng(seed).standard_normal(len(run))
+        columns["hip.rotor_torque"] = run.column("hip.rotor_torque") + noise
+        coarse.append(run.with_columns(columns))
+    torque = coarse[0].column("knee.rotor_torque")
+    repeat = coarse[0].with_columns({"knee.rotor_torque": torque * (1.0 + 1e-9)})
     alone = {o.output: o.floor for o in compare(LEG, coarse).outputs}
     repeated = {o.output: o.floor for o in compare(LEG, [*coarse, repeat]).outputs}
     assert all(repeated[name] > 0.95 * alone[name] for name in alone)
@@ -126,20 +107,20 @@ def test_a_joint_that_carries_next_to_nothing_gets_no_statement() -> None:
     assert found.silent == ("knee",)
 
 
-def test_units_of_the_columns_change_nothing(tmp_path: Path) -> None:
-    """Degrees and millinewton metres, told by a map."""
-    lines = ["[columns]"]
-    for joint in LEG.transmission.joints:
-        for name, unit in (("position", "deg"), ("velocity", "deg/s"), ("rotor_torque", "mN m")):
-            lines.append(f'"{joint}.{name}" = {{ from = "{joint}_{name}", unit = "{unit}" }}')
-    columns = tmp_path / "columns.toml"
+def test_units_and_the_side_of_the_gear_change_nothing(tmp_path: Path) -> None:
+    """Degrees, and millinewton metres behind the gear, told by a map."""
+    units = {"position": ("deg", 180.0 / np.pi), "velocity": ("deg/s", 180.0 / np.pi)}
+    lines, factors = ["[columns]"], {}
+    for joint, ratio in zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True):
+        for name, (unit, factor) in (units | {"rotor_torque": ("mN m", 1e3 * ratio)}).items():
+            factors[f"{joint}.{name}"] = factor
+            ours = f"{joint}.{name}".replace("rotor", "motor")
+            lines.append(f'"{ours}" = {{ from = "{joint}_{name}", unit = "{unit}" }}')
+    columns, files = tmp_path / "columns.toml", []
     columns.write_text("\n".join(lines))
-    factor = {"position": 180.0 / np.pi, "velocity": 180.0 / np.pi, "rotor_torque": 1e3}
-    files = []
     for k, log in enumerate(RUNS):
-        own = [n for n in log.names if n.partition(".")[2] in factor]
-        values = [log.time, *(factor[n.partition(".")[2]] * log.column(n) for n in own)]
+        values = [log.time, *(factor * log.column(name) for name, factor in factors.items())]
         files.append(tmp_path / f"run{k}.csv")
-        names = ",".join(["time", *(n.replace(".", "_") for n in own)])
-        np.savetxt(files[-1], np.stack(values, axis=1), "%.12g", ",", header=names, comments="")
-    assert answer(load_logs(files, columns)) == pytest.approx(usual(), rel=1e-4)
+        names = ",".join(["time", *(name.replace(".", "_") for name in factors)])
+        np.savetxt(files[-1], np.stack(values, axis=1), "%.15g", ",", header=names, comments="")
+    assert answer(load_logs(files, columns)) == pytest.approx(usual(), rel=1e-6)

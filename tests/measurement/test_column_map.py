@@ -166,12 +166,18 @@ def test_errors_name_the_map_and_the_key(text: str, words: list[str], tmp_path: 
         assert word in str(caught.value)
 
 
-def test_a_flag_that_comes_back_begins_another_log(tmp_path: Path) -> None:
-    flag = np.repeat([0, 1, 0, 1], 30)
-    rows = "time,phase,hip.position\n" + "".join(
-        f"{0.01 * k:.2f},{f},{k}\n" for k, f in enumerate(flag)
-    )
-    files = _write(tmp_path, '[rows]\nsplit = "phase"', rows)
+def test_a_flag_that_comes_back_begins_another_log_and_mixed_rows_are_taken_apart(
+    tmp_path: Path,
+) -> None:
+    def split(flag: np.ndarray, times: np.ndarray) -> tuple[Path, Path]:
+        rows = [f"{0.01 * t:.2f},{f},{k}" for k, (t, f) in enumerate(zip(times, flag, strict=True))]
+        text = "\n".join(["time,phase,hip.position", *rows, ""])
+        return _write(tmp_path, 'rows.split = "phase"', text)
+
+    path, columns = split(np.arange(8) % 2, np.arange(8) // 2)
+    for k, log in enumerate(load_logs([path], columns)):
+        np.testing.assert_array_equal(log.column("hip.position"), [k, k + 2, k + 4, k + 6])
+    files = split(np.repeat([0, 1, 0, 1], 30), np.arange(120))
     logs = load_logs([files[0]], files[1])
     assert [log.source.part for log in logs] == ["0/1", "1/1", "0/2", "1/2"]
     for k, log in enumerate(logs):

@@ -153,6 +153,9 @@ class Case:
 
 CASES = {
     "a time stamp twice": Case(repeated, reading),
+    "a time stamp for ten rows": Case(
+        lambda c: {**c, "time": np.repeat(c["time"][::10], 10)}, reading
+    ),
     "a hole": Case(holed, reading),
     "a hole that is needed": Case(holed, finding("missing")),
     "a misspelt column": Case(renamed("hip.position", "hip.positon"), reading),
