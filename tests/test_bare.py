@@ -93,12 +93,10 @@ def test_a_controller_in_its_loop_loads_no_extra(tmp_path: Path) -> None:
 def test_what_needs_an_extra_says_which(tmp_path: Path) -> None:
     done = run(_WITHOUT + _LOGS, tmp_path)
     assert done.returncode == 0, done.stderr
-    csv, parquet, playback, plots, design = done.stdout.splitlines()
-    assert "pip install pyarrow" in csv
-    assert "pip install pyarrow" in parquet
-    assert "pip install meshcat matplotlib plotly jinja2" in playback
-    assert "pip install meshcat matplotlib plotly jinja2" in plots
-    assert "pip install joblib pyarrow" in design
+    pictures = "meshcat matplotlib plotly jinja2"
+    needed = ("pyarrow", "pyarrow", pictures, pictures, "joblib pyarrow")
+    for said, packages in zip(done.stdout.splitlines(), needed, strict=True):
+        assert f"pip install {packages}" in said
 
 
 def test_the_command_without_its_extra_says_which(tmp_path: Path) -> None:
