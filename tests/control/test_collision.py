@@ -12,26 +12,32 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from sims.legged import feet
+from tests.control.scenes import moved_on, still
 from wbc import control
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
 from wbc.effects import load_robot
 from wbc.errors import ControlError
-from wbc.robot import Motion
 
 TALOS = load_robot("talos")
 HALF, HAND, OTHER = TALOS.pose(), "arm_left_7_link", "arm_right_7_link"
 
 
+def solid(name, geometry, frame=None, at=(0.0, 0.0, 0.0)):
+    """Return a shape in the world, or at a place in a frame."""
+    held = {} if frame is None else {"frame": frame}
+    place = pin.SE3(np.eye(3), np.array(at))
+    return control.Shape(name=name, geometry=geometry, placement=place, **held)
+
+
+POST = np.array([0.35, 0.3, 0.9])
+
+
 def hands(**settings):
     shapes = [
-        control.Shape(name="left", geometry=coal.Capsule(0.06, 0.1), frame=HAND),
-        control.Shape(name="right", geometry=coal.Box(0.1, 0.12, 0.2), frame=OTHER),
-        control.Shape(
-            name="post",
-            geometry=coal.Sphere(0.1),
-            placement=pin.SE3(np.eye(3), np.array([0.35, 0.3, 0.9])),
-        ),
+        solid("left", coal.Capsule(0.06, 0.1), HAND),
+        solid("right", coal.Box(0.1, 0.12, 0.2), OTHER),
+        solid("post", coal.Sphere(0.1), at=POST),
     ]
     return control.CollisionLimit(shapes, [("left", "right"), ("left", "post")], **settings)
 
@@ -60,33 +66,26 @@ def test_rows_are_the_rates_of_coals_distances():
 
 @pytest.mark.parametrize("pair", ["obstacle", "hands"])
 def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
-    limit = hands(margin=0.03)
+    limit, target, least = hands(margin=0.03), POST, {}
     if pair == "hands":
         data = TALOS.model.createData()
         pin.framesForwardKinematics(TALOS.model, data, HALF)
         target = data.oMf[TALOS.model.getFrameId(OTHER)].translation.copy()
-    else:
-        target = np.array([0.35, 0.3, 0.9])
-    least = {}
+    tasks = [
+        control.CenterOfMassTask(weight=10.0),
+        control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        control.PostureTask.of(TALOS, weight=0.01),
+        control.FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0),
+    ]
     for kept in (True, False):
-        task = control.FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0)
-        trunk = control.FrameOrientationTask(name="trunk", frame="torso_2_link")
-        limits = [control.RotorTorqueLimit(), limit] if kept else [control.RotorTorqueLimit()]
-        tasks = [
-            control.CenterOfMassTask(weight=10.0),
-            trunk,
-            control.PostureTask.of(TALOS, weight=0.01),
-            task,
-        ]
+        limits = [control.RotorTorqueLimit(), *([limit] if kept else [])]
         controller = control.Controller(TALOS, tasks, feet(TALOS), limits)
-        q, v, worst = HALF.copy(), np.zeros(TALOS.model.nv), np.inf
+        state, least[kept] = still(TALOS), np.inf
         for _ in range(500):
-            command = controller.step(Motion(q, v), {"hand": control.Reference(target)}, dt=2e-3)
+            command = controller.step(state, {"hand": control.Reference(target)}, dt=2e-3)
             assert command.status is control.Status.SOLVED, command.message
-            v = v + 2e-3 * command.acceleration
-            q = pin.integrate(TALOS.model, q, 2e-3 * v)
-            worst = min(worst, apart(limit, q).min())
-        least[kept] = worst
+            state = moved_on(TALOS, state, command.acceleration, 2e-3)
+            least[kept] = min(least[kept], apart(limit, state.position).min())
     assert least[False] < 0.0
     assert 0.027 < least[True] < 0.05
 
@@ -109,14 +108,9 @@ def test_a_mesh_is_its_convex_hull():
     """Inside a mesh of triangles coal's distance is not negative and points the wrong way."""
     for along in (0.3, 0.12):  # outside, inside
         shapes = [
-            control.Shape(name="mesh", geometry=mesh(CUBE), frame=HAND),
-            control.Shape(name="box", geometry=coal.Box(0.2, 0.2, 0.2), frame=HAND),
-            control.Shape(
-                name="ball",
-                geometry=coal.Sphere(0.05),
-                frame=HAND,
-                placement=pin.SE3(np.eye(3), np.array([along, 0.01, 0.02])),
-            ),
+            solid("mesh", mesh(CUBE), HAND),
+            solid("box", coal.Box(0.2, 0.2, 0.2), HAND),
+            solid("ball", coal.Sphere(0.05), HAND, at=(along, 0.01, 0.02)),
         ]
         limit = control.CollisionLimit(shapes, [("mesh", "ball"), ("box", "ball")], influence=1.0)
         rows = CollisionRows(limit, TALOS.model)
@@ -129,9 +123,9 @@ def test_a_mesh_is_its_convex_hull():
 def test_solids_far_apart_are_found_without_coal():
     """Balls around them tell; a half space, which no ball holds, is always measured."""
     ground = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.2)
-    table = control.Shape(name="ground", geometry=ground)
-    ball = control.Shape(name="ball", geometry=coal.Sphere(0.05), frame=HAND)
-    long = control.Shape(name="long", geometry=coal.Capsule(0.01, 4.0), frame=OTHER)
+    table = solid("ground", ground)
+    ball = solid("ball", coal.Sphere(0.05), HAND)
+    long = solid("long", coal.Capsule(0.01, 4.0), OTHER)
     limit = control.CollisionLimit([table, ball, long], [("ground", "ball"), ("ball", "long")])
     near, far = (replace(limit, influence=reach) for reach in (5.0, 0.1))
     data = TALOS.model.createData()
@@ -145,17 +139,17 @@ def test_solids_far_apart_are_found_without_coal():
 
 def test_what_is_no_convex_solid_is_named():
     with pytest.raises(ControlError, match=r"'flat'.*thin box"):
-        control.Shape(name="flat", geometry=mesh(CUBE[:4]))
-    thin = control.Shape(name="thin", geometry=mesh(CUBE * [1.0, 1.0, 1e-7]))
+        solid("flat", mesh(CUBE[:4]))
+    thin = solid("thin", mesh(CUBE * [1.0, 1.0, 1e-7]))
     assert thin.geometry.num_points == 8
     with pytest.raises(ControlError, match=r"'edge'.*four points"):
-        control.Shape(name="edge", geometry=mesh(CUBE[:2]))
+        solid("edge", mesh(CUBE[:2]))
     with pytest.raises(ControlError, match=r"'hand'.*str"):
-        control.Shape(name="hand", geometry="hand.stl")
+        solid("hand", "hand.stl")
 
 
 def test_a_frame_that_there_is_not_is_named():
-    ball = control.Shape(name="ball", geometry=coal.Sphere(0.1))
-    lost = control.Shape(name="lost", geometry=coal.Sphere(0.1), frame="hnd")
+    ball = solid("ball", coal.Sphere(0.1))
+    lost = solid("lost", coal.Sphere(0.1), "hnd")
     with pytest.raises(ControlError, match="hnd"):
         CollisionRows(control.CollisionLimit([ball, lost], [("ball", "lost")]), TALOS.model)

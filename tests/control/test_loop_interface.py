@@ -31,7 +31,7 @@ from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.task import Task
 from wbc.effects import load_robot
 from wbc.robot import JointMap, Motion
-from wbc.sim import Plant
+from wbc.sim import Plant, with_wrong_efficiencies
 
 SOLO = load_robot("solo12")
 STATE = still(SOLO)
@@ -113,13 +113,7 @@ def test_the_time_step_of_a_tick_is_that_of_the_settings():
 def test_a_margin_keeps_a_gear_that_is_better_than_believed_from_slipping():
     """Least torque on an arm whose efficiencies are 5 % higher than the controller believes."""
     robot = load_robot("planar_leg_fixed")
-    gears = robot.transmission
-    believed = robot.with_transmission(
-        gears.replace(
-            forward_efficiency=0.95 * gears.forward_efficiency,
-            backward_efficiency=0.95 * gears.backward_efficiency,
-        )
-    )
+    believed = with_wrong_efficiencies(robot, -0.05)
     q, moved = robot.configuration(hip=2.6, knee=0.2), {}
     for margin in (0.0, 0.1):
         settings = ControllerSettings(rest_policy=RestPolicy.LEAST_TORQUE, rest_margin=margin)

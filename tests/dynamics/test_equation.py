@@ -12,6 +12,7 @@ import pytest
 
 from tests.control.scenes import random_state
 from tests.reference.test_mujoco import leg_model
+from tests.sim.random_robots import geared
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, dissipative_equation, evaluate, redundant_model
 from wbc.effects import load_robot
@@ -22,12 +23,8 @@ from wbc.robot import Robot
 def lossy(robot: Robot, rng: np.random.Generator) -> Robot:
     """Return the robot with random efficiencies, the backward one also above the forward one."""
     m = robot.transmission.size
-    return robot.with_transmission(
-        robot.transmission.replace(
-            forward_efficiency=rng.uniform(0.5, 1.0, m),
-            backward_efficiency=rng.uniform(0.3, 1.0, m),
-        )
-    )
+    forward, backward = rng.uniform(0.5, 1.0, m), rng.uniform(0.3, 1.0, m)
+    return geared(robot, forward_efficiency=forward, backward_efficiency=backward)
 
 
 def whole_solution(

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 from tests.control.scenes import random_state
+from tests.sim.random_robots import geared
 from wbc import dynamics
 from wbc.arrays import FloatArray
 from wbc.effects import load_robot
@@ -33,18 +34,9 @@ def random_motion(robot: Robot, seed: int, samples: int = SAMPLES) -> Motion:
     return Motion(q, v, a)
 
 
-def with_friction(robot: Robot) -> Robot:
-    one = np.ones(robot.transmission.size)
-    return robot.with_transmission(
-        robot.transmission.replace(
-            rotor_coulomb_friction=0.02 * one, rotor_viscous_friction=1e-4 * one
-        )
-    )
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_a_log_is_its_samples(name: str) -> None:
-    robot = with_friction(load_robot(name))
+    robot = geared(load_robot(name), rotor_coulomb_friction=0.02, rotor_viscous_friction=1e-4)
     motion = random_motion(robot, 1)
     links = dynamics.link_torque(robot, motion)
     torque, rest = dynamics.rotor_torque(robot, motion, links)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from tests.sim.random_robots import geared
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
 from wbc.metrics import (
@@ -99,20 +100,15 @@ def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
 UP, ETA_B = [0.0, 1.0], 2.0 - 1.0 / 0.7
 
 
-def strong(**changes: list[float]) -> Robot:
-    robot = load_robot("planar_leg_strong")
-    arrays = {name: np.array(values) for name, values in changes.items()}
-    return robot.with_transmission(robot.transmission.replace(**arrays))
-
-
-RUBBING = strong(rotor_coulomb_friction=[0.01, 0.02])
-LOCKED = strong(backward_efficiency=[0.5, -0.1])
+STRONG = load_robot("planar_leg_strong")
+RUBBING = geared(STRONG, rotor_coulomb_friction=[0.01, 0.02])
+LOCKED = geared(STRONG, backward_efficiency=[0.5, -0.1])
 
 
 @pytest.mark.parametrize(
     ("robot", "least", "most"),
     [
-        (strong(), 2.0 * ETA_B, [0.0, 2.0 / 0.7]),
+        (STRONG, 2.0 * ETA_B, [0.0, 2.0 / 0.7]),
         # Rotor friction eases holding and costs lifting.
         (RUBBING, 2.0 * ETA_B - 0.02, [0.01, 2.0 / 0.7 + 0.02]),
         (LOCKED, 0.0, [0.0, 2.0 / 0.7]),

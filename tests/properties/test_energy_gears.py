@@ -7,6 +7,7 @@ cycle.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -17,51 +18,32 @@ from wbc.effects import load_robot
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission, mesh_input, mesh_input_interval, mesh_output
 
-torques = st.floats(-1e3, 1e3)
-speeds = st.floats(-1e3, 1e3)
-
 
 @st.composite
-def efficiencies(draw: st.DrawFn, lowest_backward: float = -20.0) -> tuple[float, float]:
-    forward = draw(st.floats(0.05, 1.0))
-    return forward, draw(st.floats(lowest_backward, 1.0))
+def efficiencies(draw: st.DrawFn, lowest_backward: float) -> tuple[float, float]:
+    return draw(st.floats(0.05, 1.0)), draw(st.floats(lowest_backward, 1.0))
 
 
-@settings(deadline=None, max_examples=200)
-@given(torques, speeds, efficiencies())
-def test_the_loss_for_a_wanted_output_is_never_negative(
+@settings(deadline=None, max_examples=300)
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), efficiencies(-20.0) | efficiencies(0.01))
+def test_a_gear_loses_power_in_motion_and_where_it_starts_to_move(
     torque: float, speed: float, etas: tuple[float, float]
 ) -> None:
-    given_torque = float(mesh_input(torque, speed, *etas))
-    assert (given_torque - torque) * speed >= -1e-9 * abs(torque * speed)
-
-
-@settings(deadline=None, max_examples=200)
-@given(torques, speeds, efficiencies(lowest_backward=0.01))
-def test_the_loss_for_a_given_input_is_never_negative_and_inverts(
-    torque: float, speed: float, etas: tuple[float, float]
-) -> None:
-    output = float(mesh_output(torque, speed, *etas))
-    assert (torque - output) * speed >= -1e-9 * abs(output * speed)
-    if speed != 0.0:
-        np.testing.assert_allclose(mesh_input(output, speed, *etas), torque, rtol=1e-9, atol=1e-300)
-
-
-@settings(deadline=None, max_examples=200)
-@given(torques, efficiencies(), st.floats(0.0, 1.0), speeds)
-def test_whatever_is_chosen_at_rest_starting_to_move_loses_power(
-    torque: float, etas: tuple[float, float], share: float, speed: float
-) -> None:
-    low, high = mesh_input_interval(torque, *etas)
-    assert low <= high
-    chosen = float((1.0 - share) * low + share * high)
+    needed, (low, high) = (
+        float(mesh_input(torque, speed, *etas)),
+        mesh_input_interval(torque, *etas),
+    )
+    assert (needed - torque) * speed >= -1e-9 * abs(torque * speed)
+    # Only a torque outside the interval at rest sets the gear in motion; it then pays the branch.
     rounding = 1e-9 * max(abs(low), abs(high))
-    # Only a torque outside the interval can set the gear in motion, and it then pays the branch.
-    needed = float(mesh_input(torque, speed, *etas))
-    if speed > 0.0:
-        assert needed >= chosen - rounding
-    elif speed < 0.0:
-        assert needed <= chosen + rounding
+    assert low <= high
+    assert speed <= 0.0 or needed >= high - rounding
+    assert speed >= 0.0 or needed <= low + rounding
+    if etas[1] >= 0.01:  # what is given arrives, less a loss
+        output = float(mesh_output(torque, speed, *etas))
+        assert (torque - output) * speed >= -1e-9 * abs(output * speed)
+        back = mesh_input(output, speed, *etas)
+        assert speed == 0.0 or back == pytest.approx(torque, rel=1e-9, abs=1e-300)
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.sim.ground.random_grounds import GROUNDS, drawn_scene, made_by_rows, random_scene
-from tests.sim.random_robots import BASES, random_robot
+from tests.sim.random_robots import BASES, geared, random_robot
 from wbc import Robot, load_robot
 from wbc.errors import SimulationError
 from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant, SimState
@@ -142,9 +142,7 @@ LEG = load_robot("planar_leg")
 
 def test_a_pinned_foot_does_no_work() -> None:
     """A lossless push-off gained 0.24 % at 1 ms, a hop 3.8 %: the foot worked as its row turned."""
-    leg = LEG.lossless().with_transmission(
-        LEG.lossless().transmission.replace(torque_limit=np.full(2, 5.0))
-    )
+    leg = geared(LEG.lossless(), torque_limit=5.0)
     plant, residuals = Plant(leg), []
     q = leg.configuration(hip=-0.6, knee=1.2)
     q[1] -= plant.gaps(plant.state(q))[0]

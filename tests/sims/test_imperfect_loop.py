@@ -27,9 +27,8 @@ def test_a_wrong_model_of_the_losses_is_better_than_none(found, robot, label, be
     assert knowing[TRAVEL] < 1.05 * nothing[TRAVEL] + 4.0
 
 
-def test_the_leg_squats_through_noise_delay_and_lag(tmp_path, monkeypatch):
+def test_the_leg_squats_through_noise_delay_and_lag():
     """0.05 rad/s, 2 ms and 50 Hz: 0.6 mm; efficiencies off by 10 %: about 2 mm; blind: 8 mm."""
-    monkeypatch.chdir(tmp_path)
     worst = {"and 50 Hz": Between(0.05, 2e-3, 50.0)}
     found = main(1.6, (LEG,), worst, MODELS[:4])
     exact, low, high, blind = (found[LEG, "and 50 Hz", kind, 0] for kind in MODELS[:4])

@@ -16,11 +16,6 @@ from wbc.cli.options import build_parser
 from wbc.sim import Plant, simulate
 
 
-@pytest.fixture(autouse=True)
-def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def written(files: list[Path], count: int) -> None:
     assert len(files) == count
     for path in files:
@@ -149,10 +144,7 @@ def test_standing() -> None:
     written(standing.report(runs), 5)
 
 
-def test_mujoco_needs_the_torque_of_the_machine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_mujoco_needs_the_torque_of_the_machine() -> None:
     found = log_to_mujoco.main(duration=1.0)
     assert found["verdict"] == "named"
     assert found["errors"]["MuJoCo with losses"].max() < 0.01
