@@ -27,11 +27,16 @@ def run_cell(source: str, namespace: dict[str, Any]) -> Any:
     return eval(compile(ast.Expression(last.value), str(NOTEBOOK), "eval"), namespace)
 
 
+def cells(name: str) -> list[tuple[str, list[Any]]]:
+    """Return source and kept outputs of each cell of code of a notebook."""
+    stored = json.loads(NOTEBOOK.with_stem(name).read_text(encoding="utf-8"))["cells"]
+    return [("".join(c["source"]), c["outputs"]) for c in stored if c["cell_type"] == "code"]
+
+
 @pytest.fixture(scope="module")
 def shown() -> list[Any]:
     namespace: dict[str, Any] = {"__name__": "notebook"}
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-    return [run_cell("".join(c["source"]), namespace) for c in cells if c["cell_type"] == "code"]
+    return [run_cell(source, namespace) for source, _ in cells("first_answer")]
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +54,7 @@ def test_the_notebook_finds_what_the_sample_logs_hide(shown: list[Any], found: D
 @pytest.mark.parametrize("name", ["first_answer", "quadruped"])
 def test_a_notebook_holds_what_its_cells_show(name: str) -> None:
     """Its plots were printed as the names of figures, and nothing was kept."""
-    cells = json.loads(NOTEBOOK.with_stem(name).read_text(encoding="utf-8"))["cells"]
-    kept = [out for c in cells if c["cell_type"] == "code" for out in c["outputs"]]
+    kept = [out for _, outputs in cells(name) for out in outputs]
     pictures = [o["data"]["image/png"] for o in kept if "image/png" in o.get("data", {})]
     assert pictures
     for picture in pictures:
@@ -60,9 +64,8 @@ def test_a_notebook_holds_what_its_cells_show(name: str) -> None:
 def test_the_quadruped_of_the_notebook_squats() -> None:
     pytest.importorskip("example_robot_data")
     namespace: dict[str, Any] = {"__name__": "notebook"}
-    cells = json.loads(NOTEBOOK.with_stem("quadruped").read_text(encoding="utf-8"))["cells"]
-    sources = ["".join(c["source"]) for c in cells if c["cell_type"] == "code"]
-    figures = [run_cell(source.replace(", 2.0)", ", 0.2)"), namespace) for source in sources]
+    sources = (cell.replace(", 2.0)", ", 0.2)") for cell, _ in cells("quadruped"))
+    figures = [run_cell(source, namespace) for source in sources]
     assert figures[-1]._repr_png_().startswith(b"\x89PNG")
     height = namespace["run"].log.column("base.position.z")
     # After 0.2 s the centre of mass is to be 0.02 (1 - cos(0.4 pi)) m lower.

@@ -1,17 +1,23 @@
-"""Formulas hidden in a closed-form leg are found; what has none is declined or labelled."""
+"""Formulas hidden in a closed-form leg are found; what has none is declined or labelled.
+
+Motions are sums of sines, so that positions, speeds and accelerations are exact; the torque is what
+Lagrange's equations ask for, with no code of the library, plus what the added torque takes.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from tests.identification.formulas.discovery_plant import Moving, Torque, bouc_wen, logs, nothing
 from tests.outside import ROOT, outside
+from tests.recover.plant import JOINTS, RATIO, REFLECTED, Flaws, Lane
 from wbc.cli import main
 from wbc.effects import (
     CoulombFriction,
@@ -28,6 +34,54 @@ from wbc.identification.formulas.sparse_regression import SparseRegression
 from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
+
+RATE = 250.0  # [Hz]
+
+
+class Moving(NamedTuple):
+    """One run: (N, 2) arrays of hip and knee, and the torque that the links ask of them."""
+
+    time: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    load: np.ndarray
+
+
+Torque = Callable[[Moving], tuple[np.ndarray | float, np.ndarray | float]]
+
+
+def logs(
+    torque: Torque,
+    seeds: tuple[int, ...] = (1, 2),
+    duration: float = 6.0,
+    size: float = 1.0,
+    noise: float = 1.0,
+) -> list[Log]:
+    """Return one log per seed of a leg on whose hip and knee `torque` acts."""
+    return [_log(torque, seed, duration, size, noise) for seed in seeds]
+
+
+def _log(torque: Torque, seed: int, duration: float, size: float, noise: float) -> Log:
+    random = np.random.default_rng(seed)
+    time = np.arange(round(RATE * duration)) / RATE
+    frequency = 2.0 * np.pi * random.uniform(0.1, 1.5, (2, 5, 1))
+    height = size * 0.35 * random.uniform(0.5, 1.0, (2, 5, 1)) / (0.4 + frequency / (2.0 * np.pi))
+    angle = frequency * time + random.uniform(0.0, 2.0 * np.pi, (2, 5, 1))
+    q = (height * np.sin(angle)).sum(axis=1).T + np.array([0.3, -0.4])
+    v = (height * frequency * np.cos(angle)).sum(axis=1).T
+    a = -(height * frequency**2 * np.sin(angle)).sum(axis=1).T
+    mass, bias = Flaws([Lane()]).links(q, v)
+    load = np.einsum("nij,nj->ni", mass, a) + bias
+    added = torque(Moving(time, q, v, load))
+    extra = np.stack([np.broadcast_to(t, time.shape) for t in added], axis=1)
+    rotor, columns = (load + REFLECTED * a - extra) / RATIO, {}
+    drawn = noise * np.random.default_rng(500 + seed).standard_normal((2, 3, time.size))
+    for k, joint in enumerate(JOINTS):
+        columns[f"{joint}.position"] = q[:, k] + 2e-5 * drawn[k, 0]
+        columns[f"{joint}.velocity"] = v[:, k] + 3e-3 * drawn[k, 1]
+        columns[f"{joint}.rotor_torque"] = rotor[:, k] + 2e-3 * drawn[k, 2]
+    return Log(time, columns)
+
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"
 
@@ -99,7 +153,7 @@ def test_the_period_of_a_wave_is_read_off_the_data(robot: Robot) -> None:
 def test_nothing_is_proposed_where_nothing_is_missing(
     robot: Robot, seeds: tuple[int, ...], size: float, noise: float
 ) -> None:
-    found = discover(robot, logs(nothing, seeds, size=size, noise=noise))
+    found = discover(robot, logs(lambda r: (0.0, 0.0), seeds, size=size, noise=noise))
     assert (found.outcome, found.proposals, found.remainder) == ("none", (), "")
     assert found.robot.effects == ()
     assert "No formula found" in found.summary
@@ -145,6 +199,15 @@ def test_what_is_no_function_of_the_motion_is_declined(robot: Robot, torque: Tor
     assert "knee" in found.remainder
 
 
+def bouc_wen(run: Moving, joint: int, level: float, rate: float) -> np.ndarray:
+    """Return the torque of rate-independent hysteresis that saturates at `level` [N m]."""
+    state, step, torque = 0.0, run.time[1] - run.time[0], np.empty(len(run.time))
+    for k, speed in enumerate(run.v[:, joint]):
+        torque[k] = -level * state
+        state += step * rate * (speed - abs(speed) * state)
+    return torque
+
+
 def test_hysteresis_is_declined_or_called_a_part(robot: Robot) -> None:
     given = logs(lambda run: (0.0, bouc_wen(run, 1, 0.6, 6.0)))
     diagnosis = diagnose(robot, given, [ViscousFriction, CoulombFriction])
@@ -183,24 +246,19 @@ def test_products_that_do_as_well_are_listed(robot: Robot) -> None:
 
 
 def test_the_command_line_prints_writes_and_saves(
-    robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     torque = HIDDEN["a cable from the hip that pulls at the knee"][0]
-    names = []
-    for k, log in enumerate(logs(torque, duration=8.0)):
-        names.append(str(tmp_path / f"run{k}.csv"))
-        save_log(log, names[-1])
+    paths = [str(save_log(log, tmp_path / f"{k}.csv")) for k, log in enumerate(logs(torque))]
     fitted, content = tmp_path / "fitted.toml", tmp_path / "out.json"
-    command = ["diagnose", *names, "--robot", "planar_leg_fixed", "--lossless"]
-    command += ["--add", "viscous_friction,torque_offset", "--discover"]
-    main([*command, "--save", str(fitted), "--json", str(content)])
+    command = "diagnose --robot planar_leg_fixed --lossless --add viscous_friction,torque_offset"
+    main([*command.split(), "--discover", *paths, "--save", str(fitted), "--json", str(content)])
     printed = capsys.readouterr().out
     assert "formulas proposed by regression, not causes" in printed
     assert re.search(r"tau_knee = -0\.9\d* N m \* sin\(2 q_hip\)", printed)
     found = json.loads(content.read_text())["discovery"]
     assert found["proposals"][0]["terms"]["sin(2 q_hip)"]["value"] == pytest.approx(-0.9, rel=0.01)
-    again = load_robot(fitted)
-    assert compare(again, logs(torque, seeds=(9,))).error < 1.5
+    assert compare(load_robot(fitted), logs(torque, seeds=(9,))).error < 1.5
     assert "low = " in fitted.read_text()
 
 
@@ -249,40 +307,25 @@ def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
     assert compare(found.robot, given[1::4]).error < 0.6 * compare(arm, given[1::4]).error
 
 
-ROWS, CELLS, COUNT = 1200, 24, 14
-
-
-def table(seed: int, truth: dict[int, float], alike: float, dry: bool = False) -> TermTable:
-    """Return a table whose columns share a common part, with unit noise in the residual."""
-    random = np.random.default_rng(seed)
-    columns = random.normal(size=(ROWS, COUNT)) + alike * random.normal(size=(ROWS, 1))
-    residual = random.normal(size=ROWS)
-    for k, value in truth.items():
-        residual += value * columns[:, k]
-    names = [f"sin({k + 1} q_a)" for k in range(COUNT)]
-    a, r = columns.reshape(CELLS, -1, COUNT), residual.reshape(CELLS, -1)
-    return TermTable(
+def test_the_path_holds_the_best_subsets_of_all() -> None:
+    random, shape = np.random.default_rng(90), (24, 50, 14)  # cells, rows, terms
+    columns = random.normal(size=shape) + 1.5 * random.normal(size=(*shape[:2], 1))
+    residual = random.normal(size=shape[:2]) + columns[..., :4] @ random.normal(size=4)
+    table = TermTable(
         joint="a",
-        terms=tuple(TorqueTerm.parse(name) for name in names),
-        gram=np.einsum("cni,cnj->cij", a, a),
-        moment=np.einsum("cni,cn->ci", a, r),
-        energy=(r**2).sum(axis=1),
-        count=np.full(CELLS, r.shape[1], dtype=float),
-        folds=np.arange(CELLS) // 6,
-        blocks=np.arange(CELLS),
-        levels=np.abs(columns) if dry else np.zeros((ROWS, COUNT)),
+        terms=tuple(TorqueTerm.parse(f"sin({k + 1} q_a)") for k in range(shape[2])),
+        gram=np.einsum("cni,cnj->cij", columns, columns),
+        moment=np.einsum("cni,cn->ci", columns, residual),
+        energy=(residual**2).sum(axis=1),
+        count=np.full(shape[0], float(shape[1])),
+        folds=np.arange(shape[0]) // 6,
+        blocks=np.arange(shape[0]),
+        levels=np.zeros((shape[0] * shape[1], shape[2])),
     )
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_path_holds_the_best_subsets_of_all(seed: int) -> None:
-    random = np.random.default_rng(90 + seed)
-    truth = dict(zip(range(4), random.normal(size=4), strict=True))
-    given = table(seed, truth, alike=1.5)
-    regression = SparseRegression(given, np.ones(CELLS, dtype=bool))
+    regression = SparseRegression(table, np.ones(shape[0], dtype=bool))
     path = regression.path(3)
     assert [len(support.chosen) for support in path] == [0, 1, 2, 3]
     for support in path[1:]:
-        every = combinations(range(COUNT), len(support.chosen))
+        every = combinations(range(shape[2]), len(support.chosen))
         lowest = min(regression.fitted(chosen).loss for chosen in every)
         assert support.loss == pytest.approx(lowest, rel=1e-9)
