@@ -15,7 +15,7 @@ from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.flow import Flow
+from wbc.sim.step.course import Flow
 from wbc.sim.step.impacts import Impact
 from wbc.sim.step.passive import MADE
 from wbc.sim.step.program import StepSolution

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +14,6 @@ from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.dynamics import RotorCoupling, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
-from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
@@ -24,7 +25,8 @@ from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
-from wbc.sim.step.program import NOT_POSITIVE, TOLERANCE
+from wbc.sim.step.part import part_in_rows
+from wbc.sim.step.program import NOT_POSITIVE, TOLERANCE, solve_rows
 from wbc.sim.step.tables import (
     BACKWARD,
     INVERSE,
@@ -39,7 +41,6 @@ from wbc.sim.step.tables import (
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
-_SOON = 1e-6  # [s] over which gaps tell their speeds
 
 
 class Setup:
@@ -58,8 +59,8 @@ class Setup:
         effects: of the robot.
         still: (nv,) zeros, the forces of no effects.
         none: (2 j + c,) no barrier.
+        back: (2 j + c,) restitution of every barrier.
         yielding: (2 j + c,) barriers that are compliant.
-        gravity: its size [m/s^2].
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
@@ -67,6 +68,7 @@ class Setup:
             efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
         out, cuts: `plant.end` as one array, and where it is cut.
+        acts: what the effects did in the last part.
     """
 
     def __init__(
@@ -104,12 +106,13 @@ class Setup:
         self.waits = bool(self.effects.hooks) or self.varying or robot.rotors_turn_with_links
         self.still = frozen(np.zeros(robot.model.nv))
         self.none: BoolArray = frozen(np.zeros(size), bool)
+        self.back = frozen(np.full(size, restitution))
         contact = np.arange(size) >= self.barriers.limits
         self.yielding: BoolArray = frozen(contact & (compliance[0] > 0.0), bool)
-        self.gravity = float(np.linalg.norm(robot.model.gravity.linear))
         bases = free_bases(robot)
         self.flies, self._pushed = bool(len(bases)), False
         self._error: BaseException | None = None
+        self._answers: list[Any] = []
         self.plant = self._opened(bases, (return_speed, TOLERANCE, DRIFT, TOUCH, *compliance))
         self._check_rotors()
 
@@ -123,10 +126,12 @@ class Setup:
         ends = np.cumsum(sizes).tolist()
         self.cuts = tuple(map(slice, [0, *ends], ends))
         self.out = np.zeros(ends[-1])
-        room = map(np.zeros, (nv, pushes, m + size * (1 + d), size, 8))
+        room = map(np.zeros, (nv, pushes, kept, size, 8))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+        asked = self._address(self._ask_forces) if self.waits else 0, self._address(self._ask_rows)
+        forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
         return stored(
             Opened(
                 stored(self.tree),
@@ -135,21 +140,28 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(Forces(*told, np.zeros(m), np.zeros(nv), np.zeros(nv))),
-                stored(Ending._make([*(self.out[cut] for cut in self.cuts), np.zeros(size, bool)])),
-                stored(Hit._make([*room, np.zeros(size, bool), np.zeros(size, bool)])),
-                np.array([*bounds, AHEAD]),
+                stored(Forces._make((*told, *forces, *asked))),
+                stored(
+                    Ending._make(
+                        [*(self.out[cut] for cut in self.cuts), *np.zeros((4, size), bool)]
+                    )
+                ),
+                stored(Hit._make([*room, *np.zeros((2, size), bool)])),
+                np.array([*bounds, AHEAD, self._slow()]),
             )
         )
+
+    def _slow(self) -> float:
+        """Return the way of a slow landing per square of the step [m/s^2], see `landing`."""
+        springy = 2.0 * self.restitution
+        share = min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
+        return share * float(np.linalg.norm(self.robot.model.gravity.linear))
 
     def _obstacles(self) -> Obstacles:
         """Return limits, contact points and what they meet as loops know it."""
         barriers, solids = self.barriers, [solid.numbers() for solid in self.terrain.solids]
         known = [numbers for numbers in solids if numbers is not None]
-        asked = 0
-        if barriers.asked:
-            self._answer = _Answer(self._ask_ground)
-            asked = int(ctypes.cast(self._answer, ctypes.c_void_p).value or 0)
+        asked = self._address(self._ask_ground) if barriers.asked else 0
         table = np.zeros((len(known), max(map(len, known), default=0)))
         for own, numbers in zip(table, known, strict=True):
             own[: len(numbers)] = numbers
@@ -175,8 +187,49 @@ class Setup:
         except BaseException as error:
             self._error, told.touch[:] = error, np.nan
 
+    def _ask_forces(self) -> None:
+        """Tell what acts in the middle of a part, where only Python knows it."""
+        (state, command, external), told = self._given, self.plant.forces
+        step, q, v = (
+            float(told.length[0]),
+            self.plant.end.middle.copy(),
+            self.plant.end.speed.copy(),
+        )
+        mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
+        try:
+            at, more = (q, v, state.time + 0.5 * step), (self.temperature, mesh)
+            self.acts = self.effects.forces(at, command, state.memory, step, *more)
+            self.tell_losses(q, v)
+            self.tell_coupling(q, v)
+            self.tell_forces(self.acts, external)
+        except BaseException as error:
+            self._error, told.torque[:], told.outer[:] = error, np.nan, np.nan
+
+    def _ask_rows(self) -> None:
+        """Solve the rows of a part with self-locking gears that have several solutions."""
+        state, kept, length = self._given[0], self.plant.end.kept, self.plant.forces.length
+        try:
+            _, system, start, _ = self.in_rows(state, kept, float(length[0]))
+            impulse, _, _ = solve_rows(system, start, self.robot.transmission.joints)
+            self.plant.hit.impulse[: len(impulse)] = impulse
+        except BaseException as error:
+            self._error = error
+
+    def _address(self, answer: Callable[[], None]) -> int:
+        """Return the address of a function that loops may ask."""
+        self._answers.append(_Answer(answer))
+        return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
+
+    def begin(self, state: SimState, command: FloatArray, external: FloatArray | None) -> None:
+        """Tell the loops what a part starts from; see `PartInput`."""
+        self._given = state, command, external
+        self.tell_motion(state)
+        if not self.waits:
+            self.acts = EffectForces(self.still, None, self.effects.delivered(command), ())
+            self.tell_forces(self.acts, external)
+
     def heard(self) -> None:
-        """Raise what the ground raised."""
+        """Raise what the ground, or an effect, raised."""
         error, self._error = self._error, None
         if error is not None:
             raise error
@@ -188,11 +241,10 @@ class Setup:
         self.heard()
         return gap
 
-    def opening(self, position: FloatArray, velocity: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return how fast all gaps (2 j + c,) at q (nq,) open at v (nv,) [m/s, rad/s]."""
-        near, q, v = np.empty(len(position)), *map(np.ascontiguousarray, (position, velocity))
-        moved_along(self.plant.tree.joints, q, v, _SOON, near)
-        return (self.gaps(near) - gap) / _SOON
+    def in_rows(self, state: SimState, kept: BoolArray, step: float) -> Any:
+        """Return what `part_in_rows` does; the loops have been told motion and forces."""
+        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+        return part_in_rows(self.plant, state.closed, kept, state.impulse, q, v, step)
 
     def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
         """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""

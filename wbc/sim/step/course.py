@@ -1,20 +1,243 @@
-"""The course of one step: smooth parts, and the impacts between them, until its time is over."""
+"""The course of one step as Python sees it: smooth parts, and the impacts between them."""
 
 from __future__ import annotations
 
-from math import sqrt
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import Flags, OutFlags, OutRow, Row, compiled
-from wbc.sim.barriers import TOUCH
+from wbc.errors import SimulationError
+from wbc.mechanics.newton import WAYS
+from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.flow import Flow, PartInput, flow
+from wbc.sim.step.books import CONTACT, FRICTION, GEAR, MESH, MISSED, MOTOR, ROTOR
+from wbc.sim.step.flanks import grip_laws
+from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.impacts import Impact, settle
+from wbc.sim.step.landing import flow_until
+from wbc.sim.step.program import StepProgram, StepSolution, blown_up, tolerance_of, unsolved
+from wbc.sim.step.solution import NEVER, NO_INERTIA, couple
 
-_TRIES = 40
+
+def _cut(place: int) -> FloatArray:
+    """Return the property that is one of the slices of `Ended`."""
+    found: Any = property(lambda ended: ended._out[ended._cuts[place]])
+    return found  # type: ignore[no-any-return]
+
+
+class Ended:
+    """Where a part ended: a copy of `Ending`, cut into its arrays when asked for.
+
+    Attributes:
+        closed: (2 j + c,) barriers that stay closed.
+        left: whether some overlap is left to take back.
+    """
+
+    __slots__ = ("_cuts", "_out", "closed", "left")
+
+    def __init__(
+        self, out: FloatArray, cuts: tuple[slice, ...], closed: BoolArray, result: int
+    ) -> None:
+        """Keep a copy of what `part_of_step` wrote, and where it is cut."""
+        self._out, self._cuts, self.closed = out, cuts, closed
+        self.left = result < 0
+
+    position, velocity, motor_speed, impulse, gap = map(_cut, range(5))
+    after, mesh_impulse, depth, pushes, deflection = map(_cut, range(5, 10))
+    books, work, before, speed = map(_cut, range(10, 14))
+    force = _cut(15)
+
+
+class PartInput(NamedTuple):
+    """What one smooth part starts from.
+
+    Attributes:
+        setup: the plant's.
+        state: with known `closed`, and with the memory of its effects.
+        command: (m,) rotor torque [N m].
+        step: h [s].
+        external: generalised force (nv,), None for none.
+        kept: (2 j + c,) barriers that may close within the part, without a bounce.
+    """
+
+    setup: Setup
+    state: SimState
+    command: FloatArray
+    step: float
+    external: FloatArray | None
+    kept: BoolArray
+
+
+@dataclass(eq=False)
+class Flow:
+    """What happened in one smooth part.
+
+    Attributes:
+        state: at its end.
+        end: gaps, overlaps, impulses, work and losses.
+        forces: of the effects.
+        given: what it started from.
+    """
+
+    state: SimState
+    end: Ended
+    forces: EffectForces
+    given: PartInput
+
+    @property
+    def step(self) -> float:
+        """h [s]."""
+        return self.given.step
+
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.end.books[MISSED])
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,) at its end."""
+        return self.end.gap
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
+        return self.end.depth if self.end.left else self.end.depth[:0]
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return self.end.pushes.reshape(-1, 3)
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s]."""
+        return self.end.mesh_impulse
+
+    @property
+    def rotor_impulse(self) -> FloatArray:
+        """Impulse (m,) [N m s] delivered on the rotors."""
+        return self.step * self.forces.rotor
+
+    @cached_property
+    def solution(self) -> StepSolution:
+        """Of the step program, which is put together and solved again."""
+        setup, state, _, step, external, kept = self.given
+        end, plant = self.end, setup.plant
+        if setup.waits:
+            setup.tell_coupling(end.before, end.speed)
+            setup.tell_losses(end.before, end.speed)
+        setup.tell_motion(state)
+        setup.tell_forces(self.forces, external)
+        rows, system, _, inertia = setup.in_rows(state, kept, step)
+        couple(plant, rows, system, end.speed, end.after, step)
+        grip_laws(plant.gears, rows.relative, step, end.after, end.motor_speed, system.laws)
+        used, way = end.work.astype(int).tolist()
+        impulse = end.impulse[rows.places]
+        method = "ranges" if used == 0 and len(impulse) else WAYS[way]  # Python solved the rows
+        if len(rows.depths):  # what compliant contacts meet is their aim
+            met = slice(len(rows.targets) - len(rows.depths), None)
+            normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
+            speed = system.free[normal] + system.delassus[normal] @ impulse
+            rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
+        setup.forget_losses()
+        program = StepProgram.of(rows, system, inertia)
+        return StepSolution(program, system, end.after, impulse, used, method)
+
+    @cached_property
+    def energy(self) -> EnergyFlow:
+        """Work and losses.
+
+        Effects that store energy of their own have lines of their own (`Effect.memory_energy`).
+        """
+        setup, state, _, step, external, _ = self.given
+        books, forces = self.end.books.tolist(), self.forces
+        motor, stores, work, outer = books[MOTOR], EnergyFlow(), 0.0, 0.0
+        joint = self.end.force if external is None else self.end.force - external
+        if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
+            joint = joint - forces.kept_joint
+            before = setup.drive.motion(state)[1]
+            turned = 0.5 * step * setup.drive.ratio * (before + self.end.motor_speed)
+            motor -= float(forces.kept_rotor @ turned)
+            stores = _stores(setup, forces)
+        if external is not None or setup.robot.effects:
+            mean = 0.5 * (self.end.speed + self.end.after)
+            work = float(step * (joint @ mean))
+            outer = 0.0 if external is None else float(step * (external @ mean))
+        return EnergyFlow(
+            motor=motor,
+            external=outer,
+            effects=work,
+            reloaded=stores.reloaded,
+            bent=stores.bent,
+            mesh=books[MESH],
+            rotor_friction=books[ROTOR],
+            gear_damping=books[GEAR],
+            joint_friction=books[FRICTION],
+            bristles=stores.bristles,
+            contact=books[CONTACT],
+        )
+
+
+def _stores(setup: Setup, forces: EffectForces) -> EnergyFlow:
+    """Return where the work went that effects with a store of their own took."""
+    total = EnergyFlow()
+    for effect, motion in forces.stores:
+        found = effect.memory_energy(setup.robot, motion)
+        if found is not None:
+            total = total + EnergyFlow(
+                reloaded=found.reloaded, bent=found.stored, bristles=found.lost
+            )
+    return total
+
+
+def flow(given: PartInput) -> tuple[Flow, bool]:
+    """Advance by `given.step`, or to the next touchdown; return whether more barriers are kept.
+
+    Raises:
+        SimulationError: the part has no solution, or several.
+    """
+    setup, state, command, step, external, kept = given
+    plant, q = setup.plant, np.ascontiguousarray(state.position)
+    v = np.ascontiguousarray(state.velocity)
+    setup.begin(state, command, external)
+    try:
+        result, length, more = flow_until(plant, state.closed, kept, state.impulse, q, v, step)
+        setup.heard()
+        if more or result >= 10:
+            given = given._replace(step=length, kept=plant.end.kept.copy())
+        if result >= 10:
+            raise _failed(given, result)
+    finally:
+        setup.forget_losses()  # impacts, and whatever comes next
+    found, forces = Ended(setup.out.copy(), setup.cuts, plant.end.closed.copy(), result), setup.acts
+    following = SimState(
+        found.position,
+        found.velocity,
+        state.time + length,
+        found.closed,
+        found.impulse,
+        found.deflection,
+        found.motor_speed,
+        forces.memory,
+    )
+    return Flow(following, found, forces, given), more
+
+
+def _failed(given: PartInput, result: int) -> SimulationError:
+    """Return the error for a part that has no solution."""
+    setup, state, _, step, _, kept = given
+    inertia, impulse = setup.plant.placed.inertia, setup.plant.end.impulse.copy()
+    if result == 10 + NO_INERTIA or not np.isfinite(inertia).all():
+        return blown_up(inertia, state.velocity)
+    rows, system, _, _ = setup.in_rows(state, kept, step)
+    if not np.isfinite(system.free).all():
+        return blown_up(inertia, state.velocity)
+    return unsolved(system, impulse[rows.places], tolerance_of(system))
 
 
 class Course:
@@ -70,25 +293,15 @@ class Course:
 
     def flow_on(self) -> None:
         """Flow smoothly to the end of the step, or to the next touchdown."""
-        part = self._flow(self.left)
-        while part.landed:
-            landing, start = (
-                np.empty_like(self.kept),
-                self._setup.gaps(self.state.position),
-            )
-            if self._lands_slowly(part, start, landing):
-                self.slow = self.slow | landing
-                self._keep(landing)
-            else:
-                found, jumped = self._until_landing(part, start)
-                if jumped is not None:
-                    self._keep(jumped)
-                if found is not None:
-                    part = found
-                    break
-            part = self._flow(self.left)
+        command, external = self._command, self._external
+        given = PartInput(self._setup, self.state, command, self.left, external, self.kept)
+        part, more = flow(given)
+        if more:
+            end = self._setup.plant.end
+            self.slow, kept = self.slow | end.slow, end.kept | end.jumps
+            self.kept, self.keeps = kept, bool(kept.any())
         self.parts.append(part)
-        self.left -= part.state.time - self.state.time
+        self.left -= part.step
         self.state, self.over = part.state, self.left <= 1e-9 * self._step
 
     def take_impact(self) -> None:
@@ -116,118 +329,3 @@ class Course:
         """Keep barriers (2 j + c,) as rows of what is left of the step."""
         self.kept = self.kept | more
         self.keeps = bool(self.kept.any())
-
-    def _flow(self, step: float) -> Flow:
-        return flow(
-            PartInput(self._setup, self.state, self._command, step, self._external, self.kept)
-        )
-
-    def _lands_slowly(self, part: Flow, start: FloatArray, landing: BoolArray) -> bool:
-        """Write which barriers land; return whether only points do, and all of them slowly.
-
-        Slow is what gravity gives within the step, g h: a step changes speeds by that much anyway,
-        so such a landing needs no part of its own. With a restitution e, slow is also no more than
-        g h (1 - e) / (2 e), from which on all bounces would be over within the step.
-        """
-        setup = self._setup
-        springy = 2.0 * setup.restitution
-        share = min(1.0, (1.0 - setup.restitution) / springy) if springy > 0.0 else 1.0
-        short, limits = share * setup.gravity * self.left**2, setup.barriers.limits
-        held = self.kept | setup.yielding
-        how = landing_of(self.state.closed, held, start, part.gap, limits, short, landing)
-        return how == SLOW
-
-    def _until_landing(self, part: Flow, start: FloatArray) -> tuple[Flow | None, BoolArray | None]:
-        """Return the flow that ends where the first barrier is reached (regula falsi).
-
-        Gaps are parabolas of the length of a part but for what is of third order, and the speeds
-        at the start are known: the first try is enough, unless a gap jumps.
-
-        The whole part where none is. A gap may jump with the length of the part, for example
-        where a contact lets go and is no longer pulled back. There is no place of landing then.
-        The flow ends before the jump, or is None where that is at once. The second value says
-        which barriers (2 j + c,) jump; it is None where there is a place of landing.
-        """
-        closed, kept, before = self.state.closed, self.kept | self._setup.yielding, None
-        ahead, gap_early, gap_late = np.empty((3, len(start)))
-        nearest(closed, kept, start, start, gap_early)
-        if not nearest(closed, kept, start, part.gap, gap_late) < 0.0:
-            return part, None  # What overlaps now did so at the start and is moving out.
-        early, late = 0.0, self.left
-        fall = late * self._setup.opening(self.state.position, self.state.velocity, start)
-        for i in range(_TRIES):
-            # Every third try halves, lest one end of the interval never move.
-            share = 0.5 if i % 3 == 2 else first_crossing(gap_early, gap_late, fall, i == 0)
-            trial = early + share * (late - early)
-            part = self._flow(trial)
-            least = nearest(closed, kept, start, part.gap, ahead)
-            if abs(least) <= 0.5 * TOUCH:
-                return part, None
-            if least > 0.0:
-                early, before = trial, part
-                ahead, gap_early = gap_early, ahead
-            else:
-                late = trial
-                ahead, gap_late = gap_late, ahead
-        return before, gap_late < 0.0
-
-
-FAST, SLOW = range(2)
-
-
-@compiled(counted=False)
-def landing_of(
-    closed: Flags, kept: Flags, start: Row, end: Row, limits: int, short: float, landing: OutFlags
-) -> int:
-    """Write which barriers land; return SLOW where only points do, none from farther than `short`.
-
-    Args:
-        closed, kept: (2 j + c,) barriers that hold already.
-        start, end: (2 j + c,) gaps.
-        limits: 2 j, of the joint limits, which come first.
-        short: [m].
-        landing: (2 j + c,) to write.
-    """
-    found, slowly = False, True
-    for i in range(len(end)):
-        landing[i] = not closed[i] and not kept[i] and end[i] < -TOUCH
-        if landing[i]:
-            found = True
-            slowly = slowly and i >= limits and start[i] - end[i] <= short
-    return SLOW if found and slowly else FAST
-
-
-@compiled(counted=False)
-def nearest(closed: Flags, kept: Flags, start: Row, gap: Row, ahead: OutRow) -> float:
-    """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
-
-    An overlap at the start is on its way out; what is written counts from there.
-    """
-    least = np.inf
-    for i in range(len(gap)):
-        ahead[i] = np.inf if closed[i] or kept[i] else gap[i] - min(start[i], 0.0)
-        least = min(least, ahead[i])
-    return least
-
-
-@compiled(counted=False)
-def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
-    """Return the share of the way at which the first gap closes.
-
-    Args:
-        early, late: (2 j + c,) gaps at both ends of the way.
-        fall: (2 j + c,) by which they would change on it at the speeds of its start.
-        bent: whether they are parabolas that start like that, else straight lines.
-    """
-    first = 1.0
-    for i in range(len(late)):
-        if late[i] < 0.0:
-            gap = max(early[i], 0.0)
-            along = fall[i] if bent else late[i] - gap
-            bend = late[i] - gap - along
-            root = sqrt(max(along * along - 4.0 * bend * gap, 0.0))
-            if along > 0.0:
-                first = min(first, 0.5 * (along + root) / -bend)
-            else:
-                first = min(first, 2.0 * gap / max(root - along, 1e-300))
-    return min(max(first, 1e-4), 1.0 - 1e-4)

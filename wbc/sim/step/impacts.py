@@ -129,16 +129,14 @@ def settle(
         gap = setup.gaps(state.position)
         check_outside(setup, np.where(setup.yielding, np.inf, gap))
         closed = setup.none
-    back = np.full(len(closed), setup.restitution)
-    if springy is not None:
-        back[~springy] = 0.0
+    back = setup.back if springy is None else np.where(springy, setup.back, 0.0)
     setup.tell_coupling(state.position, state.velocity)
     setup.tell_motion(state)
     together = _struck(setup, state, (closed, ahead), back, left)
     hit, velocity, impact = setup.plant.hit, state.velocity, None
     if together is not None:
         velocity, numbers = hit.after.copy(), hit.found.copy()
-        known = hit.aims[: int(together.sum())].copy(), hit.impulse[: int(numbers[ROWS_OF])].copy()
+        known = hit.aims.copy(), hit.impulse[: int(numbers[ROWS_OF])].copy()
         impact = Impact(
             state.time,
             state.velocity,
@@ -175,12 +173,11 @@ def _struck(
     hit, found, names = setup.plant.hit, setup.plant.hit.found, setup.robot.transmission.joints
     at = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
 
-    def strike(share: float, given: FloatArray = _NOTHING) -> int:
-        kind: int = impact_at(setup.plant, *barriers, share * back, *at, left, given)
+    def strike(share: float, given: FloatArray = _NOTHING) -> None:
+        impact_at(setup.plant, *barriers, share * back, *at, left, given)
         found[SHARE] *= share
-        return kind
 
-    kind = strike(1.0)
+    kind = impact_at(setup.plant, *barriers, back, *at, left, _NOTHING)
     setup.heard()
     if kind != HIT:
         return None
@@ -208,7 +205,7 @@ def _struck(
     return together
 
 
-def _give_less_back(strike: Callable[[float], int], found: FloatArray) -> None:
+def _give_less_back(strike: Callable[[float], None], found: FloatArray) -> None:
     """Take the largest share of the restitution at which an impact makes no energy, by a few tries.
 
     Args:
@@ -252,7 +249,7 @@ def _solution(
     """Return the program of an impact and its solution, from its aims and impulses."""
     setup.tell_coupling(state.position, state.velocity)
     setup.tell_motion(state)
-    aims, impulse = known
+    aims, impulse = known[0][: int(together.sum())], known[1]
     at = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
     rows, system, inertia = impact_in_rows(setup.plant, together, *at, aims, after)
     program = StepProgram.of(rows, system, inertia)

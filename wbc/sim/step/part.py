@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
+from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled
 from wbc.mechanics.linear import copy_to
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
@@ -15,13 +15,19 @@ from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import Acting, PartRows, Solved, part_system, rows_of
 from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
-from wbc.sim.step.solution import NO_INERTIA, solve_part
+from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, solve_part
 from wbc.sim.step.tables import DEFLECTION, HERTZ, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
 
 _FASTEST = 10.0
+
+_MESH_ROUNDS = 40
+_MESH_TOLERANCE = 1e-9  # of the torque that a gear carries; steps are solved to 1e-10
+# Change of what a gear carries per change of what its loss assumes: below it lies a loss of 95 % of
+# the power forward, above it one of 95 % backward; beyond them is rounding.
+_LEAST_SLOPE, _MOST_SLOPE = -19.0, 0.95
 
 _ROUNDING = 1e-12
 """Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
@@ -156,7 +162,9 @@ def second_half(
             for c in range(len(end.moved)):
                 end.deflection[i] -= plant.gears.rows[i, c] * end.moved[c]
     if not 0.5 * step * turns <= TURN:
+        started = plant.gears.motion.copy()
         keep_passive(plant, acting)
+        plant.gears.motion[:] = started
     result = hold_or_land(plant, pressed)
     return -result if left else result
 
@@ -165,9 +173,57 @@ def second_half(
 def part_of_step(
     plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
 ) -> int:
-    """Do both halves of a part from q (nq,), like `second_half` after `to_middle`."""
+    """Do a part from q (nq,); arguments and result as of `second_half`.
+
+    Python is asked for what acts in the middle where loops do not know it, and for the rows where
+    self-locking gears leave several solutions.
+    """
     to_middle(plant, q, v, 0.5 * step, before)
-    return second_half(plant, before, kept, stored, np.empty(0), v, step)
+    plant.forces.length[0], impulse = step, plant.hit.impulse
+    if plant.forces.asked != 0:
+        ask(plant.forces.asked)
+    result = second_half(plant, before, kept, stored, impulse[:0], v, step)
+    if result == 10 + UNDECIDED:
+        impulse[:] = np.nan
+        ask(plant.forces.undecided)
+        count = 0
+        while count < len(impulse) and impulse[count] == impulse[count]:
+            count += 1
+        result = second_half(plant, before, kept, stored, impulse[:count], v, step)
+    return result
+
+
+@compiled
+def part_with_mesh(
+    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
+) -> int:
+    """Do a part in which effects see the torque that the gears then carry, see `part_of_step`.
+
+    Secant steps of each gear alone, from what its effect remembers of the step before: what a gear
+    carries is nearly linear in what it is taken to carry, and other gears change it little.
+    """
+    taken, mesh = plant.forces.mesh, plant.end.mesh_impulse
+    taken[:] = np.nan
+    result = part_of_step(plant, before, kept, stored, q, v, step)
+    if len(taken) == 0 or result >= 10:
+        return result
+    miss, change, slope = np.zeros(len(taken)), np.zeros(len(taken)), np.zeros(len(taken))
+    for i in range(len(taken)):
+        taken[i] = mesh[i] / step
+    for _ in range(_MESH_ROUNDS):
+        result, met = part_of_step(plant, before, kept, stored, q, v, step), True
+        for i in range(len(taken)):
+            carried, last = mesh[i] / step, miss[i]
+            miss[i] = carried - taken[i]
+            met = met and abs(miss[i]) <= _MESH_TOLERANCE * (1.0 + abs(carried))
+            if change[i] != 0.0:
+                slope[i] = min(max(1.0 + (miss[i] - last) / change[i], _LEAST_SLOPE), _MOST_SLOPE)
+            change[i] = miss[i] / (1.0 - slope[i])
+        if met or result >= 10:
+            break
+        for i in range(len(taken)):
+            taken[i] += change[i]
+    return result
 
 
 @compiled

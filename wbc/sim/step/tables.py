@@ -149,6 +149,13 @@ class Forces(NamedTuple):
         torque: (m,) memory: [N m] on the rotors.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
         friction: (nv,) memory: level of dry friction.
+        length: (1,) memory: h [s] of the part.
+        mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
+            what they remember; empty where no effect asks.
+        asked: address of a function of Python that fills torque, outer and friction in the middle,
+            and coupling and efficiencies of gears, else zero.
+        undecided: address of one that writes the impulses of rows with self-locking gears into
+            `Hit.impulse`; there are none where it fails.
     """
 
     joints: Table
@@ -156,6 +163,10 @@ class Forces(NamedTuple):
     torque: OutRow
     outer: OutRow
     friction: OutRow
+    length: OutRow
+    mesh: OutRow
+    asked: int
+    undecided: int
 
 
 @structured
@@ -181,6 +192,8 @@ class Ending(NamedTuple):
         moved: (nv,) shift out of overlaps.
         start: q (nq,) at the start.
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
+        kept, slow, jumps: (2 j + c,) barriers that may close within the part, those of them that
+            land slowly, and those that are to be kept from its end on, see `landing`.
     """
 
     position: OutRow
@@ -202,6 +215,9 @@ class Ending(NamedTuple):
     moved: OutRow
     start: OutRow
     closed: OutFlags
+    kept: OutFlags
+    slow: OutFlags
+    jumps: OutFlags
 
 
 @structured
@@ -211,7 +227,7 @@ class Hit(NamedTuple):
     Attributes:
         after: v (nv,).
         pushes: as of `Ending`.
-        impulse: of the rows, one after the other; more than there are.
+        impulse: of the rows, one after the other, of a part's, too; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order.
         found: (8,) numbers MESH to LEFT of `impact`.
         fresh: (2 j + c,) barriers that are reached.
@@ -233,10 +249,11 @@ class Opened(NamedTuple):
 
     Attributes:
         tree, flight, obstacles, gears, placed, bodies, forces, end, hit: see there.
-        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
+        bounds: (8,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
             solution; DRIFT_FROM: overlap from which on it is taken back; TOUCH: gap up to which a
             barrier counts as closed; HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for
-            rigid ones; REACH: memory, gap up to which those from height fields are known.
+            rigid ones; REACH: memory, gap up to which those from height fields are known; SLOW:
+            way of a slow landing per square of the step, see `landing`.
     """
 
     tree: Tree
@@ -255,7 +272,7 @@ JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
 planar one), first entry of q."""
 
-RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH = range(7)
+RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW = range(8)
 
 
 @compiled

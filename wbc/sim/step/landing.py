@@ -1,0 +1,176 @@
+"""The smooth flow of a step up to its next touchdown.
+
+Slow is what gravity gives within a step, g h: a step changes speeds by that much anyway, so such a
+landing needs no part of its own. With a restitution e, slow is also no more than g h (1 - e)/(2 e),
+from which on all bounces would be over within the step. Barriers that land slowly are kept as rows,
+and so are those whose gap jumps with the length of a part, for example where a contact lets go and
+is no longer pulled back: they may close within the part, but not be passed.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from wbc.compiled import Flags, OutRow, Row, compiled
+from wbc.mechanics.kinematics import moved_along
+from wbc.sim.step.arrival import rigid_ones
+from wbc.sim.step.impact import gaps_of
+from wbc.sim.step.part import LANDED, part_with_mesh
+from wbc.sim.step.tables import SLOW, TOUCH, Opened
+
+_TRIES = 40
+_SOON = 1e-6  # [s] over which gaps tell their speeds
+
+
+@compiled(counted=False)
+def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool:
+    """Write which barriers land; return whether only points do, none from farther than `short`.
+
+    Args:
+        plant: with the gaps of the end, and barriers that are kept; `jumps` is written.
+        closed: (2 j + c,) barriers that hold already.
+        start: (2 j + c,) gaps.
+        short: [m].
+    """
+    gap, landing, limits = plant.end.gap, plant.end.jumps, 2 * len(plant.obstacles.limit_at)
+    found, slowly = False, True
+    for i in range(len(gap)):
+        rigid = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+        landing[i] = rigid and gap[i] < -plant.bounds[TOUCH]
+        if landing[i]:
+            found = True
+            slowly = slowly and i >= limits and start[i] - gap[i] <= short
+    return found and slowly
+
+
+@compiled(counted=False)
+def nearest(plant: Opened, closed: Flags, start: Row, gap: Row, out: OutRow) -> float:
+    """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
+
+    An overlap at the start is on its way out; what is written counts from there.
+    """
+    least = np.inf
+    for i in range(len(gap)):
+        ahead = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+        out[i] = gap[i] - min(start[i], 0.0) if ahead else np.inf
+        least = min(least, out[i])
+    return least
+
+
+@compiled(counted=False)
+def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
+    """Return the share of the way at which the first gap closes.
+
+    Args:
+        early, late: (2 j + c,) gaps at both ends of the way.
+        fall: (2 j + c,) by which they would change on it at the speeds of its start.
+        bent: whether they are parabolas that start like that, else straight lines.
+    """
+    first = 1.0
+    for i in range(len(late)):
+        if late[i] < 0.0:
+            gap = max(early[i], 0.0)
+            along = fall[i] if bent else late[i] - gap
+            bend = late[i] - gap - along
+            root = sqrt(max(along * along - 4.0 * bend * gap, 0.0))
+            if along > 0.0:
+                first = min(first, 0.5 * (along + root) / -bend)
+            else:
+                first = min(first, 2.0 * gap / max(root - along, 1e-300))
+    return min(max(first, 1e-4), 1.0 - 1e-4)
+
+
+@compiled
+def to_landing(
+    plant: Opened,
+    closed: Flags,
+    stored: Row,
+    at: tuple[Row, Row],
+    start: Row,
+    whole: tuple[int, float],
+) -> tuple[int, float]:
+    """Do the part that ends where the first barrier is reached (regula falsi).
+
+    Gaps are parabolas of the length of a part but for what is of third order, and the speeds at the
+    start are known: the first try is enough, unless a gap jumps. There is no place of landing then.
+    The flow ends before the jump, and has no length where that is at once.
+
+    Args:
+        plant: where the whole part has ended; barriers whose gaps jump are written to `jumps`.
+        closed, stored: see `flow_until`.
+        at: q (nq,) and v (nv,) at the start.
+        start: (2 j + c,) gaps.
+        whole: what the whole part returned, and its length [s].
+
+    Returns:
+        the same of the part that ends there.
+    """
+    (result, late), early, size, (q, v), kept = whole, 0.0, len(start), at, plant.end.kept
+    ahead, gap_early, gap_late = np.empty(size), np.empty(size), np.empty(size)
+    nearest(plant, closed, start, start, gap_early)
+    plant.end.jumps[:] = False
+    if not nearest(plant, closed, start, plant.end.gap, gap_late) < 0.0:
+        return whole  # What overlaps now did so at the start and is moving out.
+    near, fall = np.empty(len(q)), np.empty(size)
+    moved_along(plant.tree.joints, q, v, _SOON, near)
+    gaps_of(plant, near, fall)
+    for i in range(size):
+        fall[i] = late / _SOON * (fall[i] - start[i])
+    for turn in range(_TRIES):
+        # Every third try halves, lest one end of the interval never move.
+        share = 0.5 if turn % 3 == 2 else first_crossing(gap_early, gap_late, fall, turn == 0)
+        trial = early + share * (late - early)
+        result = part_with_mesh(plant, closed, kept, stored, q, v, trial)
+        least = nearest(plant, closed, start, plant.end.gap, ahead)
+        if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
+            return result, trial
+        if least > 0.0:
+            early, gap_early[:] = trial, ahead
+        else:
+            late, gap_late[:] = trial, ahead
+    if early > 0.0:
+        result = part_with_mesh(plant, closed, kept, stored, q, v, early)
+    for i in range(size):
+        plant.end.jumps[i] = gap_late[i] < 0.0
+    return result, early
+
+
+@compiled
+def flow_until(
+    plant: Opened, closed: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
+) -> tuple[int, float, bool]:
+    """Do the part to the end of a step, or to the next touchdown.
+
+    Args:
+        plant: what moves; `kept`, `slow` and `jumps` of its end are written, too.
+        closed: (2 j + c,) barriers closed at the start.
+        kept: (2 j + c,) barriers that may close within the part, to begin with.
+        stored: see `part_of_step`.
+        q, v: (nq,), (nv,) at the start.
+        step: that is left [s].
+
+    Returns:
+        what `part_of_step` does, the length of the part [s], and whether more barriers are kept.
+    """
+    size, length, short, end = len(closed), step, plant.bounds[SLOW] * step * step, plant.end
+    for i in range(size):
+        end.kept[i], end.slow[i], end.jumps[i] = kept[i], False, False
+    result = part_with_mesh(plant, closed, end.kept, stored, q, v, step)
+    if result >= 10 or abs(result) != LANDED:
+        return result, step, False
+    start = np.empty(size)
+    gaps_of(plant, q, start)
+    while result < 10 and abs(result) == LANDED:
+        if lands_slowly(plant, closed, start, short):
+            for i in range(size):
+                end.slow[i] = end.slow[i] or end.jumps[i]
+        else:
+            result, length = to_landing(plant, closed, stored, (q, v), start, (result, step))
+            if length > 0.0:
+                return result, length, True
+        for i in range(size):
+            end.kept[i], end.jumps[i] = end.kept[i] or end.jumps[i], False
+        result = part_with_mesh(plant, closed, end.kept, stored, q, v, step)
+    return result, step, True
