@@ -99,7 +99,8 @@ def _arrow_scale(track: Track, reach: float) -> float:
     forces = [np.linalg.norm(contact.force, axis=1) for contact in track.contacts]
     largest = np.max(forces, axis=0, initial=0.0)
     loaded = largest[largest > _LOADED * track.weight]
-    usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight
+    # A robot without weight that touches nothing shows no arrow, whatever its scale.
+    usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight or 1.0
     return float(0.45 * reach / usual / max(len(forces), 1) ** 0.5)
 
 
