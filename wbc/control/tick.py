@@ -30,7 +30,6 @@ from wbc.compiled import (
 from wbc.control.qp.active_set import SOLVER, STEPS, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     GEARS,
-    place_judged,
     place_loads,
     place_map,
     place_output,
@@ -126,10 +125,10 @@ MOVED, RESTED, BASED, TRIES = 1, 2, 4, 8
 """What is told to a tick: joints and contacts are evaluated; rows of contacts are written as a
 basis; a guess is worth a try."""
 
-TURNING, SPEED, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(8)
-"""Rows of gears in a block: expected and measured dpsi, certainty, T, what the rotors
+TURNING, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(7)
+"""Rows of gears in a block: expected dpsi, certainty, T, what the rotors
 take, t, N tau_phi within the limits, and what the drives are told."""
-GEAR_ROWS = 8
+GEAR_ROWS = 7
 
 TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE, DECIDED = range(5)
 """How a tick ends: numbers too large, no solution from a guess, a torque limit, or well; or with
@@ -383,44 +382,6 @@ def place_directed_rows(program: Any, choice: FloatArray) -> None:
             upper[row] = gears.upper[gear] - offset if has_high else INFINITE
 
 
-@compiled(Count, PROGRAM.kind, OutRow, OutDense)
-def guess(program: Any, x: FloatArray, gears: FloatArray) -> int:
-    """Solve the program without torque limits from the rows that bound the last solution.
-
-    What efforts cost depends on the directions of the gears: those of the solution are taken.
-
-    Args:
-        program: PROGRAM.
-        x: result (n,).
-        gears: the rows of the gears; SIGMA is read, OUTPUT and SHARE are memory.
-
-    Returns:
-        how many rows the solution has, -1 where none is found.
-    """
-    counts, numbers = program.counts, program.numbers
-    jacobian, scale, m = program.contacts.rows.jacobian, numbers[SCALE], gears.shape[1]
-    efforts, positive, slopes = counts[EFFORTS], program.positive, program.slopes
-    last = counts[COST] + counts[HARD]
-    if efforts > 0:
-        place_map(program.gears, jacobian, scale, program.map, program.output_bias)
-    for _ in range(GUESSES):
-        if efforts > 0:
-            place_efforts(program, positive)
-        bounds = counts[TORQUE], counts[BOUNDS]
-        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)
-        if size < 0 or efforts == 0:
-            return size
-        place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
-        turned = False
-        for i in range(m):
-            differs = (gears[OUTPUT, i] > 0.0) != (positive[i] != 0)
-            if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
-                positive[i], turned = 1 - positive[i], True
-        if not turned:
-            return size
-    return -1
-
-
 @compiled(Count, PROGRAM.kind, Row, Number, Count, OutRow)
 def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatArray) -> int:
     """Write everything that a state decides: tasks, contacts, loads, limits, balance.
@@ -445,10 +406,8 @@ def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatA
     if told & RESTED == 0:
         rest(tree, program.contacts, velocity, numbers[MASS])
     want(tree, program.tasks, program.contacts, position, velocity, numbers[MASS])
-    of_motors = gears[TURNING], gears[SPEED], gears[SIGMA]
-    expected = last[nq + 2 * nv : nq + 3 * nv]
-    place_judged(program.gears, expected, velocity, dt, corrected, of_motors)
-    place_loads(program.gears, tree, position, velocity, corrected, of_motors)
+    expected, turning, sigma = last[nq + 2 * nv : nq + 3 * nv], gears[TURNING], gears[SIGMA]
+    place_loads(program.gears, tree, position, velocity, expected, dt, corrected, turning, sigma)
     if counts[EFFORTS] > 0:
         place_slopes(program.gears, gears[SIGMA], program.slopes[1], program.slopes[0])
         program.turning[:] = gears[TURNING]
@@ -498,6 +457,9 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
 def solve(program: Any, dt: float, block: FloatArray) -> int:
     """Solve the program from the rows that bound the last solution; write what it leads to.
 
+    Torque limits are left out. What efforts cost depends on the directions of the gears: those of
+    the solution are taken.
+
     Args:
         program: PROGRAM.
         dt: time until the next tick [s].
@@ -506,11 +468,28 @@ def solve(program: Any, dt: float, block: FloatArray) -> int:
     Returns:
         UNSOLVED, LIMITED_TORQUE or DONE.
     """
-    counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
-    gears = view(block, counts[NQ] + 3 * nv, GEAR_ROWS, m)
-    start, n = counts[NQ] + 3 * nv + GEAR_ROWS * m, program.solver.rows.shape[1]
-    size = guess(program, block[start : start + n], gears)
-    if size < 0:
+    counts, numbers, m = program.counts, program.numbers, len(program.gears.driven)
+    start = counts[NQ] + 3 * len(program.gears.bias)
+    gears, start = view(block, start, GEAR_ROWS, m), start + GEAR_ROWS * m
+    n, last = program.solver.rows.shape[1], counts[COST] + counts[HARD]
+    x, bounds = block[start : start + n], (counts[TORQUE], counts[BOUNDS])
+    positive, slopes, jacobian = program.positive, program.slopes, program.contacts.rows.jacobian
+    if counts[EFFORTS] > 0:
+        place_map(program.gears, jacobian, numbers[SCALE], program.map, program.output_bias)
+    size, turned, tries = -1, True, 0
+    while turned and tries < GUESSES:
+        turned, tries = False, tries + 1
+        if counts[EFFORTS] > 0:
+            place_efforts(program, positive)
+        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)
+        if size < 0 or counts[EFFORTS] == 0:
+            break
+        place_output(program.gears, jacobian, numbers[SCALE], x, gears[OUTPUT], gears[SHARE])
+        for i in range(m):
+            differs = (gears[OUTPUT, i] > 0.0) != (positive[i] != 0)
+            if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
+                positive[i], turned = 1 - positive[i], True
+    if size < 0 or turned:
         return UNSOLVED
     soft, hard = counts[COST] - counts[FIRST], start + n + counts[HARD]
     y, z = block[start + n : hard], block[hard : hard + counts[BOUNDS]]

@@ -23,7 +23,6 @@ from wbc.compiled import (
     Places,
     Row,
     Table,
-    Vector,
     compiled,
     kind_of,
 )
@@ -84,82 +83,59 @@ MotorRows = tuple[FloatArray, FloatArray, FloatArray]
 _Three = types.UniTuple(kind_of(OutRow), 3)
 
 
-@compiled(Nothing, GEARS.kind, *[Vector] * 2, Number, OutRow, _Three)
-def place_judged(
-    gears: Any,
-    expected: FloatArray,
-    measured: FloatArray,
-    dt: float,
-    corrected: FloatArray,
-    motors: MotorRows,
-) -> None:
-    """Write the expected speed of the joints, and what it means for the motors (`SpeedBlend`).
-
-    Args:
-        gears: GEARS.
-        expected, measured: v (nv,).
-        dt: [s] since the expectation.
-        corrected: result (nv,), the expected v drawn towards the measured one.
-        motors: results (m,), expected and measured dpsi, and certainty.
-    """
-    turning, speed, sigma = motors
-    blend, driven, from_joints = gears.blend, gears.driven, gears.from_joints
-    trusted, full = blend[TRUSTED], blend[FULL_SPEED]
-    kept = 1.0 - min(blend[CORRECTION] * dt, 1.0)
-    for i in range(len(measured)):
-        error = min(max(measured[i] - expected[i], -trusted), trusted)
-        corrected[i] = measured[i] - kept * error
-    for i in range(len(driven)):
-        turns, moves = 0.0, 0.0
-        for j in range(len(driven)):
-            share = from_joints[i, j]
-            if share != 0.0:
-                turns += share * corrected[driven[j]]
-                moves += share * measured[driven[j]]
-        turning[i], speed[i] = turns, moves
-        sigma[i] = min(max(turns / full, -1.0), 1.0)
-
-
-@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 3, _Three)
+@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 3, Number, OutRow, OutRow, OutRow)
 def place_loads(
     gears: Any,
     tree: Any,
     position: FloatArray,
     velocity: FloatArray,
+    expected: FloatArray,
+    dt: float,
     corrected: FloatArray,
-    motors: MotorRows,
+    turning: FloatArray,
+    sigma: FloatArray,
 ) -> None:
-    """Write the bias of links and rotors: with effects, and with what the observer has learned.
+    """Write which way joints and motors turn, and the bias of links and rotors.
 
-    Dry friction acts against the direction that the expected speed gives it.
+    Dry friction acts against the direction that the expected speed gives it (`SpeedBlend`). The
+    bias holds effects, and what the observer has learned.
 
     Args:
         gears, tree: GEARS and a TREE.
-        position, velocity, corrected: q (nq,), measured v and the expected one (nv,).
-        motors: expected and measured dpsi, and certainty (m,).
+        position, velocity, expected: q (nq,), measured v and the one expected of it (nv,).
+        dt: [s] since the expectation.
+        corrected: result (nv,), the expected v drawn towards the measured one.
+        turning, sigma: results (m,), dpsi of that, and certainty.
     """
-    _, speed, sigma = motors
-    bias, effects, rubbing = gears.bias, gears.effects, gears.rubbing
-    smooth, dry = gears.smooth, gears.rubs
+    blend, driven, bias, nv = gears.blend, gears.driven, gears.bias, len(velocity)
+    trusted, full, rate = blend[TRUSTED], blend[FULL_SPEED], blend[OBSERVES]
+    kept, smooth, dry = 1.0 - min(blend[CORRECTION] * dt, 1.0), gears.smooth, gears.rubs
     fill_joint_torques(gears.laws, gears.numbers, position, velocity, smooth, dry)
-    full, rate, nv = gears.blend[FULL_SPEED], gears.blend[OBSERVES], len(velocity)
     for i in range(nv):
+        corrected[i] = velocity[i]
+        corrected[i] -= kept * min(max(velocity[i] - expected[i], -trusted), trusted)
         certain = min(max(corrected[i] / full, -1.0), 1.0)
-        bias[i] = tree.bias[i] - smooth[i] - effects[i] + (dry[i] + rubbing[i]) * certain
-    if rate > 0.0:
-        learned, predicted, bound = gears.learned, gears.predicted, gears.bound
-        for i in range(nv):
-            surprise = 0.0
-            for j in range(nv):
-                inertia = tree.mass_matrix[i, j] + gears.inertia[i, j]
-                surprise += inertia * (velocity[j] - predicted[j])
-            # NaN where nothing was predicted
-            found = learned[i] + rate * surprise if surprise == surprise else learned[i]
-            gears.disturbance[i] = min(max(found, -bound[i]), bound[i])
-            bias[i] -= gears.disturbance[i]
-    viscous, added = gears.viscous, gears.rotor_added
-    for i in range(len(sigma)):
-        gears.rotor_bias[i] = gears.dry[i] * sigma[i] + viscous[i] * speed[i] + added[i]
+        bias[i] = tree.bias[i] - smooth[i] - gears.effects[i]
+        bias[i] += (dry[i] + gears.rubbing[i]) * certain
+    for i in range(len(driven)):
+        turns, moves = 0.0, 0.0
+        for j in range(len(driven)):
+            share = gears.from_joints[i, j]
+            if share != 0.0:
+                turns += share * corrected[driven[j]]
+                moves += share * velocity[driven[j]]
+        turning[i], sigma[i] = turns, min(max(turns / full, -1.0), 1.0)
+        rubs = gears.dry[i] * sigma[i] + gears.viscous[i] * moves
+        gears.rotor_bias[i] = rubs + gears.rotor_added[i]
+    for i in range(nv if rate > 0.0 else 0):
+        surprise, learned, bound = 0.0, gears.learned[i], gears.bound[i]
+        for j in range(nv):
+            inertia = tree.mass_matrix[i, j] + gears.inertia[i, j]
+            surprise += inertia * (velocity[j] - gears.predicted[j])
+        # NaN where nothing was predicted
+        found = learned + rate * surprise if surprise == surprise else learned
+        gears.disturbance[i] = min(max(found, -bound), bound)
+        bias[i] -= gears.disturbance[i]
 
 
 @compiled(Nothing, GEARS.kind, Dense, Number, Row, OutRow, OutRow)

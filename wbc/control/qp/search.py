@@ -120,7 +120,7 @@ class DirectionSearch:
         place_slopes(memory.gears, sigma, memory.slopes[1], memory.slopes[0])
         place_map(memory.gears, jacobian, scale, memory.map, memory.output_bias)
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
-        self._climbs, self.blocking = True, -1
+        self._climbs, self.blocking = [True, True], -1
 
     def place(self, decided: Mapping[int, bool], output: FloatArray) -> None:
         """Write the rows of torque limits where some gears are decided, and those of efforts."""
@@ -292,11 +292,11 @@ class DirectionSearch:
         last = int(counts[COST]) + hard
         x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
         # limits that give way bind by the dozen, and of 92 such programs of Talos none settled; nor
-        # did of 88 that followed one which did not
-        climbs = goes_on or (self._climbs and not solver.give.any())
+        # did of 88 that followed one which did not, so that neither kind climbs twice in vain
+        climbs = self._climbs[goes_on] and (goes_on or not solver.give.any())
         steps = STEPS if climbs else FEW
         size = settle(solver, first, last, (0, bounds), self._tolerance, steps, x)
-        self._climbs = self._climbs and (size != UNSETTLED or not climbs or goes_on)
+        self._climbs[goes_on] &= size != UNSETTLED or not climbs
         if size == CONTRADICTION:
             self.blocking = int(solver.active[0])
         if size < 0:
