@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects import CoulombFriction, LoadFriction, RotorInertia, ViscousFriction, load_robot
+from wbc.effects import (
+    CoulombFriction,
+    LoadFriction,
+    RotorInertia,
+    SupplySag,
+    ViscousFriction,
+    load_robot,
+)
+from wbc.errors import RobotError
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
@@ -93,3 +101,9 @@ def test_variants_side_by_side_equal_each_alone() -> None:
     some = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004, wanted)
     np.testing.assert_allclose(some[:, wanted], together[:, wanted], atol=1e-12)
     assert np.all(np.isnan(some[:, ~wanted]))
+
+
+def test_an_effect_that_no_table_holds_is_refused_by_name() -> None:
+    robot = PENDULUM.with_effect(SupplySag("robot", 0.01))
+    with pytest.raises(RobotError, match="supply_sag"):
+        servo_rollout([(robot, DcDrive(7.4))], [run(0.0, 3)], 0.01)
