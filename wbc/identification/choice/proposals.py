@@ -51,8 +51,8 @@ class Proposer:
 
     trials: Trials
     candidates: tuple[type[Effect], ...]
-    _screens: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
-        field(default_factory=dict)
+    _screens: dict[tuple[tuple[type[Effect], ...], Offer], LinearScreen] = field(
+        default_factory=dict
     )
 
     def beside(self, h: Hypothesis, count: int) -> list[Offer]:
@@ -79,8 +79,7 @@ class Proposer:
     def _beside(self, h: Hypothesis, count: int, exclude: Sequence[Key] = ()) -> list[Screened]:
         if not self.candidates:
             return []
-        search, regressors = self._without(h, exclude)
-        return self._chosen(h, search, regressors, count)
+        return self._chosen(h, self._without(h, exclude), count)
 
     def _drawings(self, h: Hypothesis, beside: Sequence[Screened]) -> list[Screened]:
         """Return the best of every effect that is drawn to what is usual, if it is not offered.
@@ -89,19 +88,16 @@ class Proposer:
         """
         if h.swings or not self.candidates:
             return []
-        search, regressors = self._without(h)
+        search = self._without(h)
         seen = {tuple(regressor.key for regressor in added) for _, added in beside}
-        each = [(subset, regressors[subset.regressors[0]]) for subset in _drawn(search, regressors)]
+        each = [(s, search.regressors[s.regressors[0]]) for s in _drawn(search)]
         fresh = [(subset, drawn) for subset, drawn in each if (drawn.key,) not in seen]
         return [((*h.effects, *search.effects(subset)), [drawn]) for subset, drawn in fresh]
 
-    def _without(
-        self, h: Hypothesis, exclude: Sequence[Key] = ()
-    ) -> tuple[LinearScreen, list[Regressor]]:
+    def _without(self, h: Hypothesis, exclude: Sequence[Key] = ()) -> LinearScreen:
         """Return the screen beside a hypothesis without what it holds, and other keys."""
-        whole, regressors = self._around(h)
-        taken = {*h.keys, *exclude}
-        return whole.instead_of((), np.zeros(0), whole.robot, taken), regressors
+        whole = self._around(h)
+        return whole.instead_of((), np.zeros(0), whole.robot, {*h.keys, *exclude})
 
     def instead(
         self, h: Hypothesis, own: Effect, count: int, *, hopeless: bool = False
@@ -124,10 +120,10 @@ class Proposer:
         if not self.candidates:
             return []
         robot, fewer = self.trials.problem.robot, without(h.effects, own)
-        search, regressors = self._around(h)
         gone, steps = until_null(self.trials.fit(h), (own,), robot)
-        moved = search.instead_of(gone, steps, robot.with_effects(*fewer), set(h.keys))
-        chosen = self._chosen(replace(h, effects=fewer), moved, regressors, count)
+        rest = robot.with_effects(*fewer)
+        moved = self._around(h).instead_of(gone, steps, rest, set(h.keys))
+        chosen = self._chosen(replace(h, effects=fewer), moved, count)
         found = [(sum(self._gain(h, (own,), *one)), one) for one in chosen]
         return [(g, offer) for g, (offer, added) in found if hopeless or g > -_reach(added)]
 
@@ -163,7 +159,7 @@ class Proposer:
         trials, columns = self.trials, [regressor.columns for regressor in added]
         return exchanged(trials.problem, trials.fit(h), h, own, columns, offer)
 
-    def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
+    def _around(self, h: Hypothesis) -> LinearScreen:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         self.trials.ask()
         key = self.candidates, h.effects
@@ -174,9 +170,7 @@ class Proposer:
             self._screens[key] = screen(problem, fit, self.candidates, self.trials.failures)
         return self._screens[key]
 
-    def _chosen(
-        self, h: Hypothesis, search: LinearScreen, regressors: list[Regressor], count: int
-    ) -> list[Screened]:
+    def _chosen(self, h: Hypothesis, search: LinearScreen, count: int) -> list[Screened]:
         """Return the best of a screen, each cause in its best shape."""
         offers: dict[tuple[Key, ...], Screened] = {}
         start = search.error(())
@@ -184,7 +178,7 @@ class Proposer:
             self.trials.ask()
             if len(offers) >= count or subset.error > start:
                 break
-            added = [regressors[k] for k in subset.regressors]
+            added = [search.regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
             if key not in offers:
                 offers[key] = (*h.effects, *search.effects(subset)), added
@@ -201,14 +195,14 @@ class Proposer:
         """
         if not self.candidates:
             return []
-        search, regressors = self._around(h)
+        search = self._around(h)
         share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
-        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), regressors, share)
+        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), search.regressors, share)
         offers: dict[tuple[Key, ...], Screened] = {}
         for screened in (search, shares):
             own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
             for subset in own[:count]:
-                added = [regressors[k] for k in subset.regressors]
+                added = [search.regressors[k] for k in subset.regressors]
                 offer = (*h.effects, *screened.effects(subset))
                 offers.setdefault(tuple(sorted(r.key for r in added)), (offer, added))
         each = [(self._gain(h, (), *one), one[0]) for one in offers.values()]
@@ -222,10 +216,10 @@ def _reach(added: Sequence[Regressor]) -> float:
     return HOPELESS if linear and not shaped else _BEYOND_FITS
 
 
-def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
+def _drawn(search: LinearScreen) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
-    for k, regressor in enumerate(regressors):
+    for k, regressor in enumerate(search.regressors):
         if not regressor.usual.any():
             continue
         subset = Subset((k,), search.error((k,)))
