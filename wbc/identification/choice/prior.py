@@ -55,7 +55,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
         problem: the logs.
         fit: of the causes.
     """
-    costs, untold = _ends(problem, fit), fit.untold
+    costs = _ends(problem, fit)
     motions = [record.motion for record in problem.records]
     for k, effect in enumerate(fit.effects):
         costs[k] += effect.search.implausibility(effect, fit.robot, motions)
@@ -64,7 +64,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
         ):
             costs[k] += _NOT_SHOWN
         costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
-        costs[k] += misdrawn(effect.search.departures(effect), float(untold[k]))
+        costs[k] += misdrawn(effect.search.departures(effect))
     return tuple(costs)
 
 
@@ -105,19 +105,17 @@ def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
-def misdrawn(distances: FloatArray, untold: float) -> float:
+def misdrawn(distances: FloatArray) -> float:
     """Return what a drawing costs that is more wrong than drawings usually are [nats].
 
     By what factor drawings are wrong differs. The same people draw all links of a robot, so that
-    one factor says it for all their numbers; those that the logs do not tell stay as drawn, and
-    say nothing of it. What free numbers could explain is paid by holding out.
+    one factor says it for all their numbers. What free numbers could explain is paid by holding
+    out.
 
     Args:
         distances: (k,) of its numbers from the drawing, in units of how wrong drawings usually are.
-        untold: how many of them the logs do not tell.
     """
-    told = max(distances.size - untold, 1.0)
-    return _improbable(np.maximum(np.sqrt(np.sum(distances**2) / told), 1.0))
+    return _improbable(np.sqrt(max(1.0, np.sum(distances**2) / max(distances.size, 1))))
 
 
 def _improbable(factors: FloatArray) -> float:

@@ -19,6 +19,8 @@ _ADDED = 6  # offers that are fitted for one addition
 _SWAPPED = 5  # ... are looked at in the place of one cause
 _EXCHANGES = 24  # ... and fitted in the place of all
 _PAIRS = 6
+_MOST_MOVES = 60
+_AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
 # Hypotheses in a row that may hold a wrong drawing and a name that is not believed, be it the
 # drawing or one beside it: the move after it can still confirm or remove it. The ten numbers per
 # link of a drawing take up a part of whatever is missing, so that the search goes on beside it
@@ -104,7 +106,7 @@ class Search:
         current, been = start, {frozenset(start.keys): start}
         held: Counter[str] = Counter()
         shorter = False
-        while True:
+        for _ in range(_MOST_MOVES):
             drawn = any(effect.search.departures(effect).size for effect in current.effects)
             doubted = doubted_names(self.proposer.trials, current) if drawn else ()
             held = Counter({name: held[name] + (not shorter) for name in doubted})
@@ -118,8 +120,9 @@ class Search:
             if better is None:
                 break
             self._tell(current, better)
-            if frozenset(better.keys) in been:
-                return best_of(self, [*been.values(), better])
+            before = been.get(frozenset(better.keys))
+            if before is not None and better.error > _AGAIN * before.error:
+                return best_of(self, list(been.values()))
             shorter = len(better.effects) < len(current.effects)
             current = better
             been[frozenset(current.keys)] = current
