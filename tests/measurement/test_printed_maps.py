@@ -38,10 +38,6 @@ def write(columns: Columns, path: Path) -> Path:
     return path
 
 
-def scaled(factor: float, *names: str) -> Callable[[Columns], Columns]:
-    return lambda columns: {**columns, **{name: factor * columns[name] for name in names}}
-
-
 def renamed(old: str, new: str) -> Callable[[Columns], Columns]:
     return lambda columns: {name.replace(old, new): v for name, v in columns.items()}
 

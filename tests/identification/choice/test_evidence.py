@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from wbc.effects import Backlash, CoulombFriction, TorqueOffset
+from wbc.effects import Backlash, CoulombFriction
 from wbc.identification.choice.certainty import Support, odds_of
 from wbc.identification.choice.evidence import Hypothesis, left_to_gain, log_densities, weigh
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -23,7 +23,7 @@ def begun_at(*first: float) -> SimpleNamespace:
 
 
 PROBLEM = begun_at(1.0)
-FRICTION, OFFSET = CoulombFriction("hip", 0.5), TorqueOffset("hip", 0.1)
+FRICTION = CoulombFriction("hip", 0.5)
 
 
 def hypothesis(
