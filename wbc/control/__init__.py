@@ -14,9 +14,7 @@ from wbc.control.rows.efforts import (
     RotorTorqueEffort,
 )
 from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
-from wbc.control.rows.point_foot import PointFootBalanceTask
-from wbc.control.rows.schedule import ContactRamp, ContactSchedule
-from wbc.control.rows.task import (
+from wbc.control.rows.motions import (
     AngularMomentumTask,
     CapturePointTask,
     CenterOfMassTask,
@@ -27,8 +25,10 @@ from wbc.control.rows.task import (
     FramePositionTask,
     LinearMomentumTask,
     PostureTask,
-    Task,
 )
+from wbc.control.rows.point_foot import PointFootBalanceTask
+from wbc.control.rows.schedule import ContactRamp, ContactSchedule
+from wbc.control.rows.task import Task
 from wbc.control.settings import (
     ControllerSettings,
     DisturbanceObserver,

@@ -11,7 +11,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
-from wbc.control.rows.task import PostureTask, StateTask, Task, vector_target
+from wbc.control.rows.motions import PostureTask
+from wbc.control.rows.task import StateTask, Task, vector_target
 from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
