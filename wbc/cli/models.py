@@ -26,12 +26,7 @@ from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.identification.readings.first_guess import guessed_numbers
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
-from wbc.view.rows import (
-    fit_rows,
-    formula_rows,
-    open_loop_rows,
-    parameter_rows,
-)
+from wbc.view.rows import fit_rows, formula_rows, open_loop_rows, parameter_rows
 
 Simulated = Callable[[], Sequence[OpenLoop]]
 """Returns the open-loop errors of robots, simulating when it is first called."""

@@ -39,12 +39,7 @@ from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
 from wbc.view.residuals import residual_plots
-from wbc.view.rows import (
-    clock_rows,
-    formula_rows,
-    open_loop_rows,
-    short_label,
-)
+from wbc.view.rows import clock_rows, formula_rows, open_loop_rows, short_label
 
 with needs("view", "writing a report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
