@@ -72,8 +72,7 @@ def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
         delay=np.zeros(gears.size),
         unsaid=tuple(_of_gears(robot, "transmission_efficiency" in told)),
     )
-    motion = probe_motion(robot)
-    effects = [effect for effect in robot.effects if effect.name not in told]
+    effects, motion = (e for e in robot.effects if e.name not in told), probe_motion(robot)
     unsaid = [text for effect in effects for text in _add(robot, effect, motion, found)]
     return replace(found, unsaid=(*found.unsaid, *dict.fromkeys(unsaid)))
 

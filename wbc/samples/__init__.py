@@ -12,8 +12,6 @@ from pathlib import Path
 
 from wbc.measurement import Log, load_logs
 
-__all__ = ["sample_logs", "sample_paths"]
-
 
 def sample_paths() -> tuple[Path, ...]:
     """Return the files of the sample logs, as the command line takes them."""
