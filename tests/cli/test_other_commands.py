@@ -18,12 +18,12 @@ def test_logs_without_positions_become_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("bench.urdf").write_text(URDF)
+    Path("bench.urdf").write_text(URDF + "</robot>")
     Path("robot.toml").write_text(BENCH)
     robot = load_robot("robot.toml")
     assert robot.name == tmp_path.name
     for k in (1, 2):
-        save_log(without_positions(bench_log(robot, k)), f"run{k}.csv")
+        save_log(without_positions(bench_log(k)), f"run{k}.csv")
     logs = ["run1.csv", "run2.csv"]
     assert main(["init", "bench.urdf", *logs, "--out", "first"]) == 0
     assert load_robot("first/robot.toml").transmission.joints == ("test", "brake")
