@@ -28,7 +28,7 @@ from wbc.identification import diagnose
 from wbc.identification.choice import gears
 from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.choice.gears import two_gears
-from wbc.identification.choice.prior import implausible, misdrawn
+from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
@@ -94,8 +94,8 @@ def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
     one = LinkInertia.at("shin", own)
     null = LinkInertias.null_values(LEG, "robot")
     every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
-    cost, every_link = (misdrawn(e.search.departures(e)) for e in (one, every))
-    assert every_link == pytest.approx(cost)
+    cost = one.search.implausibility(one, LEG, ())
+    assert every.search.implausibility(every, LEG, ()) == pytest.approx(cost)
     assert cost > 1.0
 
 

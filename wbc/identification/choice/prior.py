@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import IMPOSSIBLE
 from wbc.identification.model.fit import Fit
@@ -18,10 +17,9 @@ from wbc.robot import Effect
 _NAME, _PLACE, _NUMBER = 6.0, 3.0, 1.0  # [nats] for each name, place and number of a hypothesis
 LEAST_ASKED = _PLACE + _NUMBER
 """What one cause more costs at least [nats]."""
-# Standard deviation of the logarithm of a factor that should be one: delivered over reported
-# torque, the share of a link's mass that is left, how wrong a drawing is beside what is usual.
-_FACTOR = 0.5
-_FOLLOWED = 0.3  # share of the needed torque (rms) that a wrong drive may miss at most
+_GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
+_FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
+_LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
 _BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
 _AT_END = 3.0  # [nats] for one that lies there
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
@@ -31,8 +29,8 @@ def asked(effects: Sequence[Effect], untold: float = 0.0) -> float:
     """Return what the names, places and numbers of a set of causes cost [nats].
 
     An effect that says several things at once counts as several names: a wrong drawing of a link,
-    its mass, its centre and its inertia. Counted as one name, a wrong drawing of all links was
-    certain where wind blows at one (`tests/recover/test_foreign_logs.py`). A number costs nothing
+    its mass, its centre and its inertia. Its numbers count as those of any other effect: where they
+    cost nothing, the practice leg's payload is tied with a wrong drawing. A number costs nothing
     that the logs do not tell, since nothing was chosen with it.
 
     Args:
@@ -48,8 +46,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
     """Return what each effect's numbers cost that no machine is likely to have [nats].
 
     Numbers at the end of what physics allows, effects that these motions cannot show, masses that
-    leave a link, drives that deliver something else than they report, drawings that are more wrong
-    than drawings usually are.
+    leave a link, drives that deliver something else than they report.
 
     Args:
         problem: the logs.
@@ -64,7 +61,6 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
         ):
             costs[k] += _NOT_SHOWN
         costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
-        costs[k] += misdrawn(effect.search.departures(effect))
     return tuple(costs)
 
 
@@ -105,24 +101,6 @@ def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
-def misdrawn(distances: FloatArray) -> float:
-    """Return what a drawing costs that is more wrong than drawings usually are [nats].
-
-    By what factor drawings are wrong differs. The same people draw all links of a robot, so that
-    one factor says it for all their numbers. What free numbers could explain is paid by holding
-    out.
-
-    Args:
-        distances: (k,) of its numbers from the drawing, in units of how wrong drawings usually are.
-    """
-    return _improbable(np.sqrt(max(1.0, np.sum(distances**2) / max(distances.size, 1))))
-
-
-def _improbable(factors: FloatArray) -> float:
-    """Return what factors cost that should be one [nats]."""
-    return float(0.5 * np.sum((np.log(np.maximum(factors, 1e-300)) / _FACTOR) ** 2))
-
-
 def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
     """Return what masses that leave a link cost."""
     if "change" not in effect.acts_by:
@@ -137,7 +115,8 @@ def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
         np.array([inertia.mass for inertia in one.model.inertias]) for one in (problem.robot, robot)
     )
     heavy = before > 0.0
-    return _improbable(np.minimum(after[heavy] / before[heavy], 1.0))
+    left = np.log(np.maximum(after[heavy], 1e-300) / before[heavy])
+    return float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
 
 
 def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
@@ -149,8 +128,8 @@ def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
     if "drive" not in effect.acts_by:
         return 0.0
     robot = problem.robot.with_acting((effect,))
-    gains = drive_gains(robot, problem.records)
-    if _improbable(gains) < 1.0:
-        return _improbable(gains)
+    off = 0.5 * (np.log(np.maximum(drive_gains(robot, problem.records), 1e-300)) / _GAIN) ** 2
+    if np.sum(off) < 1.0:
+        return float(np.sum(off))
     missed = np.minimum(drive_misses(fit.robot, problem.records) / _FOLLOWED, 1.0)
-    return float(sum(_improbable(gain) * share for gain, share in zip(gains, missed, strict=True)))
+    return float(np.sum(off * missed))

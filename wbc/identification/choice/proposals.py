@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
 from wbc.identification.choice.candidate_columns import Regressor
-from wbc.identification.choice.drop_screen import exchanged, until_null
+from wbc.identification.choice.drop_screen import exchanged, losses, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.linear_screen import (
     LinearScreen,
@@ -28,7 +29,12 @@ Offer = tuple[Effect, ...]
 Screened = tuple[Offer, list[Regressor]]
 """An offer with the causes that are new in it."""
 
+_SCREEN_ERROR = 0.03
+_SCREEN_NOISE = 0.2
 _LINEAR_HOOKS = ADDS | {"change"}  # by which causes act linearly
+_REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
+_LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
+_SCREENED = 40  # causes of a screen that are looked at
 # Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
 # more (a quadruped, 22 generated logs) all were 41 behind or more once fitted, where derivatives
 # know least: a Stribeck speed between those of the screen. Of 24 that lacked 20 to 250, some won.
@@ -51,53 +57,29 @@ class Proposer:
 
     trials: Trials
     candidates: tuple[type[Effect], ...]
-    _screens: dict[tuple[tuple[type[Effect], ...], Offer], LinearScreen] = field(
-        default_factory=dict
+    _screens: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
+        field(default_factory=dict)
     )
 
-    def beside(self, h: Hypothesis, count: int) -> list[Offer]:
+    def beside(self, h: Hypothesis, count: int, exclude: Sequence[Key] = ()) -> list[Offer]:
         """Return the most promising causes beside those of a hypothesis, best first.
-
-        Those alone of which derivatives do not say that they explain far less than they cost, or
-        that the best of them explains far more.
 
         Args:
             h: the hypothesis.
             count: how many offers at most.
+            exclude: names and places that are not offered.
         """
-        offers = self._beside(h, count)
-        chosen = [
-            (density, prior, added, offer)
-            for offer, added in [*offers, *self._drawings(h, offers)]
-            for density, prior in [self._gain(h, (), offer, added)]
-            if MISSED * density > -prior
-        ]
-        sure = [d + p for d, p, _, _ in chosen if np.isfinite(d)]
-        best = max(sure, default=0.0)
-        return [o for d, p, added, o in chosen if d + p > best - _reach(added)]
+        chosen = self._beside(h, count, exclude, 0.0)
+        return [offer for offer, added in chosen if self._may_add(h, offer, added)]
 
-    def _beside(self, h: Hypothesis, count: int, exclude: Sequence[Key] = ()) -> list[Screened]:
+    def _beside(
+        self, h: Hypothesis, count: int, exclude: Sequence[Key], enough: float
+    ) -> list[Screened]:
         if not self.candidates:
             return []
-        return self._chosen(h, self._without(h, exclude), count)
-
-    def _drawings(self, h: Hypothesis, beside: Sequence[Screened]) -> list[Screened]:
-        """Return the best of every effect that is drawn to what is usual, if it is not offered.
-
-        A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
-        """
-        if h.swings or not self.candidates:
-            return []
-        search = self._without(h)
-        seen = {tuple(regressor.key for regressor in added) for _, added in beside}
-        each = [(s, search.regressors[s.regressors[0]]) for s in _drawn(search)]
-        fresh = [(subset, drawn) for subset, drawn in each if (drawn.key,) not in seen]
-        return [((*h.effects, *search.effects(subset)), [drawn]) for subset, drawn in fresh]
-
-    def _without(self, h: Hypothesis, exclude: Sequence[Key] = ()) -> LinearScreen:
-        """Return the screen beside a hypothesis without what it holds, and other keys."""
-        whole = self._around(h)
-        return whole.instead_of((), np.zeros(0), whole.robot, {*h.keys, *exclude})
+        whole, regressors = self._around(h)
+        search = whole.instead_of((), np.zeros(0), whole.robot, {*h.keys, *exclude})
+        return self._chosen(h, search, regressors, count, enough)
 
     def instead(
         self, h: Hypothesis, own: Effect, count: int, *, hopeless: bool = False
@@ -107,7 +89,8 @@ class Proposer:
         With each offer by how much derivatives say that it raises the evidence [nats]. All places
         of one hypothesis are screened by the same columns: a screen of its own for each would cost
         as much as everything else together. What is left without the cause its derivatives say; a
-        cause that does not act linearly is left out of a fit first.
+        cause that does not act linearly is left out of a fit first, unless nothing regains half of
+        what it explains.
 
         Args:
             h: the hypothesis.
@@ -115,36 +98,56 @@ class Proposer:
             count: how many offers at most.
             hopeless: whether those count that cannot win by derivatives.
         """
-        if not own.acts_by <= _LINEAR_HOOKS or drawn(own) or deflects(own):
-            return self._beside_rest(h, own, count, hopeless=hopeless)
+        if drawn(own) or deflects(own):
+            return self._beside_rest(h, own, count)
         if not self.candidates:
             return []
-        robot, fewer = self.trials.problem.robot, without(h.effects, own)
-        gone, steps = until_null(self.trials.fit(h), (own,), robot)
-        rest = robot.with_effects(*fewer)
-        moved = self._around(h).instead_of(gone, steps, rest, set(h.keys))
-        chosen = self._chosen(replace(h, effects=fewer), moved, count)
-        found = [(sum(self._gain(h, (own,), *one)), one) for one in chosen]
-        return [(g, offer) for g, (offer, added) in found if hopeless or g > -_reach(added)]
+        problem, fit = self.trials.problem, self.trials.fit(h)
+        fewer = without(h.effects, own)
+        search, regressors = self._around(h)
+        gone, steps = until_null(fit, (own,), problem.robot)
+        moved = search.instead_of(gone, steps, problem.robot.with_effects(*fewer), set(h.keys))
+        chosen = self._chosen(replace(h, effects=fewer), moved, regressors, count, h.error, search)
+        linear = own.acts_by <= _LINEAR_HOOKS
+        # What a cause that is not linear explains may be half of what its derivatives say.
+        lost = 0.0 if linear or h.swings else losses(problem, fit, h, [(own,)])[0][0]
+        likely = []
+        for offer, added in chosen:
+            gain = self._gain(h, (own,), offer, added)
+            shaped = any(p.shape for regressor in added for p in regressor.effect.parameters)
+            least = -HOPELESS if linear and not shaped else -_BEYOND_FITS
+            if hopeless or gain > least - _REPLACED * max(lost, 0.0):
+                likely.append((gain, offer))
+        if linear or h.swings or not likely:
+            return likely
+        rest = self.trials.of(fewer)
+        if rest is None:
+            return []
+        off = abs(moved.error(()) - rest.error)
+        if off > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
+            return self._beside_rest(h, own, count)
+        return [(gain, (*rest.effects, *offer[len(fewer) :])) for gain, offer in likely]
 
-    def _beside_rest(
-        self, h: Hypothesis, own: Effect, count: int, *, hopeless: bool
-    ) -> list[tuple[float, Offer]]:
+    def _beside_rest(self, h: Hypothesis, own: Effect, count: int) -> list[tuple[float, Offer]]:
         """Return the same as `instead`, screened beside the hypothesis fitted without the cause."""
         rest = self.trials.of(without(h.effects, own))
         if rest is None:
             return []
         left, right = weigh(self.trials.problem, [rest, h])
         likely = [
-            (sum(self._gain(rest, (), offer, added)) + float(left - right), offer)
-            for offer, added in self._beside(rest, count, (own.key,))
+            (self._gain(rest, (), offer, added) + float(left - right), offer)
+            for offer, added in self._beside(rest, count, (own.key,), h.error)
         ]
-        return [(gain, offer) for gain, offer in likely if hopeless or gain > -_BEYOND_FITS]
+        return [(gain, offer) for gain, offer in likely if gain > -_BEYOND_FITS]
 
     def _gain(
-        self, h: Hypothesis, own: Sequence[Effect], offer: Offer, added: Sequence[Regressor]
-    ) -> tuple[float, float]:
-        """Return what derivatives say that an exchange gains of the density and the prior [nats].
+        self,
+        h: Hypothesis,
+        own: Sequence[Effect],
+        offer: Offer,
+        added: Sequence[Regressor],
+    ) -> float:
+        """Return by how much derivatives say that an exchange raises the evidence [nats].
 
         Infinite for what is drawn to what is usual, of which they say little.
 
@@ -155,11 +158,20 @@ class Proposer:
             added: the new ones.
         """
         if any(regressor.usual.any() for regressor in added):
-            return np.inf, 0.0
+            return np.inf
         trials, columns = self.trials, [regressor.columns for regressor in added]
-        return exchanged(trials.problem, trials.fit(h), h, own, columns, offer)
+        return sum(exchanged(trials.problem, trials.fit(h), h, own, columns, offer))
 
-    def _around(self, h: Hypothesis) -> LinearScreen:
+    def _may_add(self, h: Hypothesis, offer: Offer, added: Sequence[Regressor]) -> bool:
+        """Whether derivatives do not say that causes more explain far less than they cost."""
+        if any(regressor.usual.any() for regressor in added):
+            return True
+        trials = self.trials
+        columns = [regressor.columns for regressor in added]
+        density, prior = exchanged(trials.problem, trials.fit(h), h, (), columns, offer)
+        return MISSED * density > -prior
+
+    def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         self.trials.ask()
         key = self.candidates, h.effects
@@ -170,19 +182,48 @@ class Proposer:
             self._screens[key] = screen(problem, fit, self.candidates, self.trials.failures)
         return self._screens[key]
 
-    def _chosen(self, h: Hypothesis, search: LinearScreen, count: int) -> list[Screened]:
-        """Return the best of a screen, each cause in its best shape."""
-        offers: dict[tuple[Key, ...], Screened] = {}
+    def _chosen(
+        self,
+        h: Hypothesis,
+        search: LinearScreen,
+        regressors: list[Regressor],
+        count: int,
+        enough: float,
+        around: LinearScreen | None = None,
+    ) -> list[Screened]:
+        """Return the best of a screen; `around` is that with the causes that give way."""
         start = search.error(())
-        for subset in search.best_first():
+        # What leaves a cause as much to explain as before does not take its place: it was tried as
+        # a cause more.
+        replaced = 0.0 if around is None else _REPLACED * (start - around.error(()))
+        offers: list[Screened] = []
+        seen: set[tuple[Key, ...]] = set()
+        limit = 0.0
+        single = False  # whether the best single one was seen, which stands beside the best group
+        for subset in islice(search.best_first(), _SCREENED):
             self.trials.ask()
-            if len(offers) >= count or subset.error > start:
+            limit = limit or _limit(start, subset.error, enough)
+            if len(seen) >= count or subset.error > start or (single and subset.error > limit):
                 break
-            added = [search.regressors[k] for k in subset.regressors]
+            first_single = not single and len(subset.regressors) == 1
+            single |= first_single
+            added = [regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
-            if key not in offers:
-                offers[key] = (*h.effects, *search.effects(subset)), added
-        return list(offers.values())
+            enters = subset.error <= limit or first_single
+            if around is not None and search.error(subset.regressors) > replaced + around.error(
+                subset.regressors
+            ):
+                continue
+            if key in seen or not enters:
+                continue
+            seen.add(key)
+            offers.append(((*h.effects, *search.effects(subset)), added))
+        # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
+        for subset in _drawn(search, regressors) if not enough and not h.swings else ():
+            drawn = [regressors[k] for k in subset.regressors]
+            if tuple(regressor.key for regressor in drawn) not in seen:
+                offers.append(((*h.effects, *search.effects(subset)), drawn))
+        return offers
 
     def pairs_beside(self, h: Hypothesis, count: int) -> list[Offer]:
         """Return the effects of a hypothesis with two more that explain most together.
@@ -195,31 +236,35 @@ class Proposer:
         """
         if not self.candidates:
             return []
-        search = self._around(h)
+        search, regressors = self._around(h)
         share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
-        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), search.regressors, share)
+        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), regressors, share)
         offers: dict[tuple[Key, ...], Screened] = {}
         for screened in (search, shares):
             own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
             for subset in own[:count]:
-                added = [search.regressors[k] for k in subset.regressors]
+                added = [regressors[k] for k in subset.regressors]
                 offer = (*h.effects, *screened.effects(subset))
                 offers.setdefault(tuple(sorted(r.key for r in added)), (offer, added))
-        each = [(self._gain(h, (), *one), one[0]) for one in offers.values()]
-        return [offer for (density, prior), offer in each if MISSED * density > -prior]
+        return [offer for offer, added in offers.values() if self._may_add(h, offer, added)]
 
 
-def _reach(added: Sequence[Regressor]) -> float:
-    """Return by how much derivatives may say too little of the evidence of causes [nats]."""
-    shaped = any(p.shape for regressor in added for p in regressor.effect.parameters)
-    linear = all(regressor.effect.acts_by <= _LINEAR_HOOKS for regressor in added)
-    return HOPELESS if linear and not shaped else _BEYOND_FITS
+def _limit(start: float, least: float, enough: float) -> float:
+    """Return up to which error a cause is offered.
+
+    Args:
+        start: error without any of them.
+        least: of the best of a screen.
+        enough: error up to which an offer counts as good; 0 where only the best one's counts.
+    """
+    # The screen is linear: leave room for what the fit may still gain over it.
+    return max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
 
 
-def _drawn(search: LinearScreen) -> list[Subset]:
+def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
-    for k, regressor in enumerate(search.regressors):
+    for k, regressor in enumerate(regressors):
         if not regressor.usual.any():
             continue
         subset = Subset((k,), search.error((k,)))

@@ -6,21 +6,26 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from wbc.identification.choice.certainty import doubted_names
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, left_to_gain, weigh, without
+from wbc.identification.choice.evidence import Hypothesis, Key, left_to_gain, weigh, without
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.proposals import MISSED, Proposer
 from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect
+from wbc.identification.records.record import Record
+from wbc.robot import Effect, Robot
 
 _ADDED = 6  # offers that are fitted for one addition
 _SWAPPED = 5  # ... are looked at in the place of one cause
 _EXCHANGES = 24  # ... and fitted in the place of all
 _PAIRS = 6
+_ROUNDING = 1e-9  # of a torque
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
+_MASKS = 2  # times that what explains most and is not believed is put aside
 # Hypotheses in a row that may hold a wrong drawing and a name that is not believed, be it the
 # drawing or one beside it: the move after it can still confirm or remove it. The ten numbers per
 # link of a drawing take up a part of whatever is missing, so that the search goes on beside it
@@ -29,6 +34,19 @@ _AGAIN = 0.9  # of its error, that causes tried again with other numbers must le
 # right when the rest is found: to end there leaves 1.24 times as much at joint 2 of TIAGo's arm. A
 # removal is no chance: nothing was added that could confirm it.
 _CHANCES = 2
+_MASKING = 0.8  # of the error, below which a cause that is not believed may hide others
+
+
+def _additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -> list[Hypothesis]:
+    """Return hypotheses with a cause more, at one place or in all gears."""
+    trials = proposer.trials
+    longer = trials.all_of(proposer.beside(h, _ADDED, exclude))
+    # Screens see a drive's causes only as the last to act.
+    robot, record = trials.problem.robot, trials.problem.records[0]
+    orders = [offer for one in longer for offer in _reordered(one, record, robot)]
+    first = _placed_first(h, proposer.candidates, record, robot)
+    kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
+    return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
 
 
 def _usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
@@ -83,6 +101,75 @@ def _named(h: Hypothesis, name: str) -> tuple[Effect, ...]:
     return tuple(effect for effect in h.effects if effect.name == name)
 
 
+Offer = tuple[Effect, ...]
+
+
+def _reordered(h: Hypothesis, record: Record, robot: Robot) -> list[Offer]:
+    """Return the effects with the last drive effect before others that act on the same motor.
+
+    The order in which causes were found is no evidence of the order in which they act. Effects on
+    other joints commute, and so do two of which each multiplies the torque by a number.
+
+    Args:
+        h: the hypothesis.
+        record: one log.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    if not drives or drives[-1] != len(h.effects) - 1:
+        return []
+    *others, last = h.effects
+    places = [k for k in drives[:-1] if _in_order(others[k], last, record, robot)]
+    return [(*others[:k], last, *others[k:]) for k in places]
+
+
+def _placed_first(
+    h: Hypothesis, candidates: Sequence[type[Effect]], record: Record, robot: Robot
+) -> list[Offer]:
+    """Return the effects with one drive effect more that acts before those there are.
+
+    Beside a limit, what weakens a drive before it explains nothing where it acts behind it.
+
+    Args:
+        h: what one more is put to.
+        candidates: effect classes that may be used.
+        record: one log.
+        robot: without effects.
+    """
+    drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    offers = []
+    for kind in candidates if drives else ():
+        for where in kind.places(robot) if "drive" in kind.acts_by else ():
+            if (kind.name, where) in h.keys:
+                continue
+            new = kind.at(where, kind.null_values(robot, where))
+            places = (k for k in drives if _in_order(h.effects[k], new, record, robot))
+            if (k := next(places, None)) is not None:
+                offers.append((*h.effects[:k], new, *h.effects[k:]))
+    return offers
+
+
+def _drives(effect: Effect) -> bool:
+    return "drive" in effect.acts_by
+
+
+def _in_order(one: Effect, other: Effect, record: Record, robot: Robot) -> bool:
+    """Whether it counts which of two drive effects acts first, the second one at whatever numbers.
+
+    What acts on a joint is at its motor, the rest on all.
+    """
+    together = one.where == other.where or "robot" in (one.where, other.where)
+    return together and not _scales(one, record, robot)
+
+
+def _scales(effect: Effect, record: Record, robot: Robot) -> bool:
+    """Whether a drive effect multiplies the reported torque by a number, the same at all times."""
+    power = np.einsum("nk,nk->k", record.torque, record.torque)
+    delivered = effect.drive(robot, record.motion, record.torque)
+    gain = np.einsum("nk,nk->k", record.torque, delivered) / np.maximum(power, 1e-300)
+    return bool(np.allclose(delivered, gain * record.torque, rtol=_ROUNDING))
+
+
 @dataclass(eq=False)
 class Search:
     """Climbs from a hypothesis by single moves.
@@ -132,7 +219,10 @@ class Search:
     def lengthen(self, start: Hypothesis) -> Hypothesis:
         """Return the hypothesis beside which no cause more, and no pair, adds to the evidence."""
         current = start
-        while better := self._addition(current) or self._pair(current):
+        for _ in range(_MOST_MOVES):
+            better = self._addition(current) or self._pair(current)
+            if better is None:
+                break
             self._tell(current, better)
             current = better
             self.path.append(current)
@@ -176,9 +266,20 @@ class Search:
         return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
-        """Return the best hypothesis with a cause more, at one place or in all gears."""
-        offers = self.proposer.beside(current, _ADDED)
-        return self.best(self.proposer.trials.all_of(offers), current)
+        """Return the best hypothesis with a cause more, none of those that are left out.
+
+        What explains much by impossible numbers hides what explains less: it is put aside.
+        """
+        exclude: list[Key] = []
+        for _ in range(_MASKS + 1):
+            longer = _additions(self.proposer, current, exclude)
+            if better := self.best(longer, current):
+                return better
+            masks = [h for h in longer if h.error < _MASKING * current.error]
+            if not masks:
+                return None
+            exclude += [key for h in masks for key in h.keys if key not in current.keys]
+        return None
 
     def _tell(self, before: Hypothesis, after: Hypothesis) -> None:
         added = [

@@ -10,8 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from wbc.effects.drive import ActuationDelay, CurrentLimit
-from wbc.effects.supply import SupplySag
 from wbc.errors import IdentificationError
 from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
 from wbc.identification.choice.prior import asked, implausible
@@ -29,11 +27,6 @@ _SEEN = 1e-9  # of the longest column: shorter ones are rounding
 _KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
 
 
-# A drive takes its command late, clips it, and weakens what is left with its supply. What changes
-# the torque by a factor comes after them all: it may be anywhere, a limit being one of any unit.
-_CHAIN: tuple[type[Effect], ...] = (ActuationDelay, CurrentLimit, SupplySag)
-
-
 class OutOfTime(Exception):  # noqa: N818 - no error: the search ends with the best so far
     """The time that was given is over."""
 
@@ -47,6 +40,7 @@ class Trials:
         until: time [s] of the monotonic clock from which on nothing more is tried.
         answering: whether the search is over: a hypothesis that is not known by then stays unknown,
             and the answer is made of the others.
+        impossible: how many trials no robot can have.
         failures: how many trials ended with each error, in words: numbers that are not finite,
             or an error inside an effect.
     """
@@ -54,6 +48,7 @@ class Trials:
     problem: EstimationProblem
     until: float = np.inf
     answering: bool = False
+    impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     _begun: set[tuple[Effect, ...]] = field(default_factory=set)
     _busy: dict[tuple[Effect, ...], tuple[Effect, ...]] = field(default_factory=dict)
@@ -83,7 +78,7 @@ class Trials:
         Raises:
             OutOfTime: it is not known yet, and the search must end.
         """
-        start = in_order(effects)
+        start = tuple(effects)
         if start not in self._known:
             self._known[start] = self._fitted(start, ITERATIONS)
         return self._known[start]
@@ -111,6 +106,7 @@ class Trials:
                 return None
             found = hypothesis_of(self.problem, fit)
         except IMPOSSIBLE:
+            self.impossible += 1
             return None
         except OutOfTime:
             if not self.answering:
@@ -132,7 +128,7 @@ class Trials:
         A fit ends after its first step where that leaves it far behind the hypothesis that it
         competes with.
         """
-        known = (self._rival_of(h, in_order(effects)) for effects in offers)
+        known = (self._rival_of(h, tuple(effects)) for effects in offers)
         return [found for found in known if found is not None]
 
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
@@ -184,21 +180,6 @@ class Trials:
         self._fits[effects] = fit
         while len(self._fits) > _KEPT:
             del self._fits[next(iter(self._fits))]
-
-
-def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects with those of the drives in the order in which drives act.
-
-    The order in which causes were found is no evidence of it.
-    """
-    places = [k for k, effect in enumerate(effects) if "drive" in effect.acts_by]
-    drives = sorted((effects[k] for k in places), key=_link)
-    ordered = dict(zip(places, drives, strict=True))
-    return tuple(ordered.get(k, effect) for k, effect in enumerate(effects))
-
-
-def _link(effect: Effect) -> int:
-    return next((k for k, kind in enumerate(_CHAIN) if isinstance(effect, kind)), len(_CHAIN))
 
 
 def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
