@@ -32,6 +32,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "logs": _option(
         "LOG", f"{_LOG}; LOG@ROBOT for other drives or loads, LOG@MAP.toml for a map", nargs="+"
     ),
+    "logs/plain": _option("LOG", _LOG, nargs="+"),
     "logs/any": _option("LOG", _LOG, nargs="*"),
     "run_file": _option("RUN", "a recording or log"),
     "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
@@ -64,6 +65,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
     "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
+    "--html/look": _option("FILE.html", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
     "--html": _option("FILE.html", "write the page"),
@@ -146,6 +148,12 @@ COMMANDS: dict[str, Subcommand] = {
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
         "prepare.run_init",
+    ),
+    "look": Subcommand(
+        "every column of files over time: look before you map",
+        "logs/plain --columns --html/look",
+        "example: wbc look run*.csv --html look.html",
+        "look.run_look",
     ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
