@@ -61,7 +61,6 @@ SOLVER = Structure(
     upper=OutRow,
     give=(OutRow, "r"),
     inverse=(OutRow, "n"),
-    lengths=(OutRow, "r"),
     free=(OutRow, "n"),
     force=(OutRow, "k"),
     active=(OutPlaces, "k"),
@@ -222,7 +221,7 @@ def _most_violated(
     solver: Any, bounds: tuple[int, int], tolerance: float, x: FloatArray
 ) -> tuple[int, int]:
     """Return the bound that x (n,) breaks most for its size, -1 if none, and on which side."""
-    C, lower, upper, lengths = solver.C, solver.lower, solver.upper, solver.lengths
+    C, lower, upper, inverse = solver.C, solver.lower, solver.upper, solver.inverse
     best, side, worst = -1, 0, 0.0
     for i in range(bounds[0], bounds[1]):
         if solver.taken[i] != 0:
@@ -231,9 +230,13 @@ def _most_violated(
         for j in range(len(x)):
             value += C[i, j] * x[j]
         beyond = max(value - upper[i], lower[i] - value)
-        if beyond > tolerance and beyond * beyond > worst * lengths[i]:
-            best, worst = i, beyond * beyond / lengths[i]
-            side = 1 if value > upper[i] else -1
+        if beyond > tolerance:
+            length = solver.give[i]
+            for j in range(len(x)):
+                length += C[i, j] * C[i, j] * inverse[j]
+            if beyond * beyond > worst * length:
+                best, worst = i, beyond * beyond / length
+                side = 1 if value > upper[i] else -1
     return best, side
 
 
@@ -375,10 +378,6 @@ def settle(
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
-    for i in range(bounds[0], bounds[1]):
-        solver.lengths[i] = solver.give[i]
-        for j in range(len(x)):
-            solver.lengths[i] += solver.C[i, j] * solver.C[i, j] * solver.inverse[j]
     push = np.zeros(len(taken))
     size = _begin(solver, first, base, bounds, tolerance, push, x)
     known, fresh, exact = 0, True, True
