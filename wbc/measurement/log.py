@@ -276,10 +276,6 @@ class Log:
         added = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
         return replace(self, columns={**self.columns, **added})
 
-    def with_source(self, source: LogSource) -> Log:
-        """Return the same log with another provenance."""
-        return replace(self, source=source)
-
 
 def _checked_time(values: ArrayLike, label: str) -> FloatArray:
     """Return time stamps (N,) [s] after checking that they increase strictly.

@@ -187,7 +187,7 @@ def braked(moving: str, seed: int, noise: int) -> Log:
         return np.asarray(moves * torque / gears.gear_ratio)
 
     log = simulate(plant, control, plant.state(start, 0.0 * start), 4.0, dt=1e-3).log
-    return ENCODER.measure(real, log, noise).with_source(LogSource(path=f"{moving}{noise}.csv"))
+    return replace(ENCODER.measure(real, log, noise), source=LogSource(path=f"{moving}{noise}.csv"))
 
 
 @pytest.fixture(scope="module")

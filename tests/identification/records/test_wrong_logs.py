@@ -21,7 +21,7 @@ LEG = load_robot("planar_leg_fixed").lossless()
 def runs() -> list[Log]:
     """Two runs of a leg whose hip rubs."""
     logs = record_with(LEG, [CoulombFriction("hip", 0.6)], duration=5.0)[:2]
-    return [log.with_source(LogSource(path=f"run{k}.csv")) for k, log in enumerate(logs)]
+    return [replace(log, source=LogSource(path=f"run{k}.csv")) for k, log in enumerate(logs)]
 
 
 def _without(log: Log, start: float, stop: float) -> Log:
@@ -84,6 +84,6 @@ def test_motor_torques_are_exchanged_across_gears_that_differ(runs: list[Log]) -
 
 def test_trusted_columns_are_compared_with_a_warning(runs: list[Log]) -> None:
     wrong = [log.with_columns({KNEE: -log.column(KNEE)}) for log in runs]
-    trusted = [log.with_source(LogSource(path="run.csv", trusted=True)) for log in wrong]
+    trusted = [replace(log, source=LogSource(path="run.csv", trusted=True)) for log in wrong]
     (warning,) = compare(LEG, trusted).warnings
     assert warning.startswith("the sign of knee.rotor_torque is reversed? ")
