@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -151,7 +152,7 @@ def test_a_wrist_held_still_is_no_broken_sensor(count: float, noise: float, offs
 
 def test_logs_that_fight_each_other_are_named(swing: Log) -> None:
     def named(log: Log, name: str) -> Log:
-        return log.with_source(LogSource(path=name))
+        return replace(log, source=LogSource(path=name))
 
     a, copy = named(swing, "a.csv"), named(swing, "copy.csv")
     (finding,) = check_logs([a, copy])[0].of_kind("duplicate")

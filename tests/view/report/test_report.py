@@ -280,7 +280,7 @@ def test_names_from_files_cannot_break_out_of_the_page(
     robot: Robot, logs: list[Log], tmp_path: Path
 ) -> None:
     source = replace(logs[0].source, path='<script>alert("x")</script>.csv')
-    page = write_report(tmp_path / "compare.html", robot, [logs[0].with_source(source)])
+    page = write_report(tmp_path / "compare.html", robot, [replace(logs[0], source=source)])
     text = page.read_text(encoding="utf-8")
     assert '<script>alert("x")' not in text
     assert "misses these logs by" in text
