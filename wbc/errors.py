@@ -58,13 +58,6 @@ class ViewError(WbcError):
     """Something needed to draw or to take a picture is missing."""
 
 
-def failure_text(error: Exception) -> str:
-    """Return what a row says of a job that failed; an error of others with its kind before it."""
-    if isinstance(error, WbcError):
-        return str(error)
-    return f"{type(error).__name__}: {error}".removesuffix(": ")
-
-
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     """Return the message for a name that does not exist, with the names that do."""
     names = list(known)

@@ -91,7 +91,8 @@ def guess_names(
     whose = {owner: joint for owner, (joint, _) in named.items()}
     read = [g for g in guesses if table.holds_numbers(g.name)]
     found = channels(read, whose)
-    used = {g.owner for g in read if g.name in [entry["from"] for entry in found.values()]}
+    taken = {entry["from"] for entry in found.values()}
+    used = {guess.owner for guess in read if guess.name in taken}
     reasons = [
         f"{theirs or 'the columns'}: joint {ours}, {why}"
         for theirs, (ours, why) in named.items()

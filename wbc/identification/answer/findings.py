@@ -200,7 +200,8 @@ def quantities_of(
         numbers = effect.search.quantities(effect, problem.robot)
         return np.array([quantity.value for quantity in numbers.values()])
 
-    each = [slope_of(told, effect, fit.parameters[row][1]) for row in rows]
+    now = told(effect)
+    each = [slope_of(told, effect, fit.parameters[row][1], now) for row in rows]
     slopes = np.stack(each, axis=-1)
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)

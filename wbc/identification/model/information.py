@@ -64,7 +64,7 @@ class UsualRows:
             for column, (k, parameter) in enumerate(slots):
                 if parts[k].size:
                     rows = slice(ends[k], ends[k + 1])
-                    jacobian[rows, column] = slope_of(_departures, effects[k], parameter)
+                    jacobian[rows, column] = slope_of(_departures, effects[k], parameter, parts[k])
         return cls(residual, jacobian, noise, samples)
 
     @property
@@ -145,13 +145,13 @@ def _departures(effect: Effect) -> FloatArray:
 
 
 def slope_of(
-    told: Callable[[Effect], FloatArray], effect: Effect, parameter: Parameter
+    told: Callable[[Effect], FloatArray], effect: Effect, parameter: Parameter, now: FloatArray
 ) -> FloatArray:
-    """Return by how much numbers (n,) that an effect tells change per scale of a parameter."""
+    """Return by how much the numbers (n,) that an effect tells, `now`, change per scale."""
     value = effect.values[parameter.name]
     step = STEP * parameter.scale * (-1.0 if value + parameter.scale > parameter.high else 1.0)
     after = told(effect.with_values({parameter.name: value + step}))
-    return np.asarray((after - told(effect)) * (parameter.scale / step))
+    return np.asarray((after - now) * (parameter.scale / step))
 
 
 def scaled(information: FloatArray) -> tuple[FloatArray, FloatArray]:
