@@ -7,25 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.corpus.case import Case
 from benchmarks.corpus.excitation import Excitation, reference
-from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.lanes import Lanes
-from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.stepping import STEP, SteppedArms
 
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """One run: a machine, what is wrong with it, what it is asked to do."""
-
-    machine: Machine
-    flaws: tuple[Flaw, ...]
-    excitation: Excitation
+Run = tuple[Case, Excitation]
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What perfect sensors would have seen: q, v and reported torque, (N, m) each."""
+    """What perfect sensors would have seen at the motor outputs: q, v, reported torque, (N, m)."""
 
     time: np.ndarray
     q: np.ndarray
@@ -35,16 +27,16 @@ class Trace:
 
 def run_lanes(runs: Sequence[Run], rate: float) -> list[Trace]:
     """Return what sensors at `rate` [Hz] see of every run; runs do not touch one another."""
-    lanes = Lanes([r.machine for r in runs], [r.flaws for r in runs])
-    steps = round(max(r.excitation.duration for r in runs) / STEP)
+    lanes = Lanes([case.machine for case, _ in runs], [case.flaws for case, _ in runs])
+    steps = round(max(excitation.duration for _, excitation in runs) / STEP)
     every = round(1.0 / rate / STEP)
     times = np.arange(steps) * STEP
     arms = SteppedArms(lanes, _wanted(runs, times))
     rows = [arms.step(k, float(t)) for k, t in enumerate(times)][::every]
     seen = [np.array(part) for part in zip(*rows, strict=True)]
     traces = []
-    for b, run in enumerate(runs):
-        n, count = len(run.machine.driven), round(run.excitation.duration * rate)
+    for b, (case, excitation) in enumerate(runs):
+        n, count = len(case.machine.driven), round(excitation.duration * rate)
         traces.append(Trace(np.arange(count) / rate, *(part[:count, b, :n] for part in seen)))
     return traces
 
@@ -52,9 +44,9 @@ def run_lanes(runs: Sequence[Run], rate: float) -> list[Trace]:
 def _wanted(runs: Sequence[Run], times: np.ndarray) -> np.ndarray:
     """Return reference position and velocity, (2, T, B, 2); runs that end early hold on."""
     wanted = np.zeros((2, len(times), len(runs), 2))
-    for b, run in enumerate(runs):
-        path = reference(run.machine, run.excitation)
-        n, inside = len(run.machine.driven), times <= run.excitation.duration
-        wanted[0, :, b, :n] = path(np.minimum(times, run.excitation.duration))
+    for b, (case, excitation) in enumerate(runs):
+        path = reference(case.machine, excitation)
+        n, inside = len(case.machine.driven), times <= excitation.duration
+        wanted[0, :, b, :n] = path(np.minimum(times, excitation.duration))
         wanted[1, inside, b, :n] = path(times[inside], 1)
     return wanted

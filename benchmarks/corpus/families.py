@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.corpus.machine import GRAVITY, Link, Machine, rod
+from benchmarks.corpus.machine import GRAVITY, Contact, Link, Machine, rod
 
 X, Y, Z = np.eye(3)
 FAMILIES = (
@@ -100,85 +100,61 @@ def _biped(random: np.random.Generator) -> Machine:
     links = [
         Link("slide_x", "base_x", "slide", -1, X, np.zeros(3), 1e-9, np.zeros(3), light),
         Link("slide_z", "base_z", "slide", 0, Z, np.zeros(3), 1e-9, np.zeros(3), light),
-        Link(
-            "base",
-            "base_pitch",
-            "hinge",
-            1,
-            Y,
-            np.zeros(3),
-            body,
-            np.array([random.uniform(-0.03, 0.03), 0.0, 0.05]),
-            body * 0.03 * np.eye(3),
-        ),
     ]
-    length, felt = random.uniform(0.2, 0.35), []
-    contacts = []
-    for name, place in (("f", 0.2), ("h", -0.2)):
-        hip = len(links)
-        for k, part in enumerate(("thigh", "shin")):
-            mass = (1.5, 0.8)[k] * random.uniform(0.7, 1.3)
-            com = np.array([0.0, 0.0, -0.45 * length])
-            links.append(
-                Link(
-                    f"{part}_{name}",
-                    f"{('hip', 'knee')[k]}_{name}",
-                    "hinge",
-                    2 if k == 0 else hip,
-                    Y,
-                    place * X if k == 0 else -length * Z,
-                    mass,
-                    com,
-                    rod(mass, com, length, 0.05),
-                )
-            )
-            felt.append(mass * length**2)
-        contacts.append((f"foot_{name}", hip + 1, -length * Z))
+    com = np.array([random.uniform(-0.03, 0.03), 0.0, 0.05])
+    inertia = body * 0.03 * np.eye(3)
+    links.append(Link("base", "base_pitch", "hinge", 1, Y, np.zeros(3), body, com, inertia))
+    parts = ("thigh", "hip", 1.5, Y), ("shin", "knee", 0.8, Y)
+    hips = {"foot_f": 0.2 * X, "foot_h": -0.2 * X}
+    contacts, felt = _limbs(random, links, hips, parts, (0.0, 0.45))
     ratio, reflected = _gears(random, felt)
-    return _machine("biped", links, ratio, reflected, tuple(contacts), np.zeros(4), undriven=3)
+    return _machine("biped", links, ratio, reflected, contacts, np.zeros(4), undriven=3)
 
 
 def _flyer(random: np.random.Generator) -> Machine:
     """A free body with two arms of two joints each, thrown up."""
     body = random.uniform(3.0, 8.0)
-    links = [
-        Link(
-            "body",
-            "base",
-            "free",
-            -1,
-            Z,
-            np.zeros(3),
-            body,
-            np.array([0.02, -0.01, 0.0]),
-            body * np.diag([0.02, 0.03, 0.035]),
-        )
-    ]
-    length, felt = random.uniform(0.2, 0.35), []
-    contacts = []
-    for name, place in (("l", 0.15), ("r", -0.15)):
-        root = len(links)
-        for k, axis in enumerate((Y, X)):
-            mass = (1.4, 0.9)[k] * random.uniform(0.7, 1.3)
-            com = np.array([0.01, 0.0, -0.5 * length])
-            links.append(
-                Link(
-                    f"l{k + 1}_{name}",
-                    f"j{k + 1}_{name}",
-                    "hinge",
-                    0 if k == 0 else root,
-                    axis,
-                    place * Y if k == 0 else -length * Z,
-                    mass,
-                    com,
-                    rod(mass, com, length, 0.05),
-                )
-            )
-            felt.append(mass * length**2)
-        contacts.append((f"hand_{name}", root + 1, -length * Z))
+    com, inertia = np.array([0.02, -0.01, 0.0]), body * np.diag([0.02, 0.03, 0.035])
+    links = [Link("body", "base", "free", -1, Z, np.zeros(3), body, com, inertia)]
+    parts = ("l1", "j1", 1.4, Y), ("l2", "j2", 0.9, X)
+    shoulders = {"hand_l": 0.15 * Y, "hand_r": -0.15 * Y}
+    contacts, felt = _limbs(random, links, shoulders, parts, (0.01, 0.5))
     ratio, reflected = _gears(random, felt)
     center = random.uniform(-0.5, 0.5, 4)
-    return _machine("flyer", links, ratio, reflected, tuple(contacts), center, undriven=1)
+    return _machine("flyer", links, ratio, reflected, contacts, center, undriven=1)
+
+
+def _limbs(
+    random: np.random.Generator,
+    links: list[Link],
+    roots: Mapping[str, np.ndarray],
+    parts: Sequence[tuple[str, str, float, np.ndarray]],
+    com: tuple[float, float],
+) -> tuple[tuple[Contact, ...], list[float]]:
+    """Add limbs to the last body; return the contacts at their ends and what each joint feels.
+
+    Args:
+        random: of the lengths and masses.
+        links: of the machine; those of the limbs are added.
+        roots: contact of each limb, its name ending in the limb's letter -> where it begins.
+        parts: (link, joint, mass, axis) from the body on.
+        com: how far ahead of a link's middle line its centre of mass lies [m], and at which
+            share of its length.
+    """
+    trunk, length = len(links) - 1, random.uniform(0.2, 0.35)
+    middle = np.array([com[0], 0.0, -com[1] * length])
+    contacts, felt = [], []
+    for contact, root in roots.items():
+        parent, origin, letter = trunk, root, contact[-1]
+        for name, joint, size, axis in parts:
+            mass = size * random.uniform(0.7, 1.3)
+            inertia = rod(mass, middle, length, 0.05)
+            shape = parent, axis, origin, mass, middle, inertia
+            links.append(Link(f"{name}_{letter}", f"{joint}_{letter}", "hinge", *shape))
+            felt.append(mass * length**2)
+            parent, origin = len(links) - 1, -length * Z
+        contacts.append((contact, parent, origin))
+    return tuple(contacts), felt
 
 
 def _machine(
@@ -186,7 +162,7 @@ def _machine(
     links: Sequence[Link],
     ratio: np.ndarray,
     reflected: np.ndarray,
-    contacts: tuple[tuple[str, int, np.ndarray], ...],
+    contacts: tuple[Contact, ...],
     center: np.ndarray,
     topology: np.ndarray | None = None,
     undriven: int = 0,

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 GRAVITY = 9.81
+Contact = tuple[str, int, np.ndarray]
+"""Its name, the number of its link, and its point in the link's frame [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class Machine:
         ratio: (m,) gear ratios.
         reflected: (m,) N^2 I_r [kg m^2].
         topology: (m, m) D, dq = D dpsi.
-        contacts: (name, number of the link, point in its frame).
+        contacts: points that may touch.
         gravity: (3,) field [m/s^2].
         center: (m,) middle of the driven joints' range [rad].
     """
@@ -70,7 +72,7 @@ class Machine:
     ratio: np.ndarray
     reflected: np.ndarray
     topology: np.ndarray
-    contacts: tuple[tuple[str, int, np.ndarray], ...]
+    contacts: tuple[Contact, ...]
     gravity: np.ndarray
     center: np.ndarray
 

@@ -87,7 +87,7 @@ def needed_torque(
     beside = AtJoints(partial(per_joint, machine, flaws))
     joint = links[:, b:] - beside.smooth(theta, omega)
     joint = joint - thermal_torque(machine, flaws, omega, motion.conditions)
-    joint = joint - unlisted_torque(machine, flaws, motion.time, theta, omega, alpha)
+    joint = joint - UnlistedTorques(machine, flaws).along(motion.time, theta, omega, alpha)
     joint = joint + beside.level(omega) * np.tanh(omega / SLOW)
     inverse = np.linalg.inv(machine.topology)
     output, spin, rise = joint @ machine.topology, omega @ inverse.T, alpha @ inverse.T
@@ -128,23 +128,6 @@ def motor_motion(
             part[:, j] += wind
             wind = np.gradient(wind, step)
     return parts[0], parts[1], parts[2]
-
-
-def unlisted_torque(
-    machine: Machine,
-    flaws: Sequence[Flaw],
-    time: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
-) -> np.ndarray:
-    """Return the torque (N, m) of the causes outside the list along a motion of the joints."""
-    source = UnlistedTorques(machine, flaws)
-    if not source:
-        return np.zeros_like(v)
-    step = float(time[1] - time[0])
-    rows = zip(time, q, v, a, strict=True)
-    return np.array([source.step(step, float(t), *row) for t, *row in rows])
 
 
 def bristles(position: np.ndarray, length: float) -> np.ndarray:
