@@ -43,6 +43,20 @@ def usual(robot, *more):
     return [control.CenterOfMassTask(weight=10.0), control.PostureTask.of(robot, weight=0.1), *more]
 
 
+TRUNK = {"solo12": "base_link", "anymal": "base", "talos": "torso_2_link"}
+
+
+def trunk(robot, kind=control.FrameOrientationTask, **more):
+    """Return a task of the trunk, of its orientation by default."""
+    return kind(name="trunk", frame=TRUNK[robot.name], **more)
+
+
+def upright(robot):
+    """Return tasks that hold a robot up firmly, whatever its legs do."""
+    posture = control.PostureTask.of(robot, weight=0.1, stiffness=50.0)
+    return [control.CenterOfMassTask(weight=100.0), trunk(robot, weight=10.0), posture]
+
+
 def still(robot):
     """Return a robot at rest in its usual pose."""
     return Motion(robot.pose(), np.zeros(robot.model.nv))
@@ -50,6 +64,13 @@ def still(robot):
 
 def center_of_mass(robot, q):
     return pin.centerOfMass(robot.model, robot.model.createData(), q).copy()
+
+
+def place_of(robot, q, frame):
+    """Return where the origin of a frame is (3,) [m]."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return data.oMf[robot.model.getFrameId(frame)].translation.copy()
 
 
 def moved_on(robot, state, acceleration, step=1e-3):

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from sims.legged import feet
-from tests.control.scenes import moved_on, still
+from tests.control.scenes import moved_on, place_of, still, trunk
 from wbc import control
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
@@ -45,35 +45,32 @@ def hands(**settings):
 JUDGE = Kinematics(TALOS)
 
 
-def apart(limit, q):
+def filled(limit, q):
     rows = CollisionRows(limit, TALOS.model)
     JUDGE.update(q, np.zeros(TALOS.model.nv))
     rows.fill(JUDGE)
-    return rows.distances.copy()
+    return rows
+
+
+def apart(limit, q):
+    return filled(limit, q).distances.copy()
 
 
 def test_rows_are_the_rates_of_coals_distances():
-    limit = hands(influence=3.0, rate=2.0)
-    generator = np.random.default_rng(0)
-    v = generator.normal(size=TALOS.model.nv)
-    rows, kinematics = CollisionRows(limit, TALOS.model), Kinematics(TALOS)
-    kinematics.update(HALF, v)
-    rows.fill(kinematics)
-    h = 1e-5
-    ahead, behind = (apart(limit, pin.integrate(TALOS.model, HALF, s * h * v)) for s in (1.0, -1.0))
-    np.testing.assert_allclose(rows.rows @ v, (ahead - behind) / (2.0 * h), atol=1e-4)
+    limit, h = hands(influence=3.0, rate=2.0), 1e-5
+    v = np.random.default_rng(0).normal(size=TALOS.model.nv)
+    ahead, behind = (apart(limit, pin.integrate(TALOS.model, HALF, s * v)) for s in (h, -h))
+    rates = filled(limit, HALF).rows @ v
+    np.testing.assert_allclose(rates, (ahead - behind) / (2.0 * h), atol=1e-4)
 
 
 @pytest.mark.parametrize("pair", ["obstacle", "hands"])
 def test_a_hand_that_is_sent_into_something_stops_at_the_margin(pair):
-    limit, target, least = hands(margin=0.03), POST, {}
-    if pair == "hands":
-        data = TALOS.model.createData()
-        pin.framesForwardKinematics(TALOS.model, data, HALF)
-        target = data.oMf[TALOS.model.getFrameId(OTHER)].translation.copy()
+    limit, least = hands(margin=0.03), {}
+    target = place_of(TALOS, HALF, OTHER) if pair == "hands" else POST
     tasks = [
         control.CenterOfMassTask(weight=10.0),
-        control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        trunk(TALOS),
         control.PostureTask.of(TALOS, weight=0.01),
         control.FramePositionTask(name="hand", frame=HAND, weight=5.0, stiffness=30.0),
     ]
@@ -106,38 +103,29 @@ CUBE = np.array(list(product((-0.1, 0.1), repeat=3)))
 
 def test_a_mesh_is_its_convex_hull():
     """Inside a mesh of triangles coal's distance is not negative and points the wrong way."""
+    cubes = solid("mesh", mesh(CUBE), HAND), solid("box", coal.Box(0.2, 0.2, 0.2), HAND)
+    pairs = [("mesh", "ball"), ("box", "ball")]
     for along in (0.3, 0.12):  # outside, inside
-        shapes = [
-            solid("mesh", mesh(CUBE), HAND),
-            solid("box", coal.Box(0.2, 0.2, 0.2), HAND),
-            solid("ball", coal.Sphere(0.05), HAND, at=(along, 0.01, 0.02)),
-        ]
-        limit = control.CollisionLimit(shapes, [("mesh", "ball"), ("box", "ball")], influence=1.0)
-        rows = CollisionRows(limit, TALOS.model)
-        JUDGE.update(HALF, np.zeros(TALOS.model.nv))
-        rows.fill(JUDGE)
+        ball = solid("ball", coal.Sphere(0.05), HAND, at=(along, 0.01, 0.02))
+        rows = filled(control.CollisionLimit([*cubes, ball], pairs, influence=1.0), HALF)
         assert rows.distances == pytest.approx(along - 0.15, abs=1e-6)
         np.testing.assert_allclose(rows.rows[0], rows.rows[1], atol=1e-6)
 
 
 def test_solids_far_apart_are_found_without_coal():
     """Balls around them tell; a half space, which no ball holds, is always measured."""
-    ground = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.2)
-    table = solid("ground", ground)
+    table = solid("ground", coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.2))
     ball = solid("ball", coal.Sphere(0.05), HAND)
     long = solid("long", coal.Capsule(0.01, 4.0), OTHER)
     limit = control.CollisionLimit([table, ball, long], [("ground", "ball"), ("ball", "long")])
     near, far = (replace(limit, influence=reach) for reach in (5.0, 0.1))
-    data = TALOS.model.createData()
-    pin.framesForwardKinematics(TALOS.model, data, HALF)
-    height = data.oMf[TALOS.model.getFrameId(HAND)].translation[2]
     exact, rough = apart(near, HALF), apart(far, HALF)
-    assert exact[0] == pytest.approx(height - 0.25)
+    assert exact[0] == pytest.approx(place_of(TALOS, HALF, HAND)[2] - 0.25)
     assert rough[0] == pytest.approx(exact[0])
     assert (rough <= exact + 1e-9).all()
 
 
-def test_what_is_no_convex_solid_is_named():
+def test_what_is_no_convex_solid_on_a_frame_is_named():
     with pytest.raises(ControlError, match=r"'flat'.*thin box"):
         solid("flat", mesh(CUBE[:4]))
     thin = solid("thin", mesh(CUBE * [1.0, 1.0, 1e-7]))
@@ -146,10 +134,6 @@ def test_what_is_no_convex_solid_is_named():
         solid("edge", mesh(CUBE[:2]))
     with pytest.raises(ControlError, match=r"'hand'.*str"):
         solid("hand", "hand.stl")
-
-
-def test_a_frame_that_there_is_not_is_named():
-    ball = solid("ball", coal.Sphere(0.1))
-    lost = solid("lost", coal.Sphere(0.1), "hnd")
+    ball, lost = solid("ball", coal.Sphere(0.1)), solid("lost", coal.Sphere(0.1), "hnd")
     with pytest.raises(ControlError, match="hnd"):
-        CollisionRows(control.CollisionLimit([ball, lost], [("ball", "lost")]), TALOS.model)
+        filled(control.CollisionLimit([ball, lost], [("ball", "lost")]), HALF)

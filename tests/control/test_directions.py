@@ -15,14 +15,7 @@ import pytest
 import qpsolvers
 from scipy.linalg import block_diag
 
-from tests.control.scenes import (
-    CERTAIN,
-    arm,
-    leg_controller,
-    leg_references,
-    leg_rows,
-    random_state,
-)
+from tests.control import scenes
 from wbc import control
 from wbc.dynamics import dissipative_equation, evaluate
 from wbc.effects import load_robot
@@ -30,7 +23,7 @@ from wbc.robot import Motion
 
 REGULARISATION = 1e-6
 FORCE_REGULARISATION = 1e-4
-EXACT = control.ControllerSettings(speed_blend=CERTAIN, max_rounds=400, max_iterations=20000)
+EXACT = control.ControllerSettings(speed_blend=scenes.CERTAIN, max_rounds=400, max_iterations=20000)
 
 
 def force_cost(robot):
@@ -96,8 +89,8 @@ def test_arm_finds_the_best_of_all_directions(m, states):
     solved = 0
     for seed in range(states):
         generator = np.random.default_rng(seed)
-        robot = arm(m, generator)
-        q, v = random_state(robot, generator, spread=2.0)
+        robot = scenes.arm(m, generator)
+        q, v = scenes.random_state(robot, generator, spread=2.0)
         wanted, weights = 30.0 * generator.normal(size=m), generator.uniform(0.1, 10.0, m)
         task = control.PostureTask.of(robot, weight=weights, stiffness=0.0, damping=0.0)
         controller = control.Controller(robot, [task], [], [control.RotorTorqueLimit()], EXACT)
@@ -127,13 +120,13 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name, lossless):
     generator = np.random.default_rng(5)
     solved = 0
     for _ in range(50):
-        q, v = random_state(robot, generator)
+        q, v = scenes.random_state(robot, generator)
         com = generator.normal(size=2) * 0.3
         posture = generator.normal(size=2)
-        command = leg_controller(robot, max_rounds=400, max_iterations=20000).step(
-            Motion(q, v), leg_references(com, posture)
+        command = scenes.leg_controller(robot, max_rounds=400, max_iterations=20000).step(
+            Motion(q, v), scenes.leg_references(com, posture)
         )
-        task = leg_rows(robot, evaluate(robot, q, v), com, posture)
+        task = scenes.leg_rows(robot, evaluate(robot, q, v), com, posture)
         share = np.array([0.0, weight])
         best = best_of_all(robot, q, v, task, [0, 2], share)
         if best is None:
@@ -155,7 +148,7 @@ def test_torque_near_rest_stays_inside_the_stiction_interval(policy, speed):
     robot = load_robot("planar_leg_strong")
     gears = robot.transmission
     blend = control.SpeedBlend(full_speed=0.05, trusted_error=0.0, correction=0.0)
-    controller = leg_controller(robot, rest_policy=policy, speed_blend=blend)
+    controller = scenes.leg_controller(robot, rest_policy=policy, speed_blend=blend)
     q = robot.configuration(hip=-0.4, knee=0.8)
     v = np.zeros(5)
     v[3:] = speed

@@ -7,14 +7,13 @@ import subprocess
 import sys
 import threading
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from sims.legged import controller, feet
-from tests.control.scenes import arm, points, still, usual
+from tests.control.scenes import arm, points, still
 from wbc.control import (
     CenterOfMassTask,
     Controller,
@@ -39,13 +38,9 @@ FEET = [contact.name for contact in SOLO.contacts]
 ON_THREE, STAND = dict.fromkeys(FEET[1:], np.inf), SOLO.pose()
 
 
-def controller_of(more=(), **weights):
-    tasks = [
-        CenterOfMassTask(weight=weights.get("com", 10.0)),
-        PostureTask.of(SOLO, weight=weights.get("posture", 0.1)),
-        *more,
-    ]
-    return Controller(SOLO, tasks, points(SOLO))
+def solo(*more, posture=0.1, **settings):
+    tasks = [CenterOfMassTask(weight=10.0), PostureTask.of(SOLO, weight=posture), *more]
+    return Controller(SOLO, tasks, points(SOLO), settings=ControllerSettings(**settings))
 
 
 def swing(weight=5.0):
@@ -59,13 +54,13 @@ LIFTED = {"swing": Reference(np.array([0.2, 0.15, 0.1]))}
 def test_tasks_go_on_and_off_from_tick_to_tick():
     """Rows of two tasks come and go in every order; the motion is that of a fresh controller."""
     other = FramePositionTask(name="other", frame=SOLO.contact(FEET[1]).frame, weight=5.0)
-    ours = controller_of([swing(), other])
+    ours = solo(swing(), other)
     orders = [(0, 1), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1), (0, 0), (1, 0), (0, 1)]
     for first, second in orders:
         shares = {"swing": float(first), "other": float(second)}
         ours.reset()
         one = ours.step(STATE, WISH | LIFTED, ON_THREE, activation=shares)
-        fresh = controller_of([swing()] * first + [other] * second)
+        fresh = solo(*[swing()] * first, *[other] * second)
         asked = WISH | (LIFTED if first else {})
         two = fresh.step(STATE, asked, ON_THREE)
         np.testing.assert_allclose(one.rotor_torque, two.rotor_torque, atol=1e-9)
@@ -74,19 +69,19 @@ def test_tasks_go_on_and_off_from_tick_to_tick():
 @pytest.mark.parametrize("share", [0.05, 0.5])
 def test_activation_and_weights_are_those_of_a_controller_made_so(share):
     asked = WISH | LIFTED
-    made = controller_of([swing(5.0 * share)], posture=0.3).step(STATE, asked, ON_THREE)
-    ours = controller_of([swing()])
+    made = solo(swing(5.0 * share), posture=0.3).step(STATE, asked, ON_THREE)
+    ours = solo(swing())
     blended = ours.step(
         STATE, asked, ON_THREE, activation={"swing": share}, weights={"posture": 0.3}
     )
     np.testing.assert_allclose(blended.acceleration, made.acceleration, atol=1e-5)
     back = ours.step(STATE, asked, ON_THREE)
-    plain = controller_of([swing()]).step(STATE, asked, ON_THREE)
+    plain = solo(swing()).step(STATE, asked, ON_THREE)
     np.testing.assert_allclose(back.acceleration, plain.acceleration, atol=1e-5)
 
 
 def test_a_task_switched_on_again_holds_what_it_finds():
-    ours = controller_of([swing()])
+    ours = solo(swing())
     ours.step(STATE, LIFTED, ON_THREE)
     ours.step(STATE, activation={"swing": 0.0})
     command = ours.step(STATE)
@@ -143,10 +138,6 @@ def test_the_longest_step_is_where_a_default_task_stops_being_stable(share, hold
         q = q + 0.05 * v + 0.5 * 0.05**2 * command.acceleration
         v = v + 0.05 * command.acceleration
     assert abs(q[0]) < 1e-6 if holds else abs(q[0]) > 10.0
-
-
-def solo(**settings):
-    return Controller(SOLO, usual(SOLO), points(SOLO), settings=ControllerSettings(**settings))
 
 
 def test_joint_targets_are_one_step_of_the_command():
@@ -221,36 +212,30 @@ def run(path: str, clutter: int) -> None:
     talos = load_robot("talos")
     tasks = controller(talos, talos).tasks
     control = Controller(talos, tasks, feet(talos), settings=ControllerSettings(solver="daqp"))
-    q, generator = talos.poses["half_sitting"], np.random.default_rng(0)
-    ticks = {name: [] for name in ("position", "velocity", "torque", "acceleration", "solution")}
+    q, generator, ticks = talos.poses["half_sitting"], np.random.default_rng(0), []
     for _ in range(40):
         at = pin.integrate(talos.model, q, 0.01 * generator.normal(size=36))
         velocity = 0.05 * generator.normal(size=36)
         command = control.step(Motion(at, velocity))
         assert command.status.usable
-        values = (at, velocity, command.rotor_torque, command.acceleration, command.solution.x)
-        for column, value in zip(ticks.values(), values, strict=True):
-            column.append(value)
-    control.problem.save(f"{path}.program.npz")
-    np.savez(f"{path}.ticks.npz", clutter=len(kept), **ticks)
-
-
-def elsewhere(path: Path, clutter: int) -> dict[str, np.ndarray]:
-    """Return what `run` writes in a process with another heap and another order of hashes."""
-    environment = os.environ | {"PYTHONHASHSEED": str(clutter)}
-    code = f"from tests.control.test_loop_interface import run; run({str(path)!r}, {clutter})"
-    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
-    with np.load(f"{path}.ticks.npz") as archive:
-        return {name: archive[name] for name in archive.files}
+        told = command.rotor_torque, command.acceleration, command.solution.x
+        ticks.append(np.concatenate([at, velocity, *told]))
+    assert len(kept) == clutter
+    control.problem.save(f"{path}.npz")
+    np.save(f"{path}.npy", ticks)
 
 
 def test_talos_is_the_same_to_the_last_bit_in_two_processes(tmp_path):
-    """With daqp: what ProxQP returns depends on where its memory happens to lie."""
-    run(str(tmp_path / "here"), 0)
-    here = dict(np.load(tmp_path / "here.ticks.npz"))
-    there = elsewhere(tmp_path / "there", 60)
-    for name in ("position", "velocity", "acceleration", "torque", "solution"):
-        np.testing.assert_array_equal(here[name], there[name], err_msg=name)
-    one, other = (QPProblem.load(tmp_path / f"{n}.program.npz") for n in ("here", "there"))
-    for name, mine, its in zip(one._fields, one, other, strict=True):
-        np.testing.assert_array_equal(mine, its, err_msg=name)
+    """With daqp: what ProxQP returns depends on where its memory happens to lie.
+
+    The other process has another heap and another order of hashes.
+    """
+    here, there = str(tmp_path / "here"), str(tmp_path / "there")
+    run(here, 0)
+    code = f"from tests.control.test_loop_interface import run; run({there!r}, 60)"
+    environment = os.environ | {"PYTHONHASHSEED": "60"}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
+    np.testing.assert_array_equal(*(np.load(f"{path}.npy") for path in (here, there)))
+    programs = (QPProblem.load(f"{path}.npz") for path in (here, there))
+    for mine, its in zip(*programs, strict=True):
+        np.testing.assert_array_equal(mine, its)

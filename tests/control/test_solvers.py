@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from sims.legged import feet
-from tests.control.scenes import CERTAIN, moving, usual
+from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
 from wbc import control
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp.level import Level, Refusal
@@ -16,13 +18,10 @@ from wbc.control.qp.solvers import solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 
-TRUNK = {"solo12": "base_link", "talos": "torso_2_link"}
+ROBOTS = ["solo12", "talos"]
 WAYS = [(solver, start) for start in WarmStart for solver in ("proxqp", "daqp")]
 TICKS = 4
-
-
-def trunk(robot, kind=control.FrameOrientationTask, **more):
-    return kind(name="trunk", frame=TRUNK[robot.name], **more)
+MANY = 1000  # solutions are compared here, not what a tick may cost
 
 
 def wound(robot):
@@ -33,13 +32,13 @@ def wound(robot):
 
 def apart(robot):
     """Return a limit of the trunk's distance from a ball in the world that is too near."""
-    ball, data = coal.Sphere(0.05), robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.pose())
-    place = data.oMf[robot.model.getFrameId(TRUNK[robot.name])].translation
+    ball, place = coal.Sphere(0.05), place_of(robot, robot.pose(), TRUNK[robot.name])
     beside = pin.SE3(np.eye(3), place + np.array([0.12, 0.0, 0.0]))
-    trunk = control.Shape(name="trunk", geometry=ball, frame=TRUNK[robot.name])
-    post = control.Shape(name="post", geometry=ball, placement=beside)
-    return control.CollisionLimit([trunk, post], [("trunk", "post")], margin=0.025)
+    shapes = [
+        control.Shape(name="trunk", geometry=ball, frame=TRUNK[robot.name]),
+        control.Shape(name="post", geometry=ball, placement=beside),
+    ]
+    return control.CollisionLimit(shapes, [("trunk", "post")], margin=0.025)
 
 
 # What is added to centre of mass and posture on a robot.
@@ -71,20 +70,9 @@ def moving_slowly(robot, seed):
 
 def agree(robot, tasks, contacts, limits, states, wish):
     """Compare what two solvers and the guess command, tick by tick; return how often it held."""
+    exact = ControllerSettings(speed_blend=CERTAIN, tolerance=1e-9, max_iterations=MANY)
     every = [
-        Controller(
-            robot,
-            tasks,
-            contacts,
-            limits,
-            ControllerSettings(
-                speed_blend=CERTAIN,
-                solver=solver,
-                warm_start=start,
-                tolerance=1e-9,
-                max_iterations=1000,  # solutions are compared here, not what a tick may cost
-            ),
-        )
+        Controller(robot, tasks, contacts, limits, replace(exact, solver=solver, warm_start=start))
         for solver, start in WAYS
     ]
     usable = 0
@@ -115,7 +103,7 @@ def agree(robot, tasks, contacts, limits, states, wish):
 
 
 @pytest.mark.parametrize("kind", [*TASKS, *LIMITS])
-@pytest.mark.parametrize("name", TRUNK)
+@pytest.mark.parametrize("name", ROBOTS)
 def test_two_solvers_and_the_guess_agree(name, kind):
     robot = wound(load_robot(name))
     tasks = usual(robot, *([TASKS[kind](robot)] if kind in TASKS else []))
@@ -123,7 +111,7 @@ def test_two_solvers_and_the_guess_agree(name, kind):
     assert agree(robot, tasks, feet(robot), limits, moving_slowly(robot, 0), {}) == TICKS
 
 
-@pytest.mark.parametrize("name", TRUNK)
+@pytest.mark.parametrize("name", ROBOTS)
 def test_two_solvers_and_the_guess_agree_on_a_lower_level(name):
     """Also where the upper level's optimum lies on as many bounds as there are freedoms."""
     robot = load_robot(name)
@@ -149,25 +137,21 @@ def test_a_leg_balances_the_same_by_every_way():
 def overdetermined(robot, **settings):
     """Return a controller of centre of mass and all joints, and one with a task beneath them."""
     upper = [control.CenterOfMassTask(), control.PostureTask.of(robot)]
-    chosen = ControllerSettings(**settings)
-    return (
-        Controller(robot, tasks, feet(robot), settings=chosen)
-        for tasks in (upper, [*upper, trunk(robot, level=1)])
-    )
+    chosen, lower = ControllerSettings(**settings), [*upper, trunk(robot, level=1)]
+    return (Controller(robot, tasks, feet(robot), settings=chosen) for tasks in (upper, lower))
 
 
 @pytest.mark.parametrize(("solver", "start"), [WAYS[0], WAYS[-1]])
 @pytest.mark.parametrize("few", [False, True], ids=["all_feet", "half_the_feet"])
-@pytest.mark.parametrize("name", TRUNK)
+@pytest.mark.parametrize("name", ROBOTS)
 def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, start):
     """Centre of mass and every joint are decided: level 1 is solved and changes neither.
 
     States are fast enough that friction cones bind in many of them.
     """
     robot, ticks = load_robot(name), 120
-    # motions are compared here, not what a tick may cost: 6 of 200 on Talos need 148 to 221 units
-    settings = {"solver": solver, "warm_start": start, "max_iterations": 1000}
-    alone, both = overdetermined(robot, **settings)
+    # 6 of 200 on Talos need 148 to 221 units
+    alone, both = overdetermined(robot, solver=solver, warm_start=start, max_iterations=MANY)
     on = [contact.name for contact in feet(robot)]
     contacts = dict.fromkeys(on[: len(on) // 2] if few else on, np.inf)
     bound = 0

@@ -11,21 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from wbc import design
 from wbc.cli import main
-from wbc.design import (
-    Objective,
-    Study,
-    best_designs,
-    choose_gearboxes,
-    describe_columns,
-    pareto_front,
-    parse_objective,
-    parse_sweep,
-    read_designs,
-    read_gearboxes,
-    run_study,
-    sampled_designs,
-)
 from wbc.effects import load_robot
 from wbc.errors import DesignError, WbcError
 from wbc.metrics import sweep
@@ -34,21 +21,21 @@ LEG = load_robot("planar_leg")
 POSE = tuple(LEG.pose("paper").tolist())
 
 
-def study(*sweeps: str, **changes: object) -> Study:
+def study(*sweeps: str, **changes: object) -> design.Study:
     chosen = sweeps or ("reduction=6:160:12:log", "forward_efficiency=0.45:0.98:15")
-    first = Study("planar_leg", tuple(map(parse_sweep, chosen)), "foot", POSE)
+    first = design.Study("planar_leg", tuple(map(design.parse_sweep, chosen)), "foot", POSE)
     return replace(first, **changes)  # type: ignore[arg-type]
 
 
-def geared(names: str) -> Study:
-    return study(parameters=(), gearboxes=choose_gearboxes(names, read_gearboxes()))
+def geared(names: str) -> design.Study:
+    return study(parameters=(), gearboxes=design.choose_gearboxes(names, design.read_gearboxes()))
 
 
 def test_sweeps_are_read_as_they_are_written() -> None:
-    assert parse_sweep("reduction=6:160").grid[[0, -1]].tolist() == [6.0, 160.0]
-    np.testing.assert_allclose(parse_sweep("reduction=1:100:3:log").grid, [1.0, 10.0, 100.0])
-    assert parse_sweep("reduction=5,10,50").grid.tolist() == [5.0, 10.0, 50.0]
-    knee = parse_sweep("forward_efficiency.knee=0.5:0.9:5")
+    assert design.parse_sweep("reduction=6:160").grid[[0, -1]].tolist() == [6.0, 160.0]
+    np.testing.assert_allclose(design.parse_sweep("reduction=1:100:3:log").grid, [1.0, 10.0, 100.0])
+    assert design.parse_sweep("reduction=5,10,50").grid.tolist() == [5.0, 10.0, 50.0]
+    knee = design.parse_sweep("forward_efficiency.knee=0.5:0.9:5")
     assert (knee.column, knee.place, len(knee.grid)) == ("forward_efficiency.knee", "knee", 5)
 
 
@@ -66,7 +53,7 @@ def test_sweeps_are_read_as_they_are_written() -> None:
 )
 def test_sweeps_that_cannot_be_are_named(text: str, message: str) -> None:
     with pytest.raises(DesignError, match=message):
-        parse_sweep(text)
+        design.parse_sweep(text)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +71,7 @@ def test_places_and_values_that_are_not_there_are_named(
     sweep: str, message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(WbcError, match=message):
-        run_study(study(sweep), tmp_path / "x.parquet")
+        design.run_study(study(sweep), tmp_path / "x.parquet")
     assert not list(tmp_path.glob("*.parquet"))
 
 
@@ -95,9 +82,9 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
         "mass.thigh=1,3",
         "joint.knee=0.9,1.2",
     )
-    path = run_study(chosen, tmp_path / "x.parquet", chunk=5)
-    table = read_designs(path)
-    assert list(table) == list(describe_columns(chosen))
+    path = design.run_study(chosen, tmp_path / "x.parquet", chunk=5)
+    table = design.read_designs(path)
+    assert list(table) == list(design.describe_columns(chosen))
     assert table["design"].tolist() == list(range(24))
     assert len({tuple(table[p.column][i] for p in chosen.parameters) for i in range(24)}) == 24
     for i in (0, 7, 23):
@@ -117,12 +104,14 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
 
 def test_any_number_of_workers_gives_the_same_bytes(tmp_path: Path) -> None:
     chosen = study(samples=300, seed=4)
-    one = run_study(chosen, tmp_path / "one.parquet", chunk=37)
-    two = run_study(chosen, tmp_path / "two.parquet", chunk=37, workers=2)
+    one = design.run_study(chosen, tmp_path / "one.parquet", chunk=37)
+    two = design.run_study(chosen, tmp_path / "two.parquet", chunk=37, workers=2)
     assert one.read_bytes() == two.read_bytes()
-    again = read_designs(run_study(replace(chosen, seed=5), tmp_path / "x.parquet", chunk=37))
-    assert not np.array_equal(read_designs(one)["reduction"], again["reduction"])
-    assert read_designs(one)["reduction"].min() >= 6.0
+    again = design.read_designs(
+        design.run_study(replace(chosen, seed=5), tmp_path / "x.parquet", chunk=37)
+    )
+    assert not np.array_equal(design.read_designs(one)["reduction"], again["reduction"])
+    assert design.read_designs(one)["reduction"].min() >= 6.0
 
 
 @pytest.mark.parametrize(
@@ -162,24 +151,26 @@ def test_the_front_is_that_of_all_pairs(columns: int, rows: int, digits: int) ->
     values[3::50, 0] = np.nan  # rows that never count
     table = {f"c{i}": values[:, i] for i in range(columns)}
     signs = np.array([1.0, -1.0, 1.0])[:columns]
-    objectives = [Objective(f"c{i}", signs[i] < 0) for i in range(columns)]
-    front = pareto_front(table, objectives)
+    objectives = [design.Objective(f"c{i}", signs[i] < 0) for i in range(columns)]
+    front = design.pareto_front(table, objectives)
     assert set(front.tolist()) == brute(values * signs)
     assert np.all(np.diff((values * signs)[front, 0]) >= 0.0)
     infinite = {"a": np.array([1.0, 3.0, np.inf]), "b": np.array([2.0, np.nan, 0.0])}
-    assert pareto_front(infinite, [Objective("a"), Objective("b")]).tolist() == [2, 0]
+    assert design.pareto_front(
+        infinite, [design.Objective("a"), design.Objective("b")]
+    ).tolist() == [2, 0]
 
 
 def test_objectives_are_read_and_checked() -> None:
-    assert parse_objective("a:min", ["a"]) == Objective("a", more=False)
+    assert design.parse_objective("a:min", ["a"]) == design.Objective("a", more=False)
     for text in ("b:max", "a", "a:best"):
         with pytest.raises(DesignError):
-            parse_objective(text, ["a"])
+            design.parse_objective(text, ["a"])
     with pytest.raises(DesignError, match="at least one"):
-        pareto_front({"a": np.ones(1)}, [])
+        design.pareto_front({"a": np.ones(1)}, [])
 
 
-OBJECTIVES = [Objective("lift"), Objective("inertia", more=False)]
+OBJECTIVES = [design.Objective("lift"), design.Objective("inertia", more=False)]
 ROWS = 3000
 
 
@@ -201,9 +192,9 @@ def test_the_front_of_pieces_is_the_front_of_the_whole(
 ) -> None:
     path = tmp_path / "designs.parquet"
     pq.write_table(pa.table(columns), path, row_group_size=piece)
-    front = pareto_front(columns, OBJECTIVES)
+    front = design.pareto_front(columns, OBJECTIVES)
     assert len(front) > 10
-    best = best_designs(path, OBJECTIVES)
+    best = design.best_designs(path, OBJECTIVES)
     assert list(best) == list(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(best[name], values[front])
@@ -214,12 +205,12 @@ def test_a_picture_gets_whole_designs_evenly_spread(
 ) -> None:
     table = tmp_path / "designs.parquet"
     pq.write_table(pa.table(columns), table, row_group_size=1200)
-    assert len(sampled_designs(table, ROWS)["design"]) == ROWS
-    assert sampled_designs(table, 100)["design"].tolist() == list(range(0, ROWS, 30))
+    assert len(design.sampled_designs(table, ROWS)["design"]) == ROWS
+    assert design.sampled_designs(table, 100)["design"].tolist() == list(range(0, ROWS, 30))
 
 
 def test_every_row_has_a_source_and_plausible_numbers() -> None:
-    boxes = read_gearboxes().values()
+    boxes = design.read_gearboxes().values()
     kinds = {"direct drive", "planetary", "cycloidal", "strain wave"}
     assert {box.kind.split(" (")[0] for box in boxes} >= kinds
     for box in boxes:
@@ -243,7 +234,7 @@ def test_a_gearbox_sets_what_it_knows_and_nothing_else() -> None:
 
 
 def test_what_a_gearbox_leaves_out_may_be_swept() -> None:
-    swept = (parse_sweep("forward_efficiency=0.8,0.9"),)
+    swept = (design.parse_sweep("forward_efficiency=0.8,0.9"),)
     both = replace(geared("cqdd,bilateral_drive"), parameters=swept)
     found = both.designs(0, both.size).gears
     assert found["forward_efficiency"][:, 0].tolist() == [0.8, 0.9, 0.8, 0.9]
@@ -269,9 +260,9 @@ def test_catalogues_that_cannot_be_trusted_are_named(
     path = tmp_path / "own.csv"
     path.write_text(text.format(head=head))
     with pytest.raises(DesignError, match=message):
-        read_gearboxes(path)
+        design.read_gearboxes(path)
     with pytest.raises(DesignError, match="hd20_low"):
-        choose_gearboxes("hd30", read_gearboxes())
+        design.choose_gearboxes("hd30", design.read_gearboxes())
 
 
 def test_the_command_compares_gearboxes_by_their_front(

@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc import Robot
-from wbc.effects import (
-    DirectionalViscousFriction,
-    JointSpring,
-    ThermalViscousFriction,
-    TorqueRipple,
-    ViscousFriction,
-)
+from wbc import Robot, effects
 from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion
@@ -33,8 +26,8 @@ def logs_of(leg: Robot, effect: Effect, temperatures: list[float | None]) -> lis
 @pytest.mark.parametrize(
     ("effect", "temperatures"),
     [
-        (ThermalViscousFriction("knee", 0.6, 0.03), [COLD, WARM, COLD, 40.0]),
-        (DirectionalViscousFriction("hip", 0.6, 0.2), [None, None, None]),
+        (effects.ThermalViscousFriction("knee", 0.6, 0.03), [COLD, WARM, COLD, 40.0]),
+        (effects.DirectionalViscousFriction("hip", 0.6, 0.2), [None, None, None]),
     ],
     ids=["by temperature", "by direction"],
 )
@@ -50,7 +43,7 @@ def test_friction_that_differs_is_named_with_its_numbers(
 
 def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot) -> None:
     """With one number more it does as well; until it cost a name, every answer was tied."""
-    logs = record_with(leg, [ViscousFriction("knee", 0.3)], duration=6.0)
+    logs = record_with(leg, [effects.ViscousFriction("knee", 0.3)], duration=6.0)
     found = diagnose(leg, logs)
     assert found.verdict == "named"
     assert [(one.effect.key, one.rivals) for one in found.findings] == [
@@ -61,7 +54,7 @@ def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot)
 SWING = np.stack([np.linspace(-1.0, 1.0, 50), np.linspace(0.1, 1.0, 50)], axis=1)
 SAME = Motion(SWING, SWING, temperature=np.full((50, 2), 40.0))
 WARMER = SAME.replace(temperature=np.full((50, 2), 50.0))
-THERMAL = ThermalViscousFriction("knee", 0.4, 0.03)
+THERMAL = effects.ThermalViscousFriction("knee", 0.4, 0.03)
 
 
 def travel(way: float) -> Motion:
@@ -75,13 +68,13 @@ def travel(way: float) -> Motion:
         (THERMAL, [SAME], False),
         (THERMAL, [SAME.replace(temperature=None)], False),
         (THERMAL, [SAME, WARMER], True),
-        (DirectionalViscousFriction("hip", 0.4, 0.1), [SAME], True),
-        (DirectionalViscousFriction("knee", 0.4, 0.1), [SAME], False),
+        (effects.DirectionalViscousFriction("hip", 0.4, 0.1), [SAME], True),
+        (effects.DirectionalViscousFriction("knee", 0.4, 0.1), [SAME], False),
         # A ripple shows from one period on, and a spring where its joint moves.
-        (TorqueRipple("knee", 1.0, 5.0, 0.0), [travel(1.0)], False),
-        (TorqueRipple("knee", 1.0, 7.0, 0.0), [travel(1.0)], True),
-        (JointSpring("knee", 1000.0, 0.5), [travel(1e-4)], False),
-        (JointSpring("knee", 1000.0, 0.5), [travel(0.1)], True),
+        (effects.TorqueRipple("knee", 1.0, 5.0, 0.0), [travel(1.0)], False),
+        (effects.TorqueRipple("knee", 1.0, 7.0, 0.0), [travel(1.0)], True),
+        (effects.JointSpring("knee", 1000.0, 0.5), [travel(1e-4)], False),
+        (effects.JointSpring("knee", 1000.0, 0.5), [travel(0.1)], True),
     ],
 )
 def test_what_these_motions_can_show(
@@ -93,8 +86,8 @@ def test_what_these_motions_can_show(
 def test_a_wave_of_the_rotor_is_more_certain_than_one_beside_it(leg: Robot) -> None:
     certain, remarks = {}, {}
     for order in (2.0 * RATIO, 2.3 * RATIO):
-        ripple = TorqueRipple("knee", 0.1, order, 0.5)
-        diagnosis = diagnose(leg, record_with(leg, [ripple], duration=3.0), [TorqueRipple])
+        ripple = effects.TorqueRipple("knee", 0.1, order, 0.5)
+        diagnosis = diagnose(leg, record_with(leg, [ripple], duration=3.0), [effects.TorqueRipple])
         (finding,) = diagnosis.findings
         assert finding.effect.values["order"] == pytest.approx(order, rel=0.01)
         certain[order] = finding.probability

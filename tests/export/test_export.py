@@ -10,29 +10,11 @@ import pinocchio as pin
 import pytest
 
 from tests.effects.test_effect_catalogue import away_from_null
-from wbc import Robot, load_robot
+from wbc import Robot, effects, load_robot
 from wbc.cli import main
-from wbc.effects import (
-    EFFECTS,
-    ActuationDelay,
-    CoulombFriction,
-    JointSpring,
-    LinkInertia,
-    PayloadMass,
-    RotorInertia,
-    StribeckFriction,
-    SupplySag,
-    ThermalDrift,
-    TorqueConstant,
-    TorqueOffset,
-    TransmissionEfficiency,
-    ViscousFriction,
-    VoltageScaling,
-    save_robot,
-)
+from wbc.dynamics import evaluate
 from wbc.export import export_robot
-from wbc.robot import Effect
-from wbc.sim import Plane, Plant, simulate
+from wbc.sim import Plane, Plant, SimState, simulate
 
 _DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
 
@@ -40,12 +22,12 @@ _DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
 def told(robot: Robot) -> Robot:
     """Return the robot with effects that MJCF can say."""
     return robot.with_effects(
-        PayloadMass.at("shin", {"mass": 0.7}),
-        ViscousFriction("knee", 0.4),
-        CoulombFriction("hip", 0.8),
-        JointSpring("knee", 3.0, 0.5),
-        TorqueConstant("hip", 0.9),
-        TorqueOffset("knee", 0.25),
+        effects.PayloadMass.at("shin", {"mass": 0.7}),
+        effects.ViscousFriction("knee", 0.4),
+        effects.CoulombFriction("hip", 0.8),
+        effects.JointSpring("knee", 3.0, 0.5),
+        effects.TorqueConstant("hip", 0.9),
+        effects.TorqueOffset("knee", 0.25),
     )
 
 
@@ -55,16 +37,12 @@ def motor_torque(time: float) -> np.ndarray:
 
 
 def ours(robot: Robot, q: np.ndarray) -> np.ndarray:
-    gears = robot.transmission
-    plant = Plant(robot, terrain=Plane(height=-10.0))
-    run = simulate(
-        plant,
-        lambda state: motor_torque(state.time + 0.5 * _STEP) / gears.gear_ratio,
-        plant.state(q),
-        _DURATION,
-        dt=_STEP,
-    )
-    return run.state.position
+    plant, ratio = Plant(robot, terrain=Plane(height=-10.0)), robot.transmission.gear_ratio
+
+    def asked(state: SimState) -> np.ndarray:
+        return motor_torque(state.time + 0.5 * _STEP) / ratio
+
+    return simulate(plant, asked, plant.state(q), _DURATION, dt=_STEP).state.position
 
 
 def theirs(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -104,9 +82,8 @@ def test_coupled_gears_move_as_our_plant_does() -> None:
 def test_urdf_reads_back_with_the_same_links(name: str, tmp_path: Path) -> None:
     robot = load_robot(name)
     if name == "planar_leg_fixed":
-        robot = robot.with_effects(
-            LinkInertia.at("shin", {"alpha": 0.1}), ViscousFriction("hip", 2)
-        )
+        drawing = effects.LinkInertia.at("shin", {"alpha": 0.1})
+        robot = robot.with_effects(drawing, effects.ViscousFriction("hip", 2))
     path = export_robot(robot, "urdf").write(tmp_path / "robot.urdf")
     root = (pin.JointModelFreeFlyer(),) if robot.has_free_flyer else ()
     model = pin.buildModelFromUrdf(str(path), *root)
@@ -141,12 +118,10 @@ def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
     q = np.array(data.qpos)
     if robot.has_free_flyer:
         q[3:7] = q[[4, 5, 6, 3]]
-    expected = pin.crba(robot.model, robot.model.createData(), q)
-    turned = gears.motor_from_joint
-    joints = np.ix_(robot.actuated, robot.actuated)
-    expected = np.triu(expected) + np.triu(expected, 1).T
-    expected[joints] += turned.T @ np.diag(gears.reflected_inertia) @ turned
-    np.testing.assert_allclose(mass[joints], expected[joints], rtol=1e-4, atol=1e-5)
+    turned, joints = gears.motor_from_joint, np.ix_(robot.actuated, robot.actuated)
+    expected = evaluate(robot, q, np.zeros(model.nv)).mass_matrix[joints]
+    expected = expected + turned.T @ np.diag(gears.reflected_inertia) @ turned
+    np.testing.assert_allclose(mass[joints], expected, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["ricmonk", "tiago", "anymal"])
@@ -155,10 +130,10 @@ def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
     robot, random, step = load_robot(name).lossless(), np.random.default_rng(1), 1e-6
     joint = robot.transmission.joints[0]
     robot = robot.with_effects(
-        ViscousFriction(joint, 0.3),
-        TorqueConstant(joint, 0.9),
-        RotorInertia(joint, 0.05),
-        LinkInertia.at(robot.bodies[-1], {"alpha": 0.05, "t1": 0.02}),
+        effects.ViscousFriction(joint, 0.3),
+        effects.TorqueConstant(joint, 0.9),
+        effects.RotorInertia(joint, 0.05),
+        effects.LinkInertia.at(robot.bodies[-1], {"alpha": 0.05, "t1": 0.02}),
     )
     q = pin.integrate(robot.model, robot.neutral(), random.uniform(-0.3, 0.3, robot.model.nv))
     v, torque = random.uniform(-1.0, 1.0, robot.model.nv), random.uniform(-2.0, 2.0, 12)
@@ -185,7 +160,7 @@ def test_mujoco_accelerates_a_fitted_robot_as_our_plant_does(name: str) -> None:
 def test_no_effect_is_left_out_in_silence(to: str) -> None:
     """Each changes the file's numbers, or stands in its list; a supply's power did neither."""
     leg, coupled = (load_robot(n).lossless() for n in ("planar_leg_fixed", "parallelogram_leg"))
-    for name, kind in EFFECTS.items():
+    for name, kind in effects.EFFECTS.items():
         robot = coupled if name.startswith("rotor_") else leg
         where = kind.places(robot)[-1]
         effect = away_from_null(kind, robot, where)
@@ -195,45 +170,39 @@ def test_no_effect_is_left_out_in_silence(to: str) -> None:
         assert (exported.text, exported.losses) != (plain.text, plain.losses), name
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [VoltageScaling("knee", 1.0, 48.0), SupplySag("robot", 0.01), ThermalDrift("knee", 0.02, 5.0)],
-    ids=lambda effect: effect.name,
-)
-def test_a_drive_that_depends_on_more_than_its_torque_has_no_gain(effect: Effect) -> None:
-    """A supply of a random voltage became a torque constant of 0.74."""
-    leg = load_robot("planar_leg_fixed").lossless()
-    exported, plain = (export_robot(r, "urdf") for r in (leg.with_effect(effect), leg))
-    assert exported.notes == plain.notes
-    assert set(exported.unsaid) - set(plain.unsaid) == {effect.said()}
+def test_a_drive_that_depends_on_more_than_its_torque_has_no_gain() -> None:
+    """A supply of a random voltage became a torque constant of 0.74.
 
-
-def test_a_late_drive_has_no_wrong_torque_constant() -> None:
-    """A delay alone was listed as a motor that gives 1 times what it is asked for."""
+    A delay alone was listed as a motor that gives 1 times what it is asked for.
+    """
     leg = load_robot("planar_leg_fixed").lossless()
-    exported = export_robot(leg.with_effects(ActuationDelay("knee", 0.005)), "urdf")
-    assert exported.unsaid == export_robot(leg, "urdf").unsaid
-    assert "delay of knee: 0.005 s" in exported.notes[0]
+    plain = export_robot(leg, "urdf")
+    for effect in (
+        effects.VoltageScaling("knee", 1.0, 48.0),
+        effects.SupplySag("robot", 0.01),
+        effects.ThermalDrift("knee", 0.02, 5.0),
+    ):
+        exported = export_robot(leg.with_effect(effect), "urdf")
+        assert exported.notes == plain.notes
+        assert set(exported.unsaid) - set(plain.unsaid) == {effect.said()}
+    late = export_robot(leg.with_effects(effects.ActuationDelay("knee", 0.005)), "urdf")
+    assert late.unsaid == plain.unsaid
+    assert "delay of knee: 0.005 s" in late.notes[0]
 
 
 def test_what_a_format_cannot_say_stands_on_the_terminal_and_in_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     leg = load_robot("planar_leg_fixed").with_effects(
-        TransmissionEfficiency("knee", 0.66, 0.5),
-        StribeckFriction("hip", 0.4, 0.2),
-        ActuationDelay("knee", 0.006),
+        effects.TransmissionEfficiency("knee", 0.66, 0.5),
+        effects.StribeckFriction("hip", 0.4, 0.2),
+        effects.ActuationDelay("knee", 0.006),
     )
-    save_robot(leg, tmp_path / "fitted.toml")
-    target = tmp_path / "leg.xml"
-    assert (
-        main(["export", str(tmp_path / "fitted.toml"), "--to", "mjcf", "--file", str(target)]) == 0
-    )
-    printed, written = (
-        " ".join(capsys.readouterr().out.split()),
-        " ".join(target.read_text().split()),
-    )
-    for text in ("forward efficiency 0.66", "Stribeck friction at hip", "delay of knee: 0.006 s"):
-        assert text in printed
-        assert text in written
+    effects.save_robot(leg, tmp_path / "fitted.toml")
+    source, target = str(tmp_path / "fitted.toml"), tmp_path / "leg.xml"
+    assert main(["export", source, "--to", "mjcf", "--file", str(target)]) == 0
+    for told in (capsys.readouterr().out, target.read_text()):
+        said = " ".join(told.split())
+        for text in ("forward efficiency 0.66", "Stribeck friction at hip", "delay of knee: 0.006"):
+            assert text in said
     assert "delay" not in " ".join(export_robot(leg, "mjcf").unsaid)

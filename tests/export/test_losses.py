@@ -5,28 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.util import module_from_spec, spec_from_file_location
+from copy import copy
 from pathlib import Path
+from runpy import run_path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from wbc import Robot, load_robot
+from tests.sim.random_robots import geared
+from wbc import Robot, effects, load_robot
 from wbc.cli import main
-from wbc.effects import (
-    CoulombFriction,
-    LoadFriction,
-    LoadPresliding,
-    LoadStribeckFriction,
-    Presliding,
-    RotorInertia,
-    StribeckFriction,
-    TransmissionEfficiency,
-    ViscousFriction,
-    save_robot,
-)
 from wbc.errors import RobotError
 from wbc.export import export_robot, loss_numbers
 from wbc.export.losses import Losses, bent_after, next_losses, rigid_mesh
@@ -37,24 +27,27 @@ from wbc.transmission import mesh_input
 _TICK = 1e-3  # [s]
 
 
-def lossy(robot: Robot, reflected: np.ndarray, *effects: Effect) -> Robot:
+def lossy(robot: Robot, reflected: np.ndarray, *more: Effect) -> Robot:
     """Return the robot on gears that lose power both ways, with rotors and effects."""
     gears = [
         effect
         for joint, inertia in zip(robot.transmission.joints, reflected.tolist(), strict=True)
-        for effect in (TransmissionEfficiency(joint, 0.85, 0.75), RotorInertia(joint, inertia))
+        for effect in (
+            effects.TransmissionEfficiency(joint, 0.85, 0.75),
+            effects.RotorInertia(joint, inertia),
+        )
     ]
-    return robot.with_effects(*gears, *effects)
+    return robot.with_effects(*gears, *more)
 
 
 def leg() -> tuple[Robot, np.ndarray, np.ndarray, float]:
     robot = load_robot("planar_leg_fixed").with_effects(
-        CoulombFriction("hip", 0.8),
-        ViscousFriction("knee", 0.3),
-        Presliding("hip", 0.7, 0.02),
-        LoadFriction("hip", 0.1),
-        StribeckFriction("knee", 0.6, 0.3),
-        LoadStribeckFriction("hip", 0.1, 0.3),
+        effects.CoulombFriction("hip", 0.8),
+        effects.ViscousFriction("knee", 0.3),
+        effects.Presliding("hip", 0.7, 0.02),
+        effects.LoadFriction("hip", 0.1),
+        effects.StribeckFriction("knee", 0.6, 0.3),
+        effects.LoadStribeckFriction("hip", 0.1, 0.3),
     )
     return robot, robot.pose("paper"), np.array([0.5, -0.4]), 60.0
 
@@ -65,11 +58,11 @@ def go2() -> tuple[Robot, np.ndarray, np.ndarray, float]:
     robot = lossy(
         robot,
         np.full(12, 0.01),
-        *(CoulombFriction(joint, 0.3) for joint in hips),
-        *(ViscousFriction(joint, 0.1) for joint in thighs),
-        Presliding(thighs[0], 0.4, 0.02),
-        LoadPresliding(calves[1], 0.8, 0.7, 0.03),
-        LoadFriction(calves[2], 0.15),
+        *(effects.CoulombFriction(joint, 0.3) for joint in hips),
+        *(effects.ViscousFriction(joint, 0.1) for joint in thighs),
+        effects.Presliding(thighs[0], 0.4, 0.02),
+        effects.LoadPresliding(calves[1], 0.8, 0.7, 0.03),
+        effects.LoadFriction(calves[2], 0.15),
     )
     return robot, np.tile([0.0, 0.8, -1.6], 4), np.tile([0.3, -0.3, 0.35], 4), 20.0
 
@@ -80,12 +73,12 @@ def arm() -> tuple[Robot, np.ndarray, np.ndarray, float]:
     robot = lossy(
         robot,
         np.array([20.0, *7 * [0.05]]),
-        Presliding(joints[2], 2.0, 0.01),
-        ViscousFriction(joints[2], 2.0),
-        LoadFriction(joints[3], 0.1),
-        LoadPresliding(joints[4], 0.75, 0.6, 0.02),
-        CoulombFriction(joints[5], 0.8),
-        CoulombFriction(joints[7], 0.5),
+        effects.Presliding(joints[2], 2.0, 0.01),
+        effects.ViscousFriction(joints[2], 2.0),
+        effects.LoadFriction(joints[3], 0.1),
+        effects.LoadPresliding(joints[4], 0.75, 0.6, 0.02),
+        effects.CoulombFriction(joints[5], 0.8),
+        effects.CoulombFriction(joints[7], 0.5),
     )
     start = np.array([0.2, 0.5, 0.8, 0.2, 0.6, 0.1, 0.2, 0.1])
     return robot, start, np.array([0.02, 0.4, 0.5, 0.6, 0.5, 0.5, 0.4, 0.4]), 200.0
@@ -109,37 +102,29 @@ def ours(robot: Robot, q: np.ndarray, ask: Callable, duration: float) -> np.ndar
         asked.append(ask(k * _TICK, (state.position, state.velocity)))
         torque = asked[-1] / robot.transmission.gear_ratio
         state = plant.step(state, torque, _TICK).state
-    return np.array([*asked, state.position[robot.actuated]])
+    return np.array(asked)
 
 
-def exported(robot: Robot, folder: Path) -> tuple[Any, Any]:
-    """Return the model and the module of losses that the command writes."""
-    target = str(folder / "fitted.xml")
-    save_robot(robot, folder / "fitted.toml")
-    assert main(["export", str(folder / "fitted.toml"), "--to", "mujoco", "--file", target]) == 0
-    spec = spec_from_file_location("fitted_losses", folder / "fitted_losses.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return mujoco.MjModel.from_xml_path(target), module
+def written(robot: Robot, folder: Path) -> str:
+    """Return the model that the command writes, beside the file of losses."""
+    source, target = str(folder / "fitted.toml"), str(folder / "leg.xml")
+    effects.save_robot(robot, source)
+    assert main(["export", source, "--to", "mujoco", "--file", target]) == 0
+    return target
 
 
 def theirs(
-    robot: Robot, folder: Path, q: np.ndarray, ask: Callable, duration: float, losses: bool
+    model: mujoco.MjModel, losses: Any, q: np.ndarray, ask: Callable, duration: float
 ) -> np.ndarray:
-    model, module = exported(robot, folder)
-    model.opt.timestep = _TICK
-    acting = module.losses(model) if losses else None
     data, asked = mujoco.MjData(model), []
     data.qpos[:] = q
     for k in range(round(duration / _TICK)):
         asked.append(ask(k * _TICK, (np.array(data.qpos), np.array(data.qvel))))
         data.ctrl[:] = asked[-1]
-        if acting is not None:
-            acting.apply(data)
+        if losses is not None:
+            losses.apply(data)
         mujoco.mj_step(model, data)
-    return np.array([*asked, np.array(data.qpos)[robot.actuated]])
+    return np.array(asked)
 
 
 @pytest.mark.parametrize("machine", [leg, go2, arm], ids=lambda machine: machine.__name__)
@@ -157,33 +142,40 @@ def test_motors_need_the_torque_that_they_need_in_our_plant(
         turned = np.sin(late + 4.0 * time) - np.sin(late)
         return servo(robot, start + swing * turned, gain, motion)
 
-    here = ours(robot, start, ask, 0.8)[:-1]
+    here = ours(robot, start, ask, 0.8)
     size = np.sqrt(np.mean(here**2, axis=0))
-    found = [theirs(robot, tmp_path, start, ask, 0.8, losses)[:-1] for losses in (True, False)]
+    model = mujoco.MjModel.from_xml_path(written(robot, tmp_path))
+    plain, model.opt.timestep = copy(model), _TICK
+    plain.opt.timestep = _TICK
+    losses = run_path(str(tmp_path / "leg_losses.py"))["losses"](model)
+    found = (theirs(model, losses, start, ask, 0.8), theirs(plain, None, start, ask, 0.8))
     with_losses, without = (np.sqrt(np.mean((x - here) ** 2, axis=0)) / size for x in found)
     print(f"{robot.name}: {with_losses.max():.2%} with the losses, {without.max():.0%} without")
     assert with_losses.max() < 0.01
     assert without.max() > 0.2
 
 
+def let_go(model: mujoco.MjModel, robot: Robot, start: np.ndarray, steps: int) -> mujoco.MjData:
+    """Return where MuJoCo ends without torques, with the losses of this library."""
+    losses, data = Losses(model, loss_numbers(robot)), mujoco.MjData(model)
+    data.qpos[:] = start
+    for _ in range(steps):
+        losses.apply(data)
+        mujoco.mj_step(model, data)
+    return data
+
+
 @pytest.mark.parametrize("step", [1e-3, 5e-3])
 def test_a_leg_that_is_let_go_holds_or_falls_as_in_our_plant(step: float) -> None:
     """Driven back by its own weight alone, at a fine and at a coarse step."""
     robot, start, _, _ = leg()
-    plant = Plant(robot, terrain=Plane(height=-50.0))
     for weight, moves in ((1.0, True), (0.05, False)):
         light = robot.with_gravity([0.0, 0.0, -9.81 * weight])
-        plant, time = Plant(light, terrain=Plane(height=-50.0)), 0.4
-        state = plant.state(start)
-        for _ in range(round(time / 1e-3)):
-            state = plant.step(state, np.zeros(2), 1e-3).state
+        plant = Plant(light, terrain=Plane(height=-50.0))
+        state = plant.run(plant.state(start), np.zeros(2), 0.4, 400).state
         model = mujoco.MjModel.from_xml_string(export_robot(light, "mujoco").text)
         model.opt.timestep = step
-        losses, data = Losses(model, loss_numbers(light)), mujoco.MjData(model)
-        data.qpos[:] = start
-        for _ in range(round(time / step)):
-            losses.apply(data)
-            mujoco.mj_step(model, data)
+        data = let_go(model, light, start, round(0.4 / step))
         moved = np.abs(state.position - start).max()
         assert moved > 0.1 if moves else moved < 0.02  # what bristles bend
         # A coarse step of semi-implicit Euler errs by half its length times the speed.
@@ -196,13 +188,9 @@ def test_a_leg_that_is_let_go_holds_or_falls_as_in_our_plant(step: float) -> Non
 def test_no_step_is_too_coarse_for_the_losses(backward: float, step: float) -> None:
     """Gears that hardly yield, on heavy rotors: the losses never make energy."""
     robot = load_robot("planar_leg_fixed").with_gravity([0.0, 0.0, 0.0])
-    gears = robot.transmission
-    changes = {"backward_efficiency": np.full(2, backward), "rotor_inertia": np.full(2, 1e-3)}
-    robot = robot.with_transmission(gears.replace(**changes))
-
-    model, plain = (
-        mujoco.MjModel.from_xml_string(export_robot(robot, "mujoco").text) for _ in range(2)
-    )
+    robot = geared(robot, backward_efficiency=backward, rotor_inertia=1e-3)
+    plain = mujoco.MjModel.from_xml_string(export_robot(robot, "mujoco").text)
+    model = copy(plain)
     model.opt.timestep = step
     losses = Losses(model, loss_numbers(robot))
     data, own = mujoco.MjData(model), mujoco.MjData(plain)
@@ -247,8 +235,8 @@ def batch() -> tuple[dict, list[np.ndarray]]:
 def test_many_robots_at_once_are_each_of_them_alone() -> None:
     numbers, arguments = batch()
     together = next_losses(numbers, *arguments, 1e-3)
-    alone = [next_losses(numbers, *(x[2, 3] for x in arguments), 1e-3)]
-    for several, one in zip(together, alone[0], strict=True):
+    alone = next_losses(numbers, *(x[2, 3] for x in arguments), 1e-3)
+    for several, one in zip(together, alone, strict=True):
         np.testing.assert_allclose(np.broadcast_to(several, (4, 5, several.shape[-1]))[2, 3], one)
 
 
@@ -257,9 +245,8 @@ def test_jax_gives_the_same_as_numpy() -> None:
     numbers, arguments = batch()
     arrays = {name: jax.numpy.asarray(x) for name, x in numbers.items() if name != "joints"}
     step = jax.jit(lambda *given: next_losses(arrays, *given, 1e-3))
-    for found, expected in zip(
-        step(*arguments), next_losses(numbers, *arguments, 1e-3), strict=True
-    ):
+    known = next_losses(numbers, *arguments, 1e-3)
+    for found, expected in zip(step(*arguments), known, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
@@ -267,10 +254,7 @@ def test_jax_gives_the_same_as_numpy() -> None:
 def test_the_written_file_needs_numpy_and_mujoco_only(
     robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    start = robot.pose("paper")
-    save_robot(robot, tmp_path / "fitted.toml")
-    target = str(tmp_path / "leg.xml")
-    assert main(["export", str(tmp_path / "fitted.toml"), "--to", "mujoco", "--file", target]) == 0
+    start, target = robot.pose("paper"), written(robot, tmp_path)
     printed = "".join(capsys.readouterr().out.split())  # long paths are wrapped anywhere
     assert "leg_losses.py:thelossesofthegears" in printed
     assert export_robot(robot, "mujoco").unsaid == ()
@@ -292,20 +276,13 @@ def test_the_written_file_needs_numpy_and_mujoco_only(
         text=True,
         check=True,
     ).stdout.split()
-    model = mujoco.MjModel.from_xml_path(target)
-    losses, data = Losses(model, loss_numbers(robot)), mujoco.MjData(model)
-    data.qpos[:] = start
-    for _ in range(100):
-        losses.apply(data)
-        mujoco.mj_step(model, data)
+    data = let_go(mujoco.MjModel.from_xml_path(target), robot, start, 100)
     assert told[-1] == "False"
     np.testing.assert_allclose([float(x) for x in told[:2]], data.qpos, atol=1e-12)
 
 
 def test_a_self_locking_gear_is_refused() -> None:
-    robot = load_robot("planar_leg_fixed")
-    gears = robot.transmission.replace(backward_efficiency=np.array([0.5, -0.2]))
-    locking = robot.with_transmission(gears)
+    locking = geared(load_robot("planar_leg_fixed"), backward_efficiency=[0.5, -0.2])
     with pytest.raises(RobotError, match="gear of 'knee' is self-locking"):
         export_robot(locking, "mujoco")
     assert "gear at knee" in " ".join(export_robot(locking, "mjcf").unsaid)  # the way out

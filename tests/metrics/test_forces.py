@@ -7,15 +7,9 @@ import pytest
 from scipy.optimize import linprog
 
 from tests.sim.random_robots import geared
+from wbc import metrics
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
-from wbc.metrics import (
-    ForceCapability,
-    backdriving_force,
-    backdriving_torque,
-    force_capability,
-    holding,
-)
 from wbc.robot import Robot
 from wbc.transmission import mesh_input_interval
 
@@ -42,14 +36,14 @@ def test_along_a_direction_the_motors_are_just_at_their_limit(
 ) -> None:
     robot = load_robot(name)
     q = robot.configuration(**POSE)
-    reach = force_capability(robot, q, "foot", "xz").along(direction)
+    reach = metrics.force_capability(robot, q, "foot", "xz").along(direction)
     unit = np.array(direction) / np.linalg.norm(direction)
     assert holdable(robot, q, [0, 2], reach.lift * unit, +1) == pytest.approx(1.0)
     assert holdable(robot, q, [0, 2], reach.hold * unit, -1) == pytest.approx(1.0)
     assert reach.lift <= reach.conventional <= reach.hold
 
 
-def furthest(capability: ForceCapability, mode: int, unit: np.ndarray) -> float:
+def furthest(capability: metrics.ForceCapability, mode: int, unit: np.ndarray) -> float:
     """Return how far the forces reach along a direction, by a linear program [N]."""
     matrix, limit = capability.torque_from_force, capability.limits(mode)
     both = np.vstack([matrix, -matrix]), np.tile(limit, 2)
@@ -61,7 +55,7 @@ def furthest(capability: ForceCapability, mode: int, unit: np.ndarray) -> float:
 def test_corners_reach_as_far_as_a_linear_program_says(mode: int, axes: str) -> None:
     """With as many gears as axes, in closed form, and with more."""
     robot = load_robot("solo12")
-    reach = force_capability(robot, robot.configuration(**SQUAT), "FL_foot", axes)
+    reach = metrics.force_capability(robot, robot.configuration(**SQUAT), "FL_foot", axes)
     assert [robot.transmission.joints[i] for i in reach.gears] == ["FL_HAA", "FL_HFE", "FL_KFE"]
     corners = reach.vertices(mode)
     torque = np.abs(corners @ reach.torque_from_force.T)
@@ -80,7 +74,7 @@ def test_the_combined_polygon_lifts_with_the_motion_and_holds_against_it(
     """Every corner is where each gear is at the end of the interval that its motion allows."""
     robot = load_robot(name)
     q = robot.pose("paper")
-    reach = force_capability(robot, q, "foot", "xz")
+    reach = metrics.force_capability(robot, q, "foot", "xz")
     corners = reach.moving(direction)
     n = np.array(direction) / np.linalg.norm(direction)
     task = reach.task
@@ -117,7 +111,7 @@ LOCKED = geared(STRONG, backward_efficiency=[0.5, -0.1])
 )
 def test_the_knee_holds_its_share_of_the_load(robot: Robot, least: float, most: list) -> None:
     """The foot is straight under the hip: the knee's lever is 0.2 m, the reduction 20."""
-    found = holding(robot, robot.pose("paper"), "foot", UP, 200.0, "xz")
+    found = metrics.holding(robot, robot.pose("paper"), "foot", UP, 200.0, "xz")
     np.testing.assert_allclose(found.lossless, [0.0, 2.0], atol=1e-12)
     np.testing.assert_allclose(found.least, [0.0, least], atol=1e-12)
     np.testing.assert_allclose(found.most, most, atol=1e-12)
@@ -128,14 +122,14 @@ def test_the_knee_holds_its_share_of_the_load(robot: Robot, least: float, most: 
 
 @pytest.mark.parametrize(("robot", "threshold"), [(RUBBING, 20 * 0.02 / ETA_B), (LOCKED, np.inf)])
 def test_the_force_that_moves_the_unpowered_leg(robot: Robot, threshold: float) -> None:
-    assert backdriving_torque(robot)[1] == pytest.approx(threshold)
-    force = backdriving_force(robot, robot.pose("paper"), "foot", UP, "xz")
+    assert metrics.backdriving_torque(robot)[1] == pytest.approx(threshold)
+    force = metrics.backdriving_force(robot, robot.pose("paper"), "foot", UP, "xz")
     assert force == pytest.approx(threshold / 0.2)
 
 
 def test_unknown_motors_count_as_equal() -> None:
     robot = load_robot("planar_leg")
-    found = holding(robot, robot.pose("paper"), "foot", UP, 50.0, "xz")
+    found = metrics.holding(robot, robot.pose("paper"), "foot", UP, 50.0, "xz")
     assert np.isnan(found.heat_lossless)
     assert found.heat_saved == pytest.approx(1.0 - (2.0 - 1.0 / 0.7) ** 2)
-    assert holding(robot, robot.pose("paper"), "foot", UP, 0.0, "xz").heat_saved == 0.0
+    assert metrics.holding(robot, robot.pose("paper"), "foot", UP, 0.0, "xz").heat_saved == 0.0

@@ -12,16 +12,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from wbc import metrics
 from wbc.dynamics import evaluate
 from wbc.effects import load_robot
-from wbc.metrics import (
-    backward_generalized_inertia,
-    force_capability,
-    forward_generalized_inertia,
-    generalized_inertia,
-    impact_mitigation,
-    sweep,
-)
 from wbc.robot import Robot
 
 POSE = {"hip": -np.pi / 6, "knee": np.pi / 3}
@@ -48,11 +41,11 @@ def test_link_inertia_and_jacobian() -> None:
 @pytest.mark.parametrize(
     ("robot", "tensor", "expected"),
     [
-        (FIXED, generalized_inertia, [1.5, 1.250926, 1.250926, 3.166667]),
-        (FIXED, backward_generalized_inertia, [1.518519, 1.283001, 1.283001, 3.722222]),
-        (FIXED, forward_generalized_inertia, [1.861111, 1.539601, 1.299038, 3.809524]),
-        (FLOATING, generalized_inertia, [1.459986, 1.192464, 1.192464, 3.075178]),
-        (FLOATING, backward_generalized_inertia, [1.476302, 1.202408, 1.202408, 3.545989]),
+        (FIXED, metrics.generalized_inertia, [1.5, 1.250926, 1.250926, 3.166667]),
+        (FIXED, metrics.backward_generalized_inertia, [1.518519, 1.283001, 1.283001, 3.722222]),
+        (FIXED, metrics.forward_generalized_inertia, [1.861111, 1.539601, 1.299038, 3.809524]),
+        (FLOATING, metrics.generalized_inertia, [1.459986, 1.192464, 1.192464, 3.075178]),
+        (FLOATING, metrics.backward_generalized_inertia, [1.476302, 1.202408, 1.202408, 3.545989]),
     ],
 )
 def test_inertia_tensors(
@@ -64,7 +57,7 @@ def test_inertia_tensors(
 
 @pytest.mark.parametrize("robot", [FLOATING, FIXED])
 def test_force_capability(robot: Robot) -> None:
-    reach = force_capability(robot, robot.configuration(**POSE), "foot", "xz").along(UP)
+    reach = metrics.force_capability(robot, robot.configuration(**POSE), "foot", "xz").along(UP)
     assert reach.conventional == pytest.approx(100.0, abs=1e-9)
     assert reach.lift / reach.conventional == pytest.approx(0.7, abs=1e-12)
     assert reach.hold / reach.conventional == pytest.approx(1.75, abs=1e-12)
@@ -73,13 +66,13 @@ def test_force_capability(robot: Robot) -> None:
 def test_impact_mitigation() -> None:
     gears = FLOATING.transmission
     bare = FLOATING.with_transmission(gears.replace(rotor_inertia=np.zeros(2)))
-    close(impact_mitigation(bare, AT, "foot", "xz").along(UP), 0.925374)
-    close(impact_mitigation(FLOATING, AT, "foot", "xz", directions=0).along(UP), 0.888639)
-    close(impact_mitigation(FLOATING, AT, "foot", "xz").along(UP), 0.863972)
+    close(metrics.impact_mitigation(bare, AT, "foot", "xz").along(UP), 0.925374)
+    close(metrics.impact_mitigation(FLOATING, AT, "foot", "xz", directions=0).along(UP), 0.888639)
+    close(metrics.impact_mitigation(FLOATING, AT, "foot", "xz").along(UP), 0.863972)
 
 
 def test_equal_efficiencies() -> None:
-    table = sweep(
+    table = metrics.sweep(
         FLOATING,
         AT,
         "foot",
@@ -95,6 +88,6 @@ def test_equal_efficiencies() -> None:
 def test_the_paper_s_motors_cannot_carry_the_leg() -> None:
     weight = 9.81 * sum(inertia.mass for inertia in FLOATING.model.inertias)
     assert weight == pytest.approx(186.39)
-    assert force_capability(FLOATING, AT, "foot", "xz").along(UP).hold < weight
+    assert metrics.force_capability(FLOATING, AT, "foot", "xz").along(UP).hold < weight
     strong = load_robot("planar_leg_strong")
-    assert force_capability(strong, AT, "foot", "xz").along(UP).lift > weight
+    assert metrics.force_capability(strong, AT, "foot", "xz").along(UP).lift > weight
