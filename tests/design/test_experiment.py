@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import minimize_scalar
 
+from tests.design.rivals import LEG, LIMITS, rivals
 from wbc.design.experiment import (
     FourierPath,
     MotionLimits,
@@ -17,7 +18,6 @@ from wbc.design.experiment import (
     design_experiment,
     expected,
     informing,
-    parse_cause,
     random_paths,
 )
 from wbc.dynamics import link_torque, rotor_torque
@@ -26,22 +26,11 @@ from wbc.errors import DesignError, EffectError
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
-LEG = load_robot("planar_leg_fixed").lossless()
-LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
+FRICTION = rivals("viscous_friction@knee:coefficient=0.3", "coulomb_friction@knee:level=0.5")
 
 
-def of_robot(robot: Robot, *texts: str, noise: float = 0.01) -> Rivals:
-    causes = tuple(parse_cause(text, robot) for text in texts)
-    return Rivals(robot, causes, np.full(robot.transmission.size, noise))
-
-
-def rivals(noise: float = 0.01, *texts: str) -> Rivals:
-    names = texts or ("viscous_friction@knee:coefficient=0.3", "coulomb_friction@knee:level=0.5")
-    return of_robot(LEG, *names, noise=noise)
-
-
-def path(seed: int = 3) -> FourierPath:
-    return next(random_paths(rivals(), LIMITS, 4.0, seed, 1))
+def path() -> FourierPath:
+    return next(random_paths(FRICTION, LIMITS, 4.0, 3, 1))
 
 
 def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> None:
@@ -59,7 +48,7 @@ def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> Non
 
 def test_the_odds_are_those_of_simulated_measurements() -> None:
     """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
-    chosen, one = replace(rivals(noise=0.05), band=np.inf), path()
+    chosen, one = replace(FRICTION, noise=np.full(2, 0.05), band=np.inf), path()
     said = expected(chosen, LIMITS, one, rate=100.0).odds
     time = one.times(100.0)
     q, v, a = one.at(time)
@@ -73,12 +62,10 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
         return rotor_torque(robot, motion, links)[0]
 
     def least(i: int, measured: np.ndarray) -> float:
-        found = minimize_scalar(
-            lambda x: np.sum(((torque(i, x) - measured) / 0.05) ** 2),
-            bounds=(0.0, 5.0),
-            method="bounded",
-        )
-        return 0.5 * found.fun
+        def misfit(value: float) -> float:
+            return 0.5 * np.sum(((torque(i, value) - measured) / 0.05) ** 2)
+
+        return minimize_scalar(misfit, bounds=(0.0, 5.0), method="bounded").fun
 
     values = [next(iter(effect.values.values())) for (effect,) in chosen.causes]
     for true, other in ((0, 1), (1, 0)):
@@ -94,7 +81,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
 
 
 def test_the_designed_motion_beats_chance() -> None:
-    chosen = rivals(0.01, "rotor_inertia@knee", "payload_mass@shin")
+    chosen = rivals("rotor_inertia@knee", "payload_mass@shin")
     chance = [expected(chosen, LIMITS, p).worst for p in random_paths(chosen, LIMITS, 4.0, 1, 9)]
     classic = design_experiment(chosen, LIMITS, 4.0, rounds=24, aim=informing)
     ours = design_experiment(chosen, LIMITS, 4.0, rounds=24, starts=[classic.path])
@@ -105,53 +92,49 @@ def test_the_designed_motion_beats_chance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("texts", "error", "message"),
+    ("texts", "message"),
     [
-        (("viscous@knee",), EffectError, "Unknown effect"),
-        (("viscous_friction@ankle",), EffectError, "hip, knee"),
-        (("viscous_friction@knee:level=1",), EffectError, "coefficient"),
-        (("viscous_friction@knee", "viscous_friction@knee"), DesignError, "given twice"),
+        (("viscous@knee",), "Unknown effect"),
+        (("viscous_friction@ankle",), "hip, knee"),
+        (("viscous_friction@knee:level=1",), "coefficient"),
+        (("viscous_friction@knee", "viscous_friction@knee"), "given twice"),
     ],
 )
-def test_what_cannot_be_compared_is_named(
-    texts: tuple[str, ...], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        rivals(0.01, *texts)
+def test_what_cannot_be_compared_is_named(texts: tuple[str, ...], message: str) -> None:
+    with pytest.raises((EffectError, DesignError), match=message):
+        rivals(*texts)
 
 
 def test_a_free_base_is_held_and_the_leg_is_then_the_fixed_leg() -> None:
     """The wrench of the stand reaches no gear: same motion, same odds as with a fixed base."""
     free = load_robot("planar_leg").lossless()
     texts = ("rotor_inertia@knee", "payload_mass@shin")
-    odds = []
-    for robot in (free, LEG):
-        odds.append(expected(of_robot(robot, *texts), LIMITS, path()).odds)
-    assert odds[0] == pytest.approx(odds[1], rel=1e-6)
+    chosen = (rivals(*texts, robot=robot) for robot in (free, LEG))
+    odds, known = (expected(both, LIMITS, path()).odds for both in chosen)
+    assert odds == pytest.approx(known, rel=1e-6)
 
 
 def test_a_joint_without_a_gear_behind_a_driven_one_is_refused() -> None:
     model = pin.Model()
     for name in ("driven", "loose"):
-        joint = model.addJoint(
-            model.njoints - 1, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0, 0, -0.3])), name
-        )
+        below = pin.SE3(np.eye(3), np.array([0, 0, -0.3]))
+        joint = model.addJoint(model.njoints - 1, pin.JointModelRY(), below, name)
         model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
     robot = Robot("chain", model, Transmission(("driven",), [10.0], [1e-5]))
     with pytest.raises(DesignError, match="loose"):
-        of_robot(robot, "viscous_friction@driven")
+        rivals("viscous_friction@driven", robot=robot)
 
 
 def test_what_a_diagnosis_does_not_read_speaks_for_no_cause() -> None:
     """Torques above its band, and rows about a reversal, are worth nothing."""
-    chosen, time = rivals(), np.arange(1001)[:, None] / 100.0
+    time = np.arange(1001)[:, None] / 100.0
 
     def told(frequency: float, band: float) -> float:
         omega = 2.0 * np.pi * frequency
         moves = np.array([[0.0, 2.0]])  # the same speeds at every frequency
         wave, speed = np.sin(omega * time) * moves, np.cos(omega * time) * moves
         motion = Motion(LEG.pose() + wave / omega, speed, -omega * wave, time[:, 0])
-        return replace(chosen, band=band).predictions(motion).signal(0)
+        return replace(FRICTION, band=band).predictions(motion).signal(0)
 
     whole = told(1.0, np.inf)
     assert told(8.0, np.inf) == pytest.approx(whole, rel=0.05)
@@ -162,7 +145,7 @@ def test_what_a_diagnosis_does_not_read_speaks_for_no_cause() -> None:
 
 @pytest.mark.parametrize("duration", [2.0, 4.0, 10.0])
 def test_random_motions_hold_a_period_as_far_as_two_hertz_allow(duration: float) -> None:
-    for path in random_paths(rivals(0.01, "rotor_inertia@knee"), LIMITS, duration, 0, 6):
+    for path in random_paths(rivals("rotor_inertia@knee"), LIMITS, duration, 0, 6):
         assert path.frequency >= min(1.0 / duration, 0.4)
         assert path.frequency * path.sine.shape[1] <= 2.0 + 1e-9
 
@@ -177,7 +160,7 @@ def test_a_slide_and_seven_axes_are_planned_with_motors_that_can_hold_them_still
         limits = np.maximum(held / share, 1.5)
         strong = robot.with_transmission(robot.transmission.replace(torque_limit=limits))
         causes = ("payload_mass@arm_7_link", "viscous_friction@torso_lift_joint")
-        return of_robot(strong, *causes), MotionLimits.of(strong)
+        return rivals(*causes, robot=strong), MotionLimits.of(strong)
 
     found = design_experiment(*planned(0.5), 2.0, rounds=2)
     assert found.used <= 0.81
@@ -191,22 +174,18 @@ def test_a_slide_and_seven_axes_are_planned_with_motors_that_can_hold_them_still
 
 def test_a_short_motion_keeps_its_limits_at_the_rate_of_the_log() -> None:
     """Half a second has 26 rows of the search, between which its peaks lie."""
-    chosen = of_robot(LEG, "payload_mass@shin", "rotor_inertia@knee")
+    chosen = rivals("payload_mass@shin", "rotor_inertia@knee")
     limits = MotionLimits.of(LEG, span=1.0, speed=6.0, acceleration=100.0)
     assert design_experiment(chosen, limits, 0.5, rounds=3, aim=deciding).used <= 0.8
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        *(({"duration": d}, f"must be > 0 and finite, got {d:g}") for d in (np.nan, np.inf, -1.0)),
-        ({"rate": np.nan}, "needs 10 rows per second or more; the rate is nan"),
-        ({"rate": 1.0}, "needs 10 rows per second or more; the rate is 1"),
-        ({"rate": np.inf}, "rate of an experiment must be > 0 and finite, got inf"),
-    ],
-)
+TIMES = [({"duration": d}, f"must be > 0 and finite, got {d:g}") for d in (np.nan, np.inf, -1.0)]
+FEW = [({"rate": r}, f"needs 10 rows per second or more; the rate is {r:g}") for r in (np.nan, 1.0)]
+MANY = [({"rate": np.inf}, "rate of an experiment must be > 0 and finite, got inf")]
+
+
+@pytest.mark.parametrize(("settings", "message"), [*TIMES, *FEW, *MANY])
 def test_a_time_or_rate_that_is_none_is_named(settings: dict[str, float], message: str) -> None:
-    chosen = of_robot(LEG, "viscous_friction@knee", "coulomb_friction@knee")
     given = {"duration": 2.0, "rate": 100.0, **settings}
     with pytest.raises(DesignError, match=message):
-        design_experiment(chosen, MotionLimits.of(LEG, speed=6.0), rounds=1, **given)  # type: ignore[arg-type]
+        design_experiment(FRICTION, LIMITS, rounds=1, **given)  # type: ignore[arg-type]

@@ -18,12 +18,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from tests.design.rivals import rivals
 from wbc.cli import main
 from wbc.design.experiment import (
     MotionLimits,
-    Rivals,
     design_experiment,
-    parse_cause,
     random_paths,
 )
 from wbc.design.experiment.motions import LinkDistances
@@ -51,16 +50,17 @@ def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     name, out = request.param, tmp_path_factory.mktemp("planned") / "set points.csv"
     odds = out.with_name("odds.json")
     joint, link = ROBOTS[name]
-    causes = [
+    heavy, load = (
         f"rotor_inertia@{joint}:reflected_inertia={ROTOR}",
         f"payload_mass@{link}:mass={LOAD}",
-    ]
+    )
     options = f"--lossless --span {SPAN} --speed {SPEED} --acceleration {ACCELERATION} --rounds 1"
     options += f" --rate {RATE} --duration {DURATION} --noise 0.05"
     files = ["--out", str(out), "--json", str(odds)]
     with pytest.MonkeyPatch.context() as quicker, redirect_stdout(StringIO()) as shown:
-        quicker.setattr("wbc.design.experiment.search._RANDOM", 3)
-        assert main(["experiment", name, *options.split(), *files, "--between", *causes]) == 0
+        for draws, count in (("_RANDOM", 3), ("_DRAWN", 8)):
+            quicker.setattr(f"wbc.design.experiment.search.{draws}", count)
+        assert main(["experiment", name, *options.split(), *files, "--between", heavy, load]) == 0
     assert ("hold the base in a stand" in shown.getvalue()) == (name == "solo12")
     said = json.loads(odds.read_text())["log10_odds"]
     least = {way: min(pair["value"] for pair in pairs) for way, pairs in said.items()}
@@ -214,14 +214,13 @@ def distance_to_wall(robot: Robot, positions: np.ndarray) -> float:
 
 def test_no_link_meets_another_along_a_designed_motion(tmp_path: Path) -> None:
     robot = walled(tmp_path)
-    causes = ("rotor_inertia@elbow", "payload_mass@lower")
-    rivals = Rivals(robot, tuple(parse_cause(c, robot) for c in causes), np.full(2, 0.01))
+    chosen = rivals("rotor_inertia@elbow", "payload_mass@lower", robot=robot)
     limits = MotionLimits.of(robot, span=2.0, speed=6.0)
     blind = replace(limits, clearance=None)
     fine = np.linspace(0.0, 4.0, 1601)
-    wild = [p.at(fine)[0] for p in random_paths(rivals, blind, 4.0, 1, 4)]
+    wild = [p.at(fine)[0] for p in random_paths(chosen, blind, 4.0, 1, 4)]
     assert min(distance_to_wall(robot, q) for q in wild) < 0.0  # without the limit they hit it
-    found = design_experiment(rivals, limits, 4.0, rounds=10)
+    found = design_experiment(chosen, limits, 4.0, rounds=10)
     q = found.path.at(fine)[0]
     near = distance_to_wall(robot, q)
     assert near > 0.015  # 20 mm at the samples of the search, a little less between them
@@ -237,10 +236,8 @@ def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
     assert found is not None
     random, time = np.random.default_rng(0), np.arange(300) / 50.0
     phase = random.uniform(0.0, 6.0, (len(center), 3))
-    waves = [
-        np.sin(0.6 * np.pi * (k + 1) * time[:, None] + phase[:, k]) for k in range(phase.shape[1])
-    ]
-    rows = center + 0.4 * sum(waves)
+    beats = 0.6 * np.pi * np.arange(1, 4)
+    rows = center + 0.4 * np.sin(time[:, None, None] * beats + phase).sum(axis=2)
     apart = np.array([found.least(row[None]) >= found.margin for row in rows])
     assert 50 < apart.sum() < 280
     free = rows[apart]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.design.rivals import LEG, LIMITS, rivals
 from wbc.design.experiment import (
     BAND,
-    MotionLimits,
     Predictions,
     Rivals,
     design_experiment,
@@ -23,22 +23,13 @@ from wbc.design.experiment import (
     tied_causes,
     tied_rivals,
 )
-from wbc.effects import CoulombFriction, effect_class, load_robot
+from wbc.effects import CoulombFriction, effect_class
 from wbc.errors import DesignError
 from wbc.identification import Diagnosis, diagnose
 from wbc.robot import Motion
 from wbc.sim.excitation import record_with
 
-LEG = load_robot("planar_leg_fixed").lossless()
-LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)
 NOISE = np.full(2, 0.2)
-
-
-def rivals(
-    *texts: str, covariances: tuple[np.ndarray | None, ...] = (), noise: float = 0.01
-) -> Rivals:
-    causes = tuple(parse_cause(text, LEG) for text in texts)
-    return Rivals(LEG, causes, np.full(2, noise), covariances=covariances)
 
 
 def along_a_motion(chosen: Rivals) -> Predictions:
@@ -75,10 +66,10 @@ def test_a_gear_that_may_be_load_friction_is_promised_less() -> None:
     """The first logs leave the efficiencies open: they may be what the rival does."""
     gear = "transmission_efficiency@knee:forward_efficiency=0.8,backward_efficiency=0.7"
     load = "load_friction@knee:coefficient=0.3"
-    path = next(random_paths(rivals(gear, load, noise=0.02), LIMITS, 10.0, 1, 1))
-    fitted = expected(rivals(gear, load, noise=0.02), LIMITS, path)
-    wide = rivals(gear, load, noise=0.02, covariances=(np.diag([0.05**2, 0.05**2]), None))
-    averaged = expected(wide, LIMITS, path)
+    sure = rivals(gear, load, noise=0.02)
+    path = next(random_paths(sure, LIMITS, 10.0, 1, 1))
+    wide = replace(sure, covariances=(np.diag([0.05**2, 0.05**2]), None))
+    fitted, averaged = (expected(chosen, LIMITS, path) for chosen in (sure, wide))
     assert fitted.chance[0, 1] > 0.999
     assert averaged.odds[0, 1] < 0.5 * fitted.odds[0, 1]
     assert averaged.chance[0, 1] < fitted.chance[0, 1]
@@ -151,7 +142,6 @@ def test_a_diagnosis_says_its_band_and_what_it_leaves_open(found: Diagnosis) -> 
     assert chosen.band == table["band"]
     assert tied_rivals(table, LEG, NOISE, 4.0).band == 4.0
     own, rival = chosen.covariances
-    assert own is not None
     assert rival is not None
     (estimate,) = found.findings[0].parameters.values()
     # Of the intervals without what filters distort.

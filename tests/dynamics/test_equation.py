@@ -47,10 +47,8 @@ def whole_solution(
     for signs in product((1.0, -1.0), repeat=m):
         sign = np.array(signs)
         kappa = np.where(sign * speed > 0.0, kappa_f, kappa_b)
-        friction = np.zeros((nv + m, m))
-        friction[nv:] = (
-            -np.diag(kappa * sign * np.sign(speed) / gears.gear_ratio) @ gears.topology.T
-        )
+        friction, drag = np.zeros((nv + m, m)), kappa * sign * np.sign(speed) / gears.gear_ratio
+        friction[nv:] = -np.diag(drag) @ gears.topology.T
         system = np.block([[model.inertia, -a_matrix.T - friction], [a_matrix, np.zeros((m, m))]])
         solution = np.linalg.solve(system, np.concatenate([right, np.zeros(m)]))
         output = gears.topology.T @ solution[nv + m :]
@@ -59,15 +57,10 @@ def whole_solution(
     return found
 
 
-@pytest.mark.parametrize(
-    ("name", "coupled"),
-    [
-        ("planar_leg", False),
-        ("planar_leg_fixed", False),
-        ("parallelogram_leg", False),
-        ("parallelogram_leg", True),
-    ],
-)
+FORMS = [(name, False) for name in ("planar_leg", "planar_leg_fixed", "parallelogram_leg")]
+
+
+@pytest.mark.parametrize(("name", "coupled"), [*FORMS, ("parallelogram_leg", True)])
 def test_redundant_and_reduced_forms_agree(name: str, coupled: bool) -> None:
     rng = np.random.default_rng(11)
     base = replace(load_robot(name), rotors_turn_with_links=coupled)
@@ -89,8 +82,7 @@ def test_redundant_and_reduced_forms_agree(name: str, coupled: bool) -> None:
 
 
 def test_a_self_locking_gear_is_never_driven_backward() -> None:
-    robot = load_robot("planar_leg")
-    robot = robot.with_transmission(robot.transmission.replace(backward_efficiency=np.zeros(2)))
+    robot = geared(load_robot("planar_leg"), backward_efficiency=0.0)
     q, v = random_state(robot, np.random.default_rng(0), spread=1.5)
     with pytest.raises(TransmissionError, match="self-locking"):
         dissipative_equation(robot, evaluate(robot, q, v), -np.ones(2))

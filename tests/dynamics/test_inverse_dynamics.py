@@ -23,15 +23,10 @@ MASS, ACROSS = 0.2, 3e-4
 
 
 def random_motion(robot: Robot, seed: int, samples: int = SAMPLES) -> Motion:
-    rng = np.random.default_rng(seed)
-    q = np.array(
-        [
-            pin.integrate(robot.model, robot.neutral(), rng.normal(size=robot.model.nv))
-            for _ in range(samples)
-        ]
-    )
-    v, a = rng.normal(size=(2, samples, robot.model.nv))
-    return Motion(q, v, a)
+    rng, start = np.random.default_rng(seed), robot.neutral()
+    moved = rng.normal(size=(samples, robot.model.nv))
+    q = np.array([pin.integrate(robot.model, start, step) for step in moved])
+    return Motion(q, *rng.normal(size=(2, *moved.shape)))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -42,9 +37,8 @@ def test_a_log_is_its_samples(name: str) -> None:
     torque, rest = dynamics.rotor_torque(robot, motion, links)
     for i in range(SAMPLES):
         terms = dynamics.evaluate(robot, motion.position[i], motion.velocity[i])
-        np.testing.assert_allclose(
-            links[i], terms.mass_matrix @ motion.acceleration[i] + terms.bias, atol=1e-9
-        )
+        needed = terms.mass_matrix @ motion.acceleration[i] + terms.bias
+        np.testing.assert_allclose(links[i], needed, atol=1e-9)
         single = Motion(motion.position[i], motion.velocity[i], motion.acceleration[i])
         one, left = dynamics.rotor_torque(robot, single, links[i])
         np.testing.assert_allclose(torque[i], one, atol=1e-12)
@@ -78,10 +72,8 @@ def test_the_regressor_times_the_parameters_is_the_torque(name: str) -> None:
     product = dynamics.inertial_regressor(robot, motion) @ dynamics.inertial_parameters(robot)
     np.testing.assert_allclose(product, dynamics.link_torque(robot, motion), atol=1e-9)
     # Another parameter vector gives the torque of the robot that has it.
-    last, load = (
-        robot.model.njoints - 1,
-        pin.Inertia(0.5, np.array([0.1, 0.0, -0.2]), 1e-3 * np.eye(3)),
-    )
+    last = robot.model.njoints - 1
+    load = pin.Inertia(0.5, np.array([0.1, 0.0, -0.2]), 1e-3 * np.eye(3))
     heavier = robot.with_inertia(last, robot.model.inertias[last] + load)
     product = dynamics.inertial_regressor(robot, motion) @ dynamics.inertial_parameters(heavier)
     np.testing.assert_allclose(product, dynamics.link_torque(heavier, motion), atol=1e-9)
@@ -119,10 +111,13 @@ def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
     np.testing.assert_allclose(20.0 * torque[0], [-links, knee], atol=1e-9)
 
 
-def test_accelerations_are_needed() -> None:
+def test_what_there_is_not_is_named() -> None:
     robot = load_robot("planar_leg_fixed")
     with pytest.raises(DynamicsError, match="accelerations"):
         dynamics.link_torque(robot, Motion(np.zeros((2, 2)), np.zeros((2, 2))))
+    gears = robot.transmission.replace(housings=("base", "tigh"))
+    with pytest.raises(RobotError, match="Did you mean 'thigh'"):
+        _ = robot.with_transmission(gears).mounting
 
 
 def rotor_body(axis: FloatArray, spin: float) -> pin.Inertia:
@@ -189,10 +184,3 @@ def test_inverse_dynamics_with_coupling_is_that_of_real_rotor_joints(name: str) 
     found, rest = dynamics.rotor_torque(ours, motion, dynamics.link_torque(ours, motion))
     np.testing.assert_allclose(found[0], tau, atol=1e-9)
     np.testing.assert_allclose(rest[0], needed[:nv][robot.unactuated], atol=1e-9)
-
-
-def test_a_housing_that_does_not_exist_is_named() -> None:
-    robot = load_robot("planar_leg")
-    gears = robot.transmission.replace(housings=("base", "tigh"))
-    with pytest.raises(RobotError, match="Did you mean 'thigh'"):
-        _ = robot.with_transmission(gears).mounting

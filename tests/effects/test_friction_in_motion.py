@@ -12,18 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.effects.needed import needed
-from wbc import Robot, load_robot
+from wbc import effects, load_robot
 from wbc.arrays import FloatArray
-from wbc.effects import (
-    EFFECTS,
-    CoulombFriction,
-    DirectionalViscousFriction,
-    LoadPresliding,
-    LoadStribeckFriction,
-    Presliding,
-    ThermalViscousFriction,
-    ViscousFriction,
-)
+from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion
 from wbc.robot.dc_drive import DcDrive
@@ -73,6 +64,7 @@ CASES = {
         lambda v, z, s: (1.0 / (1.0 + MEAN * s * z + DIFFERENCE * z**2), 0.0),
         to_and_fro,
         8e-3,
+        duration=0.3,
     ),
     "load_stribeck_friction": Case(
         LoadStribeckFriction("knee", SHARE, SPEED),
@@ -83,7 +75,7 @@ CASES = {
         0.3,
     ),
     "directional_viscous_friction": Case(
-        DirectionalViscousFriction("knee", 0.5, 0.2),
+        effects.DirectionalViscousFriction("knee", 0.5, 0.2),
         lambda v, z, s: (1.0, (0.5 if v > 0.0 else 0.2) * v),
         to_and_fro,
         5e-3,
@@ -100,8 +92,10 @@ class Run(NamedTuple):
     least: float
 
 
-def march(robot: Robot, case: Case, h: float) -> Run:
-    plant = Plant(robot, FAR)
+@cache
+def run_of(name: str, h: float, with_effect: bool = True) -> Run:
+    case = CASES[name]
+    plant = Plant(LEG.with_effect(case.effect) if with_effect else LEG, FAR)
     state = plant.state(case.start[:2], case.start[2:])
     before, flow, least, rows = plant.mechanical_energy(state), EnergyFlow(), 0.0, []
     for i in range(round(case.duration / h)):
@@ -114,12 +108,6 @@ def march(robot: Robot, case: Case, h: float) -> Run:
         rows.append((*state.position, *state.velocity, z))
     audit = EnergyAudit(flow, plant.mechanical_energy(state) - before)
     return Run(np.array(rows), state.memory, audit, least)
-
-
-@cache
-def run_of(name: str, h: float, with_effect: bool = True) -> Run:
-    case = CASES[name]
-    return march(LEG.with_effect(case.effect) if with_effect else LEG, case, h)
 
 
 def truth(case: Case) -> FloatArray:
@@ -141,9 +129,8 @@ def truth(case: Case) -> FloatArray:
         signs.add(sign)
         return np.concatenate((v, a, [(v[1] - abs(v[1]) * z) / LENGTH]))
 
-    path = solve_ivp(
-        rate, (0.0, case.duration), [*case.start, 0.0], rtol=1e-6, atol=1e-8, max_step=5e-3
-    ).y
+    span, exact = (0.0, case.duration), {"rtol": 1e-6, "atol": 1e-8, "max_step": 5e-3}
+    path = solve_ivp(rate, span, [*case.start, 0.0], **exact).y
     assert signs == {1.0, -1.0}
     assert case.push is to_and_fro or path[3].min() > 0.05
     return path[:, -1]
@@ -220,12 +207,11 @@ def test_no_step_is_too_long_for_stiff_bristles(length: float, h: float) -> None
 
 
 def test_where_no_memory_is_known_bristles_act_as_coulomb_friction() -> None:
-    effect, dry = Presliding("knee", LEVEL, LENGTH), CoulombFriction("knee", LEVEL)
+    effect, dry = Presliding("knee", LEVEL, LENGTH), effects.CoulombFriction("knee", LEVEL)
     sample = Motion(START, np.array([0.1, -0.4]))
     assert effect.joint_torque(LEG, sample) is None
-    np.testing.assert_array_equal(
-        effect.joint_friction(LEG, sample), dry.joint_friction(LEG, sample)
-    )
+    level, known = (one.joint_friction(LEG, sample) for one in (effect, dry))
+    np.testing.assert_array_equal(level, known)
     under_load = LoadPresliding("knee", 0.8, 0.7, 0.02)
     assert under_load.rotor_torque(LEG, sample) is None
     assert under_load.memory_energy(LEG, sample) is None
@@ -240,11 +226,9 @@ def test_where_no_memory_is_known_bristles_act_as_coulomb_friction() -> None:
 def test_a_weight_that_is_held_at_rest_runs_once_it_moves(speed: float, holds: bool) -> None:
     """The gear at rest carries 1 / (1 - c) to 1 / (1 + c) of the load; in motion it does not."""
     robot = LEG.with_effects(*(LoadStribeckFriction(j, SHARE, 0.3) for j in ("hip", "knee")))
-    at = np.array([0.9, 0.0])
+    plant, at = Plant(robot, FAR), np.array([0.9, 0.0])
     load = pin.rnea(LEG.model, LEG.model.createData(), at, *np.zeros((2, 2)))
-    plant = Plant(robot, FAR)
-    state = plant.state(at, np.array([speed, 0.0]))
-    state = plant.run(state, 0.8 * load / RATIO, 0.2, 200).state
+    state = plant.run(plant.state(at, [speed, 0.0]), 0.8 * load / RATIO, 0.2, 200).state
     assert (np.abs(state.velocity).max() < 1e-9) == holds
     assert (np.abs(state.position - at).max() < 1e-9) == holds
 
@@ -255,7 +239,7 @@ def test_servo_rollouts_stick_under_load_and_slide_once_they_move() -> None:
     def final(coefficient: float, enabled: float) -> float:
         robot = load_robot("xl330_pendulum").with_effects(
             LoadStribeckFriction("shaft", coefficient, 0.05),
-            EFFECTS["rotor_coulomb_friction"].at("shaft", {"level": 0.11}),
+            effects.EFFECTS["rotor_coulomb_friction"].at("shaft", {"level": 0.11}),
         )
         run = ServoRun("", 2.0, np.zeros(200), np.full(200, enabled), np.full(200, 0.4))
         return float(servo_rollout([(robot, DcDrive(7.4))], [run], 0.005)[-1, 0, 0])
@@ -268,8 +252,8 @@ def test_servo_rollouts_stick_under_load_and_slide_once_they_move() -> None:
 @pytest.mark.parametrize(("temperature", "drag"), [(None, 0.4), (60.0, 0.4 * np.exp(-0.6))])
 def test_the_plant_drags_as_its_temperature_says(temperature: float | None, drag: float) -> None:
     warm = None if temperature is None else np.full(2, temperature)
-    thermal = LEG.with_effect(ThermalViscousFriction("knee", 0.4, 0.03))
-    plain = LEG.with_effect(ViscousFriction("knee", drag))
+    thermal = LEG.with_effect(effects.ThermalViscousFriction("knee", 0.4, 0.03))
+    plain = LEG.with_effect(effects.ViscousFriction("knee", drag))
     ends = [
         plant.step(plant.state(START, [0.0, 2.0]), np.zeros(2), 1e-3).state.velocity
         for plant in (Plant(thermal, FAR, temperature=warm), Plant(plain, FAR))

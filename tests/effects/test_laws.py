@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.effects.needed import motion_of, needed
-from wbc import Robot, effects, load_robot
+from tests.sim.random_robots import geared
+from wbc import Robot, effects
 from wbc.arrays import FloatArray
 from wbc.dynamics import link_torque
 from wbc.errors import EffectError
@@ -16,18 +17,19 @@ from wbc.robot import Effect, Motion
 
 REFLECTED = 0.02666666666666667
 Law = Callable[[FloatArray, FloatArray, FloatArray], FloatArray | float]
+
+
+def gauss(x: FloatArray) -> FloatArray:
+    return np.exp(-(x**2))
+
+
 # What an effect at the knee adds to the torque at the output of its motor, for q, v and a.
 ADDED: list[tuple[Effect, Law]] = [
     (effects.ViscousFriction("knee", 0.4), lambda q, v, a: 0.4 * v),
-    (
-        effects.ThermalViscousFriction("knee", 0.4, 0.03),
-        lambda q, v, a: 0.4 * np.exp(-0.6) * v,
-    ),  # 60 C
+    # at 60 C
+    (effects.ThermalViscousFriction("knee", 0.4, 0.03), lambda q, v, a: 0.4 * np.exp(-0.6) * v),
     (effects.CoulombFriction("knee", 0.6), lambda q, v, a: 0.6 * np.sign(v)),
-    (
-        effects.StribeckFriction("knee", 0.5, 0.2),
-        lambda q, v, a: 0.5 * np.exp(-((v / 0.2) ** 2)) * np.sign(v),
-    ),
+    (effects.StribeckFriction("knee", 0.5, 0.2), lambda q, v, a: 0.5 * gauss(v / 0.2) * np.sign(v)),
     (effects.QuadraticDrag("knee", 0.3), lambda q, v, a: 0.3 * v * np.abs(v)),
     (effects.JointSpring("knee", 3.0, 0.25), lambda q, v, a: 3.0 * (q - 0.25)),
     (effects.TorqueRipple("knee", 0.4, 7.0, 0.3), lambda q, v, a: -0.4 * np.sin(7.0 * q + 0.3)),
@@ -55,7 +57,7 @@ def test_losses_of_a_gear_depend_on_the_direction_of_power(leg: Robot, motion: M
     rotor = REFLECTED * motion.acceleration[:, 1]  # type: ignore[index]
     forward = output * speed > 0.0
     assert 0 < forward.sum() < len(forward)
-    share = 0.5 * np.exp(-((speed / 0.8) ** 2))
+    share = 0.5 * gauss(speed / 0.8)
     for effect, lifts, lowers in (
         (effects.TransmissionEfficiency("knee", 0.75, 0.5), 0.75, 2.0),
         (effects.LoadFriction("knee", 0.15), 0.85, 1.15),
@@ -66,9 +68,7 @@ def test_losses_of_a_gear_depend_on_the_direction_of_power(leg: Robot, motion: M
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_a_drive_scales_what_is_reported_and_an_offset_comes_on_top(
-    leg: Robot, motion: Motion
-) -> None:
+def test_a_drive_scales_its_report_and_an_offset_comes_on_top(leg: Robot, motion: Motion) -> None:
     constant, offset = effects.TorqueConstant("knee", 1.2), effects.TorqueOffset("knee", -0.7)
     reported = needed(leg.with_effect(constant), motion)
     np.testing.assert_allclose(reported * [1.0, 1.2], needed(leg, motion))
@@ -90,23 +90,16 @@ def test_a_payload_is_a_point_mass_at_its_place(leg: Robot) -> None:
 
 
 def test_effects_at_one_place_add_up(leg: Robot, motion: Motion) -> None:
-    twice = leg.with_effects(
-        effects.ViscousFriction("knee", 0.1), effects.ViscousFriction("knee", 0.3)
-    )
-    once = leg.with_effect(effects.ViscousFriction("knee", 0.4))
-    np.testing.assert_allclose(needed(twice, motion), needed(once, motion), atol=1e-12)
+    one, two, both = (effects.ViscousFriction("knee", level) for level in (0.1, 0.3, 0.4))
+    found, known = needed(leg.with_effects(one, two), motion), needed(leg.with_effect(both), motion)
+    np.testing.assert_allclose(found, known, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("effect", "message"),
-    [
-        (lambda: effects.PayloadMass("shin", -2.5), "leaves no mass.*the body has 2 kg"),
-        (lambda: effects.TransmissionEfficiency("knee", 0.9, 1.05), r"outside \[-20, 1\]"),
-    ],
-)
-def test_effects_that_this_robot_cannot_have(effect: Callable[[], Effect], message: str) -> None:
-    with pytest.raises(EffectError, match=message):
-        load_robot("planar_leg").with_effect(effect())
+def test_effects_that_this_robot_cannot_have(leg: Robot) -> None:
+    with pytest.raises(EffectError, match=r"leaves no mass.*the body has 2 kg"):
+        leg.with_effect(effects.PayloadMass("shin", -2.5))
+    with pytest.raises(EffectError, match=r"outside \[-20, 1\]"):
+        effects.TransmissionEfficiency("knee", 0.9, 1.05)
 
 
 KT, OHM, GEAR = 0.11, 0.35, 12.0
@@ -114,11 +107,7 @@ KT, OHM, GEAR = 0.11, 0.35, 12.0
 
 @pytest.fixture
 def wound(leg: Robot) -> Robot:
-    gears = leg.transmission
-    for joint in leg.joints:
-        for name, value in (("torque_constant", KT), ("resistance", OHM), ("gear_ratio", GEAR)):
-            gears = gears.with_value(name, joint, value)
-    return leg.with_transmission(gears)
+    return geared(leg, torque_constant=KT, resistance=OHM, gear_ratio=GEAR)
 
 
 def at_speed(hip: float, knee: float) -> Motion:
@@ -143,9 +132,7 @@ def test_a_braking_motor_feeds_the_other_before_the_supply_does(wound: Robot) ->
 
 
 @pytest.mark.parametrize("coefficient", [0.0005, 0.002])
-def test_the_reported_torque_is_the_smallest_that_delivers(
-    coefficient: float, wound: Robot
-) -> None:
+def test_the_reported_torque_is_the_least_that_delivers(coefficient: float, wound: Robot) -> None:
     sag, rng = effects.SupplySag("robot", coefficient), np.random.default_rng(4)
     drives = np.linspace(0.0, 3.0, 300001)[:, None]
     for _ in range(6):

@@ -84,23 +84,16 @@ def lossy(name: str, mix: str) -> Robot:
             if (i + k) % 4 != 3:
                 values = ((1.0 + 0.05 * (i % 8)) * numbers[0], *numbers[1:])
                 added.append(cls.at(where, dict(zip(names, values, strict=True))))
-    if mix == "by hooks":
-        added += [
-            RubbingDrag(where, 0.01, level=0.02 * (i + 1)) for i, where in enumerate(gears.joints)
-        ]
-        formula = "sin(q_{0}) * |v_{0}|", "|q_{0}| * sign(v_{0})"
-        added += [
-            CustomTorque.at(j, dict.fromkeys((t.format(j) for t in formula), -0.05))
-            for j in gears.joints
-        ]
+    for i, joint in enumerate(gears.joints if mix == "by hooks" else ()):
+        formula = f"sin(q_{joint}) * |v_{joint}|", f"|q_{joint}| * sign(v_{joint})"
+        added.append(RubbingDrag(joint, 0.01, level=0.02 * (i + 1)))
+        added.append(CustomTorque.at(joint, dict.fromkeys(formula, -0.05)))
     return robot.with_transmission(gears).with_effects(*added)
 
 
 def states(robot: Robot) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return some (q, v, a)."""
-    random = np.random.default_rng(1)
-    drawn = random.normal(size=(10, 3, robot.model.nv))
-    start = robot.neutral()
+    drawn, start = np.random.default_rng(1).normal(size=(10, 3, robot.model.nv)), robot.neutral()
     return [(pin.integrate(robot.model, start, 0.3 * moved), v, a) for moved, v, a in drawn]
 
 
@@ -162,9 +155,7 @@ def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: 
 
 
 def test_a_drive_gives_no_more_than_its_limit(leg: Robot) -> None:
-    plant = Plant(leg.with_effect(CurrentLimit("hip", 1.0)), FAR)
-    limit = 1.0 / leg.transmission.gear_ratio[0]
-    more, most = (
-        plant.step(plant.state(np.zeros(2)), np.array([f * limit, 0.1]), 1e-3) for f in (3.0, 1.0)
-    )
-    np.testing.assert_array_equal(more.state.velocity, most.state.velocity)
+    plant, start = Plant(leg.with_effect(CurrentLimit("hip", 1.0)), FAR), np.zeros(2)
+    asked = np.array([[3.0, 2.0], [1.0, 2.0]]) / leg.transmission.gear_ratio
+    more, most = (plant.step(plant.state(start), torque, 1e-3).state for torque in asked)
+    np.testing.assert_array_equal(more.velocity, most.velocity)

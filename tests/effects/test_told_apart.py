@@ -15,8 +15,7 @@ COLD, WARM, RATIO = 20.0, 60.0, 20.0
 
 
 def logs_of(leg: Robot, effect: Effect, temperatures: list[float | None]) -> list[Log]:
-    real = leg.with_effect(effect)
-    logs = []
+    real, logs = leg.with_effect(effect), []
     for k, degrees in enumerate(temperatures):
         warm = None if degrees is None else np.full(2, degrees)
         logs.append(ENCODER.measure(real, record_run(real, leg, 7 + k // 2, 3.0, warm), k))
@@ -46,9 +45,8 @@ def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot)
     logs = record_with(leg, [effects.ViscousFriction("knee", 0.3)], duration=6.0)
     found = diagnose(leg, logs)
     assert found.verdict == "named"
-    assert [(one.effect.key, one.rivals) for one in found.findings] == [
-        (("viscous_friction", "knee"), ())
-    ]
+    (one,) = found.findings
+    assert (one.effect.key, one.rivals) == (("viscous_friction", "knee"), ())
 
 
 SWING = np.stack([np.linspace(-1.0, 1.0, 50), np.linspace(0.1, 1.0, 50)], axis=1)

@@ -32,10 +32,9 @@ def _truth(contact: Flanks, start: tuple[float, float]) -> np.ndarray:
         held = contact.stiffness * stretch + (contact.damping * v if stretch != 0.0 else 0.0)
         return [v, -(np.interp(time, TIME, LOAD) + DRAG * v + PULL * d + held) / INERTIA]
 
-    span = (0.0, float(TIME[-1]))
     # The load bends at samples, a flank anywhere.
-    longest = 2e-4 if contact.play else STEP
-    path = solve_ivp(rate, span, start, t_eval=TIME, max_step=longest, rtol=1e-9, atol=1e-9).y
+    exact = {"max_step": 2e-4 if contact.play else STEP, "rtol": 1e-9, "atol": 1e-9}
+    path = solve_ivp(rate, (0.0, float(TIME[-1])), start, t_eval=TIME, **exact).y
     second = [rate(t, state)[1] for t, state in zip(TIME, path.T, strict=True)]
     return np.column_stack([*path, second])
 
@@ -45,17 +44,9 @@ def _response(truth: np.ndarray, inertia: float = INERTIA) -> LinkResponse:
     d, v, a = truth.T
     torque = INERTIA * a + DRAG * v + PULL * d
     one = np.ones((TIME.size, 1))
-    return LinkResponse(
-        step=STEP,
-        row=0,
-        load=LOAD[:, None],
-        inertia=inertia * one,
-        damping=DRAG * one,
-        stiffness=PULL * one,
-        unexplained=torque,
-        band=lambda values: values,
-        rows=np.arange(len(TIME)),
-    )
+    link = {"inertia": inertia * one, "damping": DRAG * one, "stiffness": PULL * one}
+    seen = {"unexplained": torque, "band": lambda values: values, "rows": np.arange(len(TIME))}
+    return LinkResponse(step=STEP, row=0, load=LOAD[:, None], **link, **seen)
 
 
 def _in_band(values: np.ndarray) -> np.ndarray:
@@ -111,8 +102,8 @@ def test_a_motion_is_followed_from_one_without_play_and_back(way: int, straight:
 
 def test_nothing_swings_behind_a_gear_that_moves_a_point_on_its_own_axis() -> None:
     response = _response(_truth(Flanks(300.0, 0.5, 0.0), (0.01, 0.0)), inertia=0.0)
-    assert best_gears([response], has_play=False, count=1) == []
-    assert best_gears([response], has_play=True, count=1) == []
+    for play in (False, True):
+        assert best_gears([response], has_play=play, count=1) == []
 
 
 def test_no_spring_is_offered_that_a_gear_cannot_state() -> None:

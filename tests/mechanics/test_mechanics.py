@@ -20,13 +20,10 @@ def test_the_tree_agrees_with_pinocchio() -> None:
     for kind in (pin.JointModelRUBX(), pin.JointModelPZ(), pin.JointModelFreeFlyer()):
         joint = chain.addJoint(chain.njoints - 1, kind, pin.SE3.Random(), f"j{chain.njoints}")
         chain.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Random())
-    models = [_random_model(seed) for seed in range(6)]
-    for model in (chain, load_robot("solo12").model, *models):
+    drawn = [np.random.default_rng(seed) for seed in range(6)]
+    robots = [random_robot(rng, BASES[k % 3], 0.8, 0.8, 0.5, False) for k, rng in enumerate(drawn)]
+    for model in (chain, load_robot("solo12").model, *(robot.model for robot in robots)):
         _compare_tree(model, np.random.default_rng(1))
-
-
-def _random_model(seed: int) -> pin.Model:
-    return random_robot(np.random.default_rng(seed), BASES[seed % 3], 0.8, 0.8, 0.5, False).model
 
 
 def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
@@ -34,15 +31,9 @@ def _compare_tree(model: pin.Model, rng: np.random.Generator) -> None:
     assert tree is not None
     q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
     v, n, nv = rng.normal(size=model.nv), len(tree.joints), model.nv
-    poses, columns, bodies, all_behind = (
-        np.empty((a, b)) for a, b in ((n, 12), (nv, 6), (n, 10), (n, 10))
-    )
-    inertia, bias, moved, about = (
-        np.empty((nv, nv)),
-        np.empty(nv),
-        np.empty(model.nq),
-        rng.normal(size=3),
-    )
+    sizes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), nv, model.nq
+    poses, columns, bodies, all_behind, inertia, bias, moved = map(np.empty, sizes)
+    about = rng.normal(size=3)
     place(tree.joints, tree.shapes, q, poses)
     columns_at(tree.joints, tree.shapes, poses, about, columns)
     bodies_at(tree.joints, tree.shapes, poses, about, bodies)

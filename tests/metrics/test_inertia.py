@@ -69,8 +69,7 @@ def test_the_forward_tensor_holds_in_57_percent_of_the_directions_of_the_case_st
 @pytest.mark.parametrize("name", ["planar_leg_fixed", "planar_leg", "parallelogram_leg"])
 def test_the_simulator_starts_as_the_exact_inertia_says(name: str) -> None:
     """One short step from rest, without gravity: an independent solver of the same mesh law."""
-    robot = load_robot(name).with_gravity([0.0, 0.0, 0.0])
-    robot = robot.with_transmission(robot.transmission.replace(torque_limit=np.full(2, 1e3)))
+    robot = geared(load_robot(name).with_gravity([0.0, 0.0, 0.0]), torque_limit=1e3)
     q = robot.pose("paper")
     directions = np.array([[np.cos(a), np.sin(a)] for a in np.deg2rad([10, 45, 70, 100, 160, 250])])
     found = directional_inertia(robot, q, "foot", "xz", directions)
@@ -86,12 +85,11 @@ def test_the_simulator_starts_as_the_exact_inertia_says(name: str) -> None:
 
 def test_self_locking_gears_still_drive_forward() -> None:
     robot = load_robot("planar_leg_fixed")
-    gears = robot.transmission.replace(backward_efficiency=np.array([-0.2, 0.0]))
-    found = directional_inertia(robot.with_transmission(gears), robot.pose("paper"), "foot", "xz")
-    assert np.all(np.isfinite(found.driven[found.all_forward]))
-    np.testing.assert_allclose(
-        found.driven[found.all_forward], found.forward_tensor[found.all_forward]
-    )
+    robot, exact = geared(robot, backward_efficiency=[-0.2, 0.0]), robot.pose("paper")
+    found = directional_inertia(robot, exact, "foot", "xz")
+    exact = found.all_forward
+    assert np.all(np.isfinite(found.driven[exact]))
+    np.testing.assert_allclose(found.driven[exact], found.forward_tensor[exact])
     assert found.pushed.min() > 1e6  # nothing gives way
 
 

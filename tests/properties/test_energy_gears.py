@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tests.sim.random_robots import geared
 from wbc.arrays import FloatArray
 from wbc.dynamics import dissipative_equation, evaluate, link_torque, rotor_torque
 from wbc.effects import load_robot
@@ -29,10 +30,8 @@ def efficiencies(draw: st.DrawFn, lowest_backward: float) -> tuple[float, float]
 def test_a_gear_loses_power_in_motion_and_where_it_starts_to_move(
     torque: float, speed: float, etas: tuple[float, float]
 ) -> None:
-    needed, (low, high) = (
-        float(mesh_input(torque, speed, *etas)),
-        mesh_input_interval(torque, *etas),
-    )
+    needed = float(mesh_input(torque, speed, *etas))
+    low, high = mesh_input_interval(torque, *etas)
     assert (needed - torque) * speed >= -1e-9 * abs(torque * speed)
     # Only a torque outside the interval at rest sets the gear in motion; it then pays the branch.
     rounding = 1e-9 * max(abs(low), abs(high))
@@ -89,9 +88,8 @@ def balance(robot: Robot, motion: Motion) -> tuple[float, float]:
     spin_up = gears.gear_ratio * (gears.motor_from_joint @ acceleration[0][robot.actuated])
     given_power = np.concatenate([torque[0] * spin, rest[0] * motion.velocity[0][:3]])
     stored = np.concatenate([links[0] * motion.velocity[0], gears.rotor_inertia * spin_up * spin])
-    return float(given_power.sum() - stored.sum()), float(
-        np.abs(given_power).sum() + np.abs(stored).sum()
-    )
+    size = np.abs(given_power).sum() + np.abs(stored).sum()
+    return float(given_power.sum() - stored.sum()), float(size)
 
 
 @settings(deadline=None, max_examples=90)
@@ -108,11 +106,9 @@ def test_inverse_dynamics_never_gains_power(robot: Robot, state: FloatArray) -> 
 def test_consistent_forward_dynamics_never_gains_power(
     robot: Robot, state: FloatArray, torque: FloatArray
 ) -> None:
-    gears = robot.transmission.replace(
-        backward_efficiency=np.maximum(robot.transmission.backward_efficiency, 0.05)
-    )
-    robot = robot.with_transmission(gears)
-    q, v, _ = state
+    backward = np.maximum(robot.transmission.backward_efficiency, 0.05)
+    robot = geared(robot, backward_efficiency=backward)
+    gears, (q, v, _) = robot.transmission, state
     terms = evaluate(robot, q, v)
     speed = gears.motor_from_joint @ v[robot.actuated]
     spin = gears.gear_ratio * speed

@@ -14,6 +14,8 @@ import numpy as np
 import pinocchio as pin
 import pyarrow.parquet as pq
 import pytest
+from pyarrow.compute import field
+from pyarrow.csv import read_csv
 from scipy.spatial.transform import Rotation
 
 from tests.outside import outside
@@ -49,13 +51,11 @@ def cube(friction: float, **law: object) -> Plant:
 def tosses() -> list[Toss]:
     """The 25 tosses that no contact law was fitted to."""
     folder = outside("contact_nets_cube")
-    names = np.genfromtxt(
-        folder / "tosses.csv", delimiter=",", names=True, dtype=None, encoding="utf-8"
-    )
-    table, found = pq.read_table(folder / "tosses.parquet"), []
-    for number in (int(row["toss"]) for row in names if row["split"] == "holdout"):
-        rows = np.asarray(table["toss"]) == number
-        column = {name: np.asarray(table[name])[rows] for name in table.schema.names}
+    names, table = read_csv(folder / "tosses.csv"), pq.read_table(folder / "tosses.parquet")
+    held_out, found = names.filter(field("split") == "holdout"), []
+    for number in held_out["toss"]:
+        rows = table.filter(field("toss") == number).to_pydict()
+        column = {name: np.array(values) for name, values in rows.items()}
         time = column["time"] - column["time"][0]
         position = 1.02 * np.stack([column[f"base.position.{a}"] for a in "xyz"], axis=1)
         turned = np.stack([column[f"base.orientation.{a}"] for a in "xyzw"], axis=1)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wbc import load_robot
-from wbc.sim import Plant
+from wbc.sim import Plant, simulate
 
 ROD = """<inertial pos="0 0 -0.2" mass="2"
   diaginertia="0.0266666666666667 0.0266666666666667 1e-9"/>"""
@@ -46,24 +46,15 @@ def leg_model(
     step: float = 1e-3, *, armature: float, ground: bool, integrator: str = "Euler"
 ) -> mujoco.MjModel:
     """Return the leg with rotors as armature, over a ground or in the air."""
-    text = MODEL.format(
-        step=step,
-        integrator=integrator,
-        armature=armature,
-        ground=int(ground),
-        time_constant=2.0 * step,
-        rod=ROD,
-    )
+    numbers = {"step": step, "integrator": integrator, "armature": armature, "rod": ROD}
+    text = MODEL.format(**numbers, ground=int(ground), time_constant=2.0 * step)
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     return model
 
 
 def run(
-    model: mujoco.MjModel,
-    position: np.ndarray,
-    torque: Callable[[float, np.ndarray, np.ndarray], np.ndarray],
-    duration: float,
+    model: mujoco.MjModel, position: np.ndarray, torque: Callable, duration: float
 ) -> np.ndarray:
     """Return q (5,) after `duration` under joint torques from (time, q, v), held."""
     data, step = mujoco.MjData(model), model.opt.timestep
@@ -80,12 +71,12 @@ STAND = LEG.configuration(hip=-0.5, knee=1.0, base_z=2 * 0.4 * np.cos(0.5))
 
 
 def _plant_run(position, torque, step, duration) -> np.ndarray:
-    plant = Plant(LEG)
-    state = plant.state(position)
-    for i in range(round(duration / step)):
-        command = torque((i + 0.5) * step, state.position, state.velocity)
-        state = plant.step(state, command / LEG.transmission.gear_ratio, step).state
-    return state.position
+    plant, ratio = Plant(LEG), LEG.transmission.gear_ratio
+
+    def held(state):
+        return torque(state.time + 0.5 * step, state.position, state.velocity) / ratio
+
+    return simulate(plant, held, plant.state(position), duration, dt=step).state.position
 
 
 def _swing(time, q, v):

@@ -108,8 +108,10 @@ def test_the_published_servo_moves_as_its_logs_say() -> None:
     errors = []
     for file in ("robot.toml", "published.toml"):
         robot = load_robot(ROOT / "robots" / "xl330_pendulum" / file)
-        reached = servo_rollout([(robot, DcDrive(7.4))], runs, 0.005)[:, 0]
-        missed = [np.abs(reached[: len(r.position), k] - r.position) for k, r in enumerate(runs)]
+        reached = servo_rollout([(robot, DcDrive(7.4))], runs, 0.005)[:, 0].T
+        missed = [
+            np.abs(q[: len(r.position)] - r.position) for q, r in zip(reached, runs, strict=True)
+        ]
         errors.append(np.mean([one.mean() for one in missed]))
     assert errors[1] < 0.6 * errors[0]
     assert errors[1] < 0.06  # rad

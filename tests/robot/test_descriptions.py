@@ -37,11 +37,9 @@ frame = "foot"
 offset = { value = [0.0, 0.0, -25.0], unit = "mm" }
 """
 
-HIP, FOOT, CROUCH = (
-    "[gears.hip]",
-    '[[contacts]]\nname = "foot"\nframe = "shin"\n',
-    "[poses.crouch]\n",
-)
+HIP, FOOT = "[gears.hip]", '[[contacts]]\nname = "foot"\nframe = "shin"\n'
+CROUCH = "[poses.crouch]\n"
+UNIT = "knee = { value = 1, unit = 'mm' }"
 
 MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 1">{free}
 <inertial pos="0 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
@@ -116,16 +114,8 @@ def test_units_and_defaults(folder: Path) -> None:
         ("planar_leg.urdf", ":leg.urdf", "not installed"),
         ("planar_leg.urdf", "example_robot_data:robots/none.urdf", "not installed"),
         ('name = "leg"', 'cut_loops = "yes"', "cut_loops"),
-        (
-            HIP,
-            f"{CROUCH}knie = 1.0\n{HIP}",
-            "pose 'crouch': Unknown joint 'knie'. Did you mean 'kn",
-        ),
-        (
-            HIP,
-            f"{CROUCH}knee = {{ value = 1, unit = 'mm' }}\n{HIP}",
-            "measures [m], expected [rad]",
-        ),
+        (HIP, f"{CROUCH}knie = 1.0\n{HIP}", "pose 'crouch': Unknown joint 'knie'. Did you mean 'k"),
+        (HIP, f"{CROUCH}{UNIT}\n{HIP}", "measures [m], expected [rad]"),
         (HIP, f"{CROUCH}knee = 'bent'\n{HIP}", "'bent' is not a number"),
         (HIP, f"{CROUCH}'base.position.z' = 1.0\n{HIP}", "Unknown joint 'base.position.z'"),
         (HIP, f"[poses]\ntall = 3\n{HIP}", "a table of joints expected, got 3"),
@@ -149,21 +139,15 @@ def test_unknown_robots_list_the_known_ones(tmp_path: Path) -> None:
         assert find_description(name).is_file()
 
 
-@pytest.mark.parametrize(
-    ("file", "content"),
-    [
-        *[("planar_leg.urdf", text) for text in ("<robot><link", "", "<robot name='x'/>")],
-        ("leg.xml", "<mujoco><worldbody>"),
-    ],
-)
-def test_a_broken_model_file_is_named(folder: Path, file: str, content: str) -> None:
+BROKEN = [("planar_leg.urdf", text) for text in ("<robot><link", "", "<robot name='x'/>")]
+
+
+@pytest.mark.parametrize(("file", "content"), [*BROKEN, ("leg.xml", "<mujoco><worldbody>")])
+def test_a_broken_file_is_named(folder: Path, file: str, content: str) -> None:
     (folder / file).write_text(content)
+    path = write(folder, LEG.replace("planar_leg.urdf", file))
     with pytest.raises(WbcError, match=re.escape(file)):
-        load_robot(write(folder, LEG.replace("planar_leg.urdf", file)))
-
-
-def test_a_description_that_is_not_text(folder: Path) -> None:
-    path = folder / "robot.toml"
+        load_robot(path)
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RobotError, match="cannot read the robot description"):
         load_robot(path)
@@ -172,16 +156,12 @@ def test_a_description_that_is_not_text(folder: Path) -> None:
 GEAR = "[gears.elbow]\ngear_ratio = 5\nrotor_inertia = 0.001\n"
 
 
-@pytest.mark.parametrize(
-    ("free", "base", "coordinates"),
-    [
-        ("", "fixed", 1),
-        ("", "free_flyer", 7),
-        ("<freejoint/>", "", 7),
-        ("<freejoint/>", "fixed", 1),
-        ("<freejoint/>", "free_flyer", 7),
-    ],
-)
+FREE = "<freejoint/>"
+STATED = [("", "fixed", 1), ("", "free_flyer", 7)]
+BASES = [*STATED, (FREE, "", 7), (FREE, "fixed", 1), (FREE, "free_flyer", 7)]
+
+
+@pytest.mark.parametrize(("free", "base", "coordinates"), BASES)
 def test_mjcf_with_and_without_a_free_base(
     tmp_path: Path, free: str, base: str, coordinates: int
 ) -> None:
@@ -233,9 +213,8 @@ def test_an_inertia_that_no_body_has_is_named_with_its_link_and_axis(folder: Pat
     first = text[text.index("<inertia ") : text.index("/>", text.index("<inertia ")) + 2]
     wrong = '<inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.2" ixz="0" iyz="0"/>'
     urdf.write_text(text.replace(first, wrong, 1))
-    with pytest.raises(
-        RobotError, match=r"link '.*' is not positive definite.* axis \(0\.79, -0\.62"
-    ):
+    said = r"link '.*' is not positive definite.* axis \(0\.79, -0\.62"
+    with pytest.raises(RobotError, match=said):
         load_robot(write(folder, LEG))
     urdf.write_text(text.replace(first, wrong.replace('iyy="0.2"', 'iyy="0.9"'), 1))
     assert any("that of no body" in note for note in load_robot(write(folder, LEG)).notes)
@@ -260,8 +239,7 @@ torque_limit = { value = 5.0, unit = "N m", source = "data sheet" }
 
 def described(folder: Path, text: str, loop: str = "") -> Path:
     (folder / "bar.xml").write_text(BAR.format(loop=loop))
-    (folder / "robot.toml").write_text(text)
-    return folder / "robot.toml"
+    return write(folder, text)
 
 
 MORE = """<equality><joint joint1="hip" joint2="knee"/></equality>

@@ -54,24 +54,19 @@ def checked(log: Log) -> Callable[[Robot], object]:
 
 
 TARGETS = log_of(target_position=1.1)
+DUTY = 'duty_gain = { value = 1.0, unit = "1/rad", source = "test" }'
 CASES: dict[str, tuple[str, Callable[[Robot], object]]] = {
     "targets without gains": (LOCK + GEARS, torques(TARGETS)),
     "targets without gains, checked": (LOCK + GEARS, checked(TARGETS)),
     "currents without constant": (LOCK + GEARS, torques(log_of(current=1.0))),
     "currents without constant, checked": (LOCK + GEARS, checked(log_of(current=1.0))),
     "duty without a winding": (
-        LOCK
-        + GEARS.replace(
-            "\nrotor", '\nduty_gain = { value = 1.0, unit = "1/rad", source = "test" }\nrotor'
-        ),
+        LOCK + GEARS.replace("\nrotor", f"\n{DUTY}\nrotor"),
         torques(TARGETS),
     ),
     "heat without resistance": (LOCK + GEARS, JouleHeatEffort(weight=1.0).check),
     "positions that the log lacks": (GEARS, checked(log_of(motor_torque=1.0))),
-    "no gears": (
-        LOCK,
-        lambda robot: compare(robot, [log_of(motor_torque=1.0)]),
-    ),
+    "no gears": (LOCK, lambda robot: compare(robot, [log_of(motor_torque=1.0)])),
 }
 
 
@@ -87,12 +82,9 @@ def with_printed(text: str, message: str) -> str:
     return text
 
 
-def load(text: str, folder: Path) -> Robot:
-    (folder / "robot.toml").write_text(text)
-    return load_robot(folder / "robot.toml")
-
-
-def refusal(action: Callable[[Robot], object], robot: Robot) -> str:
+def refusal(action: Callable[[Robot], object], text: str, path: Path) -> str:
+    path.write_text(text)
+    robot = load_robot(path)
     try:
         action(robot)
     except WbcError as error:
@@ -103,14 +95,13 @@ def refusal(action: Callable[[Robot], object], robot: Robot) -> str:
 @pytest.mark.parametrize("name", CASES)
 def test_printed_lines_mend_the_description(name: str, tmp_path: Path) -> None:
     rest, action = CASES[name]
-    text = HEAD + rest
-    message = refusal(action, load(text, tmp_path))
+    text, path = HEAD + rest, tmp_path / "robot.toml"
+    message = refusal(action, text, path)
     assert message
     for _ in range(8):  # each message names one lack, and each of its lines takes one away
         changed = with_printed(text, message)
         assert changed != text, message
-        text = changed
-        message = refusal(action, load(text, tmp_path))
+        text, message = changed, refusal(action, changed, path)
         if not message:
             return
     raise AssertionError(message)

@@ -39,8 +39,7 @@ def test_the_playback_shows_what_steps_had_to_say(tmp_path: Path) -> None:
 
 
 def test_a_recording_is_a_log_of_true_values() -> None:
-    run = _run()
-    log = run.log
+    run, log = _run(), _run().log
     assert len(log) == 200
     assert log.joints == ("base_x", "base_z", "base_pitch", "hip", "knee")
     assert np.all(log.column("hip.rotor_torque") == -0.1)

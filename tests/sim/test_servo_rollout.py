@@ -13,6 +13,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.errors import RobotError
+from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
@@ -21,15 +22,23 @@ PENDULUM = load_robot("xl330_pendulum")
 MASS, LEVER, ARMATURE, KT, RESISTANCE = 0.49, 0.1, 0.00181, 0.387, 4.02
 
 
+DRIVE = DcDrive(7.4)
+
+
 def run(goal: float, rows: int, first: float = 0.0, enabled: float = 1.0) -> ServoRun:
     return ServoRun("run", 2.0, np.full(rows, goal), np.full(rows, enabled), np.full(rows, first))
+
+
+def moved(robot: Robot, one: ServoRun, step: float, drive: DcDrive = DRIVE) -> np.ndarray:
+    """Return the positions (N,) [rad] of one robot in one run."""
+    return servo_rollout([(robot, drive)], [one], step)[:, 0, 0]
 
 
 def test_a_winding_that_warms_gives_way_under_a_held_load() -> None:
     step, duration, heating, cooling = 1e-3, 2.0, 0.15, 0.8
     robot = PENDULUM.with_effect(ViscousFriction("shaft", 0.05))
     drive = DcDrive(7.4, source_resistance=0.5, heating=heating, cooling=cooling)
-    reached = servo_rollout([(robot, drive)], [run(1.2, int(duration / step))], step)[:, 0, 0]
+    reached = moved(robot, run(1.2, 2000), step, drive)
 
     def rate(t: float, x: np.ndarray) -> list[float]:
         duty, warm = np.clip(2.0 * (1.2 - x[0]), -1.0, 1.0), RESISTANCE * (1.0 + x[2])
@@ -41,30 +50,21 @@ def test_a_winding_that_warms_gives_way_under_a_held_load() -> None:
     time = np.arange(reached.size) * step
     truth = solve_ivp(rate, (0.0, duration), [0.0] * 3, rtol=1e-9, atol=1e-12, t_eval=time).y[0]
     assert np.max(np.abs(reached - truth)) < 2e-3
-    cold = servo_rollout([(robot, DcDrive(7.4, source_resistance=0.5))], [run(1.2, 2000)], step)[
-        :, 0, 0
-    ]
+    cold = moved(robot, run(1.2, 2000), step, DcDrive(7.4, source_resistance=0.5))
     assert cold[-1] > reached[-1] + 0.05
 
 
 def test_released_frictionless_swing_keeps_its_energy() -> None:
-    step = 2e-4
-    reached = servo_rollout(
-        [(PENDULUM, DcDrive(7.4))], [run(1.0, 10000, first=0.7, enabled=0.0)], step
-    )[:, 0, 0]
+    reached = moved(PENDULUM, run(1.0, 10000, first=0.7, enabled=0.0), 2e-4)
     assert reached.max() == pytest.approx(0.7, abs=1e-3)
     assert reached.min() == pytest.approx(-0.7, abs=1e-3)
 
 
 def test_dry_friction_holds_inside_its_cone_and_not_outside() -> None:
     angle = 0.2
-    weight = MASS * 9.81 * LEVER * np.sin(angle)
+    weight, free = MASS * 9.81 * LEVER * np.sin(angle), run(0.0, 400, first=angle, enabled=0.0)
     held, falling = (
-        servo_rollout(
-            [(PENDULUM.with_effect(CoulombFriction("shaft", share * weight)), DcDrive(7.4))],
-            [run(0.0, 400, first=angle, enabled=0.0)],
-            0.005,
-        )[:, 0, 0]
+        moved(PENDULUM.with_effect(CoulombFriction("shaft", share * weight)), free, 0.005)
         for share in (1.01, 0.99)
     )
     assert np.ptp(held) == 0.0
@@ -77,7 +77,7 @@ def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other() -> Non
     robot = PENDULUM.with_effect(LoadFriction("shaft", c))
     ramp = np.concatenate([np.linspace(0.0, 1.5, 10000), np.linspace(1.5, 0.0, 10000)])
     slow = ServoRun("slow", 2.0, ramp, np.ones(ramp.size), np.zeros(ramp.size))
-    reached = servo_rollout([(robot, DcDrive(7.4))], [slow], step)[:, 0, 0]
+    reached = moved(robot, slow, step)
     for row, share in ((9000, 1.0 - c), (17000, 1.0 + c)):
         speed = (reached[row + 100] - reached[row - 100]) / (200 * step)
         current = (2.0 * (ramp[row] - reached[row]) * 7.4 - KT * speed) / RESISTANCE
@@ -95,7 +95,7 @@ def test_variants_side_by_side_equal_each_alone() -> None:
     together = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004)
     for v, pair in enumerate(zip(robots, drives, strict=True)):
         for k, one in enumerate(runs):
-            alone = servo_rollout([pair], [one], 0.004)[:, 0, 0]
+            alone = moved(pair[0], one, 0.004, pair[1])
             np.testing.assert_allclose(together[: alone.size, v, k], alone, atol=1e-12)
     wanted = np.array([[True, False], [True, True]])
     some = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004, wanted)
@@ -106,4 +106,4 @@ def test_variants_side_by_side_equal_each_alone() -> None:
 def test_an_effect_that_no_table_holds_is_refused_by_name() -> None:
     robot = PENDULUM.with_effect(SupplySag("robot", 0.01))
     with pytest.raises(RobotError, match="supply_sag"):
-        servo_rollout([(robot, DcDrive(7.4))], [run(0.0, 3)], 0.01)
+        moved(robot, run(0.0, 3), 0.01)

@@ -36,7 +36,6 @@ def test_the_leg_squats_through_noise_delay_and_lag():
     assert exact[ERROR] < 1.0
     assert exact[ERROR] < low[ERROR] < 0.5 * blind[ERROR]
     assert exact[ERROR] < high[ERROR] < 0.5 * blind[ERROR]
-    (file,) = report(
-        found, sweeps(0.21, {"delay [ms]": {0.0: Between(), 2.0: Between(delay=2e-3)}})
-    )
+    delays = {"delay [ms]": {0.0: Between(), 2.0: Between(delay=2e-3)}}
+    (file,) = report(found, sweeps(0.21, delays))
     assert file.read_bytes()[:4] == b"\x89PNG"

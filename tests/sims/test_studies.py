@@ -47,9 +47,8 @@ def test_impact() -> None:
     for eta, factor in reference.items():
         row = sweeps["forward efficiency"][eta]
         assert row["IMF, measured"] == pytest.approx(factor, abs=2e-6)
-    assert sweeps["forward efficiency"][1.0]["mesh loss [% of fall]"] == pytest.approx(
-        0.0, abs=1e-9
-    )
+    lossless = sweeps["forward efficiency"][1.0]
+    assert lossless["mesh loss [% of fall]"] == pytest.approx(0.0, abs=1e-9)
     few, many = (row["impulse, up [N s]"] for row in sweeps["gear ratio"].values())
     assert many > few
     written(impact.report(sweeps), 2)
@@ -61,10 +60,9 @@ def test_backdrive() -> None:
         friction = 20 * 0.02  # rotor friction after the reduction, beside the motor's torque
         # Straight up only the knee bears: its torque is 0.2 m times the push.
         expected = (motor + friction) / (2.0 - 1.0 / 0.51) / 0.2
-        assert table[0.51][f"{powered}: push [N]"] == pytest.approx(expected, rel=1e-4)
-        assert table[0.51][f"{powered}: metric [N]"] == pytest.approx(expected, rel=1e-9)
-        assert table[0.45][f"{powered}: push [N]"] == np.inf
-        assert table[0.45][f"{powered}: metric [N]"] == np.inf
+        for how, close in (("push", 1e-4), ("metric", 1e-9)):
+            assert table[0.51][f"{powered}: {how} [N]"] == pytest.approx(expected, rel=close)
+            assert table[0.45][f"{powered}: {how} [N]"] == np.inf
     leg = hanging_leg()
     angles = np.deg2rad([200.0])
     capability = backdrive.capability(leg, powered=True)
@@ -84,9 +82,8 @@ def test_parallelogram() -> None:
         assert leg.figures["unsolved ticks"] == 0
         assert leg.figures["height error, rms [mm]"] < 0.1
         # A whole squat ends where it began: what the motors gave, the gears have lost.
-        assert leg.figures["motor work [J]"] == pytest.approx(
-            leg.figures["mesh losses [J]"], rel=0.02
-        )
+        lost = leg.figures["mesh losses [J]"]
+        assert leg.figures["motor work [J]"] == pytest.approx(lost, rel=0.02)
     assert parallel["knee: motor drives [J]"] < 0.2 * serial["knee: motor drives [J]"]
     assert parallel["mesh losses [J]"] < 0.8 * serial["mesh losses [J]"]
     equal = [legs[name].figures["mesh losses [J]"] for name in ("serial, 0.75", "parall., 0.75")]
