@@ -5,16 +5,16 @@ Written by `python -m tests.control.test_frozen_ticks`, from the code of 25 Nove
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from tests.control.scenes import CERTAIN, points
+from sims.legged import feet
+from tests.control.scenes import CERTAIN, moving, points, trunk
 from wbc import control
 from wbc.effects import EFFECTS, load_robot
-from wbc.robot import Motion
 
 FILE = Path(__file__).parent / "data" / "frozen_ticks.npz"
 TICKS = 12
@@ -36,11 +36,8 @@ def base(robot):
 
 
 def soles(robot):
-    """Return the contacts of a biped: the corners of either frame as one surface."""
-    frames = {f: tuple(c.name for c in robot.contacts if c.frame == f) for f in BIPED}
-    return [
-        control.SurfaceContact(name=f, corners=c, normal_minimum=5.0) for f, c in frames.items()
-    ]
+    """Return the soles of a biped, pressed on the ground."""
+    return [replace(sole, normal_minimum=5.0) for sole in feet(robot)]
 
 
 def balance(robot):
@@ -53,12 +50,11 @@ def balance(robot):
 def upright(robot):
     return [
         *base(robot),
-        control.FrameOrientationTask(name="trunk", frame="torso_2_link"),
+        trunk(robot),
         control.AngularMomentumTask(weight=1e-2),
     ]
 
 
-BIPED = ("left_sole_link", "right_sole_link")
 TORQUE = control.RotorTorqueLimit()
 OBSERVER = control.ControllerSettings(disturbance=control.DisturbanceObserver(rate=20.0, bound=3.0))
 DRY, WET = ("coulomb_friction", 0.1), ("viscous_friction", 0.05)
@@ -73,7 +69,7 @@ def scene(
     *more,
     name="solo12",
     tasks=base,
-    feet=points,
+    on=points,
     limits=lambda r: [TORQUE],
     rubs=(),
     noise=1e-2,
@@ -86,7 +82,7 @@ def scene(
         for effect, value in rubs:
             robot = every(robot, effect, value)
         asked = [*tasks(robot), *[task(robot) for task in more]]
-        return control.Controller(robot, asked, feet(robot), limits(robot), settings)
+        return control.Controller(robot, asked, on(robot), limits(robot), settings)
 
     return name, make, noise, arguments
 
@@ -124,12 +120,12 @@ SCENES = {
     ),
     "certain": scene(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
     "leg, dry, limits": scene(name="planar_leg", tasks=balance, limits=lambda r: None, rubs=[DRY]),
-    "talos, limits": scene(name="talos", tasks=upright, feet=soles, limits=limited),
+    "talos, limits": scene(name="talos", tasks=upright, on=soles, limits=limited),
     "talos on points": scene(name="talos", tasks=upright, noise=3e-3),
     "talos, dry": scene(
         name="talos",
         tasks=upright,
-        feet=soles,
+        on=soles,
         limits=limited,
         rubs=[("coulomb_friction", 0.5)],
         settings=OBSERVER,
@@ -140,13 +136,9 @@ SCENES = {
 def ran(scene):
     """Return rotor torques over their limits, accelerations and how many ticks were solved."""
     name, make, noise, arguments = SCENES[scene]
-    robot = load_robot(name)
-    controller, q = make(robot), robot.pose()
-    generator, nv = np.random.default_rng(7), robot.model.nv
-    torques, accelerations = [], []
-    for tick in range(TICKS):
-        near = pin.integrate(robot.model, q, 0.2 * noise * generator.normal(size=nv))
-        state = Motion(near, noise * generator.normal(size=nv))
+    robot, torques, accelerations = load_robot(name), [], []
+    controller = make(robot)
+    for tick, state in enumerate(moving(robot, 7, TICKS, 0.2 * noise, noise)):
         command = controller.step(state, **arguments)
         assert command.status.usable, f"{scene}, tick {tick}: {command.status}, {command.message}"
         torques.append(command.rotor_torque)

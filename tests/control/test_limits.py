@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.control.scenes import CERTAIN, points, usual
+from tests.sim.random_robots import geared
 from wbc.control import (
     Controller,
     ControllerSettings,
@@ -46,7 +47,7 @@ def test_a_knee_stops_with_its_motors_own_torque(knows):
 
     Counting on more than its motor has it comes too fast, and brakes with all there is from there.
     """
-    robot = ARM.with_transmission(ARM.transmission.replace(torque_limit=[0.5, 0.5]))
+    robot = geared(ARM, torque_limit=0.5)
     braking = 0.8 if knows else None
     limit = JointLimit.of(robot, ("knee",), acceleration=400.0, braking=braking)
     limit = replace(limit, lower=np.array([-2.0]), upper=np.array([0.9]), speed=np.array([30.0]))
@@ -72,8 +73,7 @@ def test_braking_is_what_the_gears_allow():
     limit = 0.9 * gears.gear_ratio * gears.torque_limit
     for way in (1.0, -1.0):
         b = (brakes.torque + way * load) / (inertia + brakes.reflected)
-        torque = inertia * b - way * load
-        spent = gears.backward_efficiency * torque + gears.reflected_inertia * b
+        spent = gears.backward_efficiency * (inertia * b - way * load) + gears.reflected_inertia * b
         np.testing.assert_allclose(spent, limit, rtol=1e-12)
 
 
@@ -81,11 +81,10 @@ def test_a_joint_that_motors_share_stops_by_the_weakest_of_them():
     """D = [[1, 0], [-1, 1]]: the knee's torque passes both gears, so that the weaker one counts."""
     leg = load_robot("parallelogram_leg")
     gears = leg.transmission
-    weak = leg.with_transmission(gears.replace(torque_limit=gears.torque_limit * [0.1, 1.0]))
-    for robot in (leg, weak):
-        held = 0.8 * np.abs(gears.gear_ratio * robot.transmission.torque_limit)
-        held = held / gears.backward_efficiency
-        torque = JointLimit.of(robot).torque
+    for share in ([1.0, 1.0], [0.1, 1.0]):
+        limit = gears.torque_limit * share
+        held = 0.8 * np.abs(gears.gear_ratio * limit) / gears.backward_efficiency
+        torque = JointLimit.of(geared(leg, torque_limit=limit)).torque
         np.testing.assert_allclose(torque, [held[0], held.min()])
 
 
@@ -99,14 +98,6 @@ def at_their_stops(robot, q, *, joints=None, acceleration=1000.0):
     return replace(limit, lower=at - WAY, upper=at + WAY)
 
 
-def overspeed(robot, q, limit, joint, sign):
-    """Return the state of a robot whose joint is at its stop and moves out of it."""
-    x, v = q.copy(), np.zeros(robot.model.nv)
-    x[limit.position_rows[joint]] += sign * WAY
-    v[limit.rows[joint]] = sign * SPEED
-    return Motion(x, v)
-
-
 @pytest.mark.parametrize("name", ["solo12", "anymal"])
 @pytest.mark.parametrize("acceleration", [100.0, 1000.0])
 def test_a_joint_that_leaves_its_stop_brakes_and_the_tick_is_solved(name, acceleration):
@@ -116,7 +107,10 @@ def test_a_joint_that_leaves_its_stop_brakes_and_the_tick_is_solved(name, accele
     passed = 0
     for joint, name in enumerate(limit.joints):
         for sign in (1.0, -1.0):
-            command = controller.step(overspeed(robot, robot.pose(), limit, joint, sign))
+            q, v = robot.pose(), np.zeros(robot.model.nv)
+            q[limit.position_rows[joint]] += sign * WAY
+            v[limit.rows[joint]] = sign * SPEED
+            command = controller.step(Motion(q, v))
             assert command.status is Status.SOLVED, (name, sign, command.message)
             a = sign * command.acceleration[limit.rows[joint]]
             missing = command.passed.get(f"joint limit of '{name}'", 0.0)
@@ -138,16 +132,15 @@ def test_the_braking_is_the_greatest_that_the_motor_has():
     limit = at_their_stops(ARM, q, joints=("knee",), acceleration=1e5)
     limits = [RotorTorqueLimit(), limit]
     controller = Controller(ARM, [PostureTask.of(ARM)], limits=limits, settings=CERTAINLY)
-    state = overspeed(ARM, q, limit, 0, 1.0)
-    state = Motion(state.position, np.array([0.5, state.velocity[1]]))
+    state = Motion(np.array([0.4, -1.0 + WAY]), np.array([0.5, SPEED]))
     command = controller.step(state)
     assert command.status is Status.SOLVED
     knee = ARM.transmission.torque_limit[1]
     assert command.rotor_torque[1] == pytest.approx(-knee, rel=1e-6)
     plant, step = Plant(ARM, Plane(height=-5.0)), 1e-6
     start = plant.state(state.position, state.velocity)
-    after = plant.step(start, command.rotor_torque, step).state
-    moved = (after.velocity - state.velocity) / step
+    after = plant.step(start, command.rotor_torque, step).state.velocity
+    moved = (after - state.velocity) / step
     np.testing.assert_allclose(moved, command.acceleration, rtol=1e-3)
     assert set(command.passed) == {"joint limit of 'knee'"}
     room = limit.upper[0] - state.position[1]

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from copy import copy
 from pathlib import Path
 from runpy import run_path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,15 +28,10 @@ _TICK = 1e-3  # [s]
 
 def lossy(robot: Robot, reflected: np.ndarray, *more: Effect) -> Robot:
     """Return the robot on gears that lose power both ways, with rotors and effects."""
-    gears = [
-        effect
-        for joint, inertia in zip(robot.transmission.joints, reflected.tolist(), strict=True)
-        for effect in (
-            effects.TransmissionEfficiency(joint, 0.85, 0.75),
-            effects.RotorInertia(joint, inertia),
-        )
-    ]
-    return robot.with_effects(*gears, *more)
+    joints = robot.transmission.joints
+    gears = [effects.TransmissionEfficiency(joint, 0.85, 0.75) for joint in joints]
+    rotors = map(effects.RotorInertia, joints, reflected.tolist())
+    return robot.with_effects(*gears, *rotors, *more)
 
 
 def leg() -> tuple[Robot, np.ndarray, np.ndarray, float]:
@@ -84,9 +78,7 @@ def arm() -> tuple[Robot, np.ndarray, np.ndarray, float]:
     return robot, start, np.array([0.02, 0.4, 0.5, 0.6, 0.5, 0.5, 0.4, 0.4]), 200.0
 
 
-def servo(
-    robot: Robot, target: np.ndarray, gain: float, motion: tuple[np.ndarray, ...]
-) -> np.ndarray:
+def servo(robot: Robot, target: np.ndarray, gain: float, motion: tuple) -> np.ndarray:
     """Return what a position controller asks of the motors, at their outputs (m,) [N m]."""
     position, velocity = (x[robot.actuated] for x in motion)
     # A slide carries the arm.
@@ -113,18 +105,22 @@ def written(robot: Robot, folder: Path) -> str:
     return target
 
 
+def nothing(*_: object) -> float:
+    return 0.0
+
+
 def theirs(
-    model: mujoco.MjModel, losses: Any, q: np.ndarray, ask: Callable, duration: float
-) -> np.ndarray:
-    data, asked = mujoco.MjData(model), []
+    model: mujoco.MjModel, losses: Callable, q: np.ndarray, duration: float, ask: Callable = nothing
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where MuJoCo ends, and what was asked of the motors on the way."""
+    data, asked, step = mujoco.MjData(model), [], model.opt.timestep
     data.qpos[:] = q
-    for k in range(round(duration / _TICK)):
-        asked.append(ask(k * _TICK, (np.array(data.qpos), np.array(data.qvel))))
+    for k in range(round(duration / step)):
+        asked.append(ask(k * step, (np.array(data.qpos), np.array(data.qvel))))
         data.ctrl[:] = asked[-1]
-        if losses is not None:
-            losses.apply(data)
+        losses(data)
         mujoco.mj_step(model, data)
-    return np.array(asked)
+    return np.array(data.qpos), np.array(asked)
 
 
 @pytest.mark.parametrize("machine", [leg, go2, arm], ids=lambda machine: machine.__name__)
@@ -145,24 +141,15 @@ def test_motors_need_the_torque_that_they_need_in_our_plant(
     here = ours(robot, start, ask, 0.8)
     size = np.sqrt(np.mean(here**2, axis=0))
     model = mujoco.MjModel.from_xml_path(written(robot, tmp_path))
-    plain, model.opt.timestep = copy(model), _TICK
-    plain.opt.timestep = _TICK
-    losses = run_path(str(tmp_path / "leg_losses.py"))["losses"](model)
-    found = (theirs(model, losses, start, ask, 0.8), theirs(plain, None, start, ask, 0.8))
+    model.opt.timestep = _TICK
+    plain = copy(model)
+    losses = run_path(str(tmp_path / "leg_losses.py"))["losses"](model).apply
+    sides = (model, losses), (plain, nothing)
+    found = (theirs(*side, start, 0.8, ask)[1] for side in sides)
     with_losses, without = (np.sqrt(np.mean((x - here) ** 2, axis=0)) / size for x in found)
     print(f"{robot.name}: {with_losses.max():.2%} with the losses, {without.max():.0%} without")
     assert with_losses.max() < 0.01
     assert without.max() > 0.2
-
-
-def let_go(model: mujoco.MjModel, robot: Robot, start: np.ndarray, steps: int) -> mujoco.MjData:
-    """Return where MuJoCo ends without torques, with the losses of this library."""
-    losses, data = Losses(model, loss_numbers(robot)), mujoco.MjData(model)
-    data.qpos[:] = start
-    for _ in range(steps):
-        losses.apply(data)
-        mujoco.mj_step(model, data)
-    return data
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3])
@@ -175,12 +162,12 @@ def test_a_leg_that_is_let_go_holds_or_falls_as_in_our_plant(step: float) -> Non
         state = plant.run(plant.state(start), np.zeros(2), 0.4, 400).state
         model = mujoco.MjModel.from_xml_string(export_robot(light, "mujoco").text)
         model.opt.timestep = step
-        data = let_go(model, light, start, round(0.4 / step))
+        end, _ = theirs(model, Losses(model, loss_numbers(light)).apply, start, 0.4)
         moved = np.abs(state.position - start).max()
         assert moved > 0.1 if moves else moved < 0.02  # what bristles bend
         # A coarse step of semi-implicit Euler errs by half its length times the speed.
         atol = (2.0 * step * np.abs(state.velocity).max()) if moves else 1e-4
-        np.testing.assert_allclose(data.qpos, state.position, atol=atol)
+        np.testing.assert_allclose(end, state.position, atol=atol)
 
 
 @pytest.mark.parametrize("backward", [0.05, 0.3])
@@ -195,11 +182,10 @@ def test_no_step_is_too_coarse_for_the_losses(backward: float, step: float) -> N
     losses = Losses(model, loss_numbers(robot))
     data, own = mujoco.MjData(model), mujoco.MjData(plain)
     data.qvel[:] = 3.0, -4.0
-    energies = []
+    energies, inertia = [], np.zeros((2, 2))
     for _ in range(round(1.0 / step)):
         own.qpos[:], own.qvel[:] = data.qpos, data.qvel
         mujoco.mj_forward(plain, own)  # with the rotors as they are
-        inertia = np.zeros((2, 2))
         mujoco.mj_fullM(plain, own, inertia)
         energies.append(0.5 * float(data.qvel @ inertia @ data.qvel))
         losses.apply(data)
@@ -227,8 +213,7 @@ def batch() -> tuple[dict, list[np.ndarray]]:
     robot, *_ = go2()
     numbers, random = loss_numbers(robot), np.random.default_rng(1)
     numbers["inverse_inertia"] = np.full(12, 20.0)
-    bristles = 12 + len(np.asarray(numbers["bristle_level"]))
-    sizes = (bristles, 12, 12, 12)
+    sizes = 12 + len(np.asarray(numbers["bristle_level"])), 12, 12, 12
     return numbers, [random.uniform(-1.0, 1.0, (4, 5, size)) for size in sizes]
 
 
@@ -276,9 +261,11 @@ def test_the_written_file_needs_numpy_and_mujoco_only(
         text=True,
         check=True,
     ).stdout.split()
-    data = let_go(mujoco.MjModel.from_xml_path(target), robot, start, 100)
+    model = mujoco.MjModel.from_xml_path(target)
+    losses = Losses(model, loss_numbers(robot)).apply
+    end, _ = theirs(model, losses, start, 100 * model.opt.timestep)
     assert told[-1] == "False"
-    np.testing.assert_allclose([float(x) for x in told[:2]], data.qpos, atol=1e-12)
+    np.testing.assert_allclose([float(x) for x in told[:2]], end, atol=1e-12)
 
 
 def test_a_self_locking_gear_is_refused() -> None:

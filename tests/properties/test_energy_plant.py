@@ -32,8 +32,8 @@ def test_no_step_makes_energy_through_its_rows(
 ) -> None:
     rng = np.random.default_rng(seed)
     plant, state = random_scene(rng, base, ground, restitution, soft=soft)
-    m = plant.robot.transmission.size
-    torque = strength * rng.uniform(-1.0, 1.0, m) / np.abs(plant.robot.transmission.gear_ratio)
+    ratio = plant.robot.transmission.gear_ratio
+    torque = strength * rng.uniform(-1.0, 1.0, len(ratio)) / np.abs(ratio)
     for _ in range(4):
         try:
             result = plant.step(state, torque, 10.0**decade)
@@ -91,11 +91,8 @@ def _drop(robot: Robot, base: str, restitution: float, rng: np.random.Generator)
     return plant, plant.state(q, rng.normal(size=robot.model.nv))
 
 
-Torque = Callable[[float], np.ndarray]
-
-
 def _audit(
-    plant: Plant, state: SimState, torque: Torque, dt: float, duration: float
+    plant: Plant, state: SimState, torque: Callable, dt: float, duration: float
 ) -> tuple[EnergyAudit, float]:
     """Return the books of a run, and the least of the losses of a step [J]."""
     flow, least, start = EnergyFlow(), 0.0, plant.mechanical_energy(state)
@@ -125,8 +122,8 @@ def test_no_random_robot_makes_energy(
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, base, eta_f, eta_b, friction, coupled)
     plant, state = _drop(robot, base, restitution, rng)
-    push = strength * rng.uniform(-1.0, 1.0, robot.transmission.size)
-    push /= np.abs(robot.transmission.gear_ratio)
+    ratio = robot.transmission.gear_ratio
+    push = strength * rng.uniform(-1.0, 1.0, len(ratio)) / np.abs(ratio)
     left = []
     for dt in (1e-3, 2.5e-4):
         audit, least = _audit(plant, state, lambda t: push * np.cos(30.0 * t), dt, 0.03)
@@ -137,12 +134,9 @@ def test_no_random_robot_makes_energy(
     assert left[1] < 0.4 * left[0] + 2e-3
 
 
-LEG = load_robot("planar_leg")
-
-
 def test_a_pinned_foot_does_no_work() -> None:
     """A lossless push-off gained 0.24 % at 1 ms, a hop 3.8 %: the foot worked as its row turned."""
-    leg = geared(LEG.lossless(), torque_limit=5.0)
+    leg = geared(load_robot("planar_leg").lossless(), torque_limit=5.0)
     plant, residuals = Plant(leg), []
     q = leg.configuration(hip=-0.6, knee=1.2)
     q[1] -= plant.gaps(plant.state(q))[0]

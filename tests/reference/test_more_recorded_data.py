@@ -6,6 +6,7 @@ The logs live outside the repository, in `../shared/data`; without them these te
 from __future__ import annotations
 
 import tomllib
+from itertools import product
 
 import numpy as np
 import pytest
@@ -25,8 +26,7 @@ RICMONK = ROOT / "robots" / "ricmonk"
 
 
 def test_friction_of_a_continuous_pendulum_shows() -> None:
-    names = ("direct_collocation", "ddp")
-    logs = [outside(f"simple_pendulum/{name}.parquet") for name in names]
+    logs = [outside(f"simple_pendulum/{name}.parquet") for name in ("direct_collocation", "ddp")]
     robot, read = load_robot("simple_pendulum"), load_logs(logs)
     problem = EstimationProblem.from_logs(robot, read)
     fit = problem.fit([CoulombFriction("pendulum", level=0.05)])
@@ -87,11 +87,8 @@ def test_a_payload_shows_beside_a_robot_that_was_fitted_without_it() -> None:
         files = [str(outside(f"ricmonk/TVLQR_{name}.parquet")) for name in names]
         return EstimationProblem.from_logs(given, load_logs(files, RICMONK / "columns.toml"))
 
-    usual = [
-        effect(name, joint, robot)
-        for name in ("coulomb_friction", "rotor_inertia")
-        for joint in robot.transmission.joints
-    ]
+    kinds = product(("coulomb_friction", "rotor_inertia"), robot.transmission.joints)
+    usual = [effect(*kind, robot) for kind in kinds]
     bare = problem_of(robot, "3xForward", "6xForward")
     fitted = bare.fit([*usual, effect("link_inertia", "link2", robot)]).robot
     loaded = Trials(problem_of(fitted, "3xForward_170gm_asymmetricLoad"))

@@ -13,8 +13,6 @@ from wbc.robot import BaseState, JointMap, Robot
 from wbc.transmission import Transmission
 
 SOLO = load_robot("solo12")
-
-
 NAMES = tuple(np.random.default_rng(0).permutation([*SOLO.transmission.joints, "gripper"]).tolist())
 
 

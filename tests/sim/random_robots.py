@@ -13,14 +13,12 @@ BASES = ("fixed", "planar", "free")
 
 
 def _inertia(rng: np.random.Generator) -> pin.Inertia:
-    mass = rng.uniform(0.3, 4.0)
-    sides = rng.uniform(0.05, 0.5, 3)
-    box = pin.Inertia.FromBox(mass, *sides)
-    turned = pin.SE3(pin.Quaternion(*_unit(rng, 4)).toRotationMatrix(), rng.normal(size=3) * 0.1)
+    box = pin.Inertia.FromBox(rng.uniform(0.3, 4.0), *rng.uniform(0.05, 0.5, 3))
+    turned = pin.SE3(pin.Quaternion(*unit(rng, 4)).toRotationMatrix(), rng.normal(size=3) * 0.1)
     return turned.act(box)
 
 
-def _unit(rng: np.random.Generator, size: int) -> np.ndarray:
+def unit(rng: np.random.Generator, size: int) -> np.ndarray:
     vector = rng.normal(size=size)
     return vector / np.linalg.norm(vector)
 
@@ -53,9 +51,9 @@ def random_robot(
         if base == "planar":
             kind, offset[1] = pin.JointModelRY(), 0.0
         elif rng.random() < 0.2:
-            kind = pin.JointModelPrismaticUnaligned(_unit(rng, 3))
+            kind = pin.JointModelPrismaticUnaligned(unit(rng, 3))
         else:
-            kind = pin.JointModelRevoluteUnaligned(_unit(rng, 3))
+            kind = pin.JointModelRevoluteUnaligned(unit(rng, 3))
         start = first if parent == 0 else pin.SE3.Identity()
         number = model.addJoint(parent, kind, start * pin.SE3(np.eye(3), offset), f"j{i}")
         model.appendBodyToJoint(number, _inertia(rng), pin.SE3.Identity())
@@ -63,9 +61,8 @@ def random_robot(
         joints.append(f"j{i}")
         tip = rng.uniform(-0.4, 0.4, 3)
         tip[1] *= base != "planar"
-        model.addFrame(
-            pin.Frame(f"tip{i}", number, 0, pin.SE3(np.eye(3), tip), pin.FrameType.OP_FRAME)
-        )
+        place = pin.SE3(np.eye(3), tip)
+        model.addFrame(pin.Frame(f"tip{i}", number, 0, place, pin.FrameType.OP_FRAME))
         contacts.append(ContactPoint(f"tip{i}", f"tip{i}", np.zeros(3), mu))
     return Robot("random", model, _gears(rng, joints, eta_f, eta_b), tuple(contacts), (), coupled)
 

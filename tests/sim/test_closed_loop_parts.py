@@ -23,20 +23,18 @@ class Damper:
 
     def step(self, state, references=None, contacts=None):
         self.seen.append(state)
-        return SimpleNamespace(
-            rotor_torque=0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity
-        )
+        torque = 0.5 * np.cos(5.0 * state.position) - 0.01 * state.velocity
+        return SimpleNamespace(rotor_torque=torque)
 
 
-def played(noise=None, lag=None, ticks=50):
-    plant, control = Plant(LEG, AIR), Damper()
-    loop = ClosedLoop(plant, control, noise=noise, lag=lag)
-    state, torques = plant.state([0.3, 0.4]), []
+def played(loop, ticks=50):
+    """Return the state after some ticks from the usual start."""
+    state = loop.plant.state([0.3, 0.4])
     for _ in range(ticks):
         tick = loop.step(state)
+        assert (tick.seen.position == loop.plant.encoders(state).position).all()
         state = tick.state
-        torques.append(tick.torque)
-    return state, np.array(torques), control
+    return state
 
 
 def test_with_nothing_between_it_is_the_plain_loop_to_the_last_bit():
@@ -46,7 +44,7 @@ def test_with_nothing_between_it_is_the_plain_loop_to_the_last_bit():
         state = plant.step(state, control.step(state).rotor_torque, 1e-3).state
     for lag in (None, TorqueLag()):
         for noise in (None, SensorNoise(LEG)):
-            ours, _, _ = played(noise, lag)
+            ours = played(ClosedLoop(Plant(LEG, AIR), Damper(), noise=noise, lag=lag))
             assert (ours.position == state.position).all()
             assert (ours.velocity == state.velocity).all()
 
@@ -83,26 +81,17 @@ def test_noise_has_its_deviation_and_keeps_orientations():
 
 
 def test_reset_starts_anew():
-    plant = Plant(LEG, AIR)
     parts = {"noise": SensorNoise(LEG, velocity=0.05), "lag": TorqueLag(delay=2e-3)}
-    loop, ends = ClosedLoop(plant, Damper(), **parts), []
+    loop, ends = ClosedLoop(Plant(LEG, AIR), Damper(), **parts), []
     for _ in range(2):
         loop.reset()
-        state = plant.state([0.3, 0.4])
-        for _ in range(5):
-            state = loop.step(state).state
-        ends.append(state.velocity)
+        ends.append(played(loop, 5).velocity)
     assert (ends[0] == ends[1]).all()
 
 
 def test_controllers_see_the_encoders_of_loose_gears():
     """A gear with play: the joint hangs in it, the encoder shows the motor."""
     loose = LEG.with_transmission(LEG.transmission.replace(backlash=np.array([0.2, 0.0])))
-    plant, control = Plant(loose, AIR), Damper()
-    loop = ClosedLoop(plant, control)
-    state = plant.state([0.3, 0.4])
-    for _ in range(40):
-        tick = loop.step(state)
-        assert (tick.seen.position == plant.encoders(state).position).all()
-        state = tick.state
+    control = Damper()
+    state = played(ClosedLoop(Plant(loose, AIR), control), 40)
     assert abs(control.seen[-1].position[0] - state.position[0]) > 1e-3

@@ -38,9 +38,8 @@ def _standing(robot: Robot, terrain=None, lift: float = 0.0, **plant) -> tuple[P
 
 
 def _leg(lift: float = 0.0, **changes) -> tuple[Plant, SimState]:
-    leg = load_robot("planar_leg_strong")
-    plant = Plant(geared(leg, **changes))
-    return plant, plant.state(balanced_pose(leg, lift), lifted=True)
+    plant = Plant(geared(LEG, **changes))
+    return plant, plant.state(balanced_pose(LEG, lift), lifted=True)
 
 
 def _random(seed: int, terrain=None, *, soft: bool = False, coupled: bool = False, back=0.0):
@@ -52,19 +51,14 @@ def _random(seed: int, terrain=None, *, soft: bool = False, coupled: bool = Fals
     return plant, plant.state(q, 0.3 * rng.normal(size=robot.model.nv), lifted=True)
 
 
-def _rubbing_leg() -> tuple[Plant, SimState]:
-    """Joint friction beside a parallelogram has rows of its own."""
-    leg = load_robot("planar_leg_strong")
-    gears = leg.transmission.replace(topology=np.array([[1.0, 0.0], [-1.0, 1.0]]))
-    leg = leg.with_transmission(gears)
-    plant = Plant(leg.with_effects(CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.2)))
-    return plant, plant.state(balanced_pose(leg))
-
-
-def _locked_leg() -> tuple[Plant, SimState]:
-    leg = with_gears(load_robot("planar_leg_strong"), efficiency=0.49)
+def _on_its_foot(leg: Robot) -> tuple[Plant, SimState]:
     plant = Plant(leg)
     return plant, plant.state(balanced_pose(leg))
+
+
+LEG = load_robot("planar_leg_strong")
+PARALLEL = LEG.transmission.replace(topology=np.array([[1.0, 0.0], [-1.0, 1.0]]))
+RUBS = CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.2)
 
 
 def _field() -> HeightField:
@@ -72,6 +66,7 @@ def _field() -> HeightField:
     return HeightField(axis, axis, 0.05 * rng.normal(size=(25, 25)))
 
 
+BOX, BALL = Box([0.2, 0.1, 0.0], [0.1, 0.2, 0.04]), Sphere([-0.2, 0.1, -0.5], 0.51)
 SCENES: dict[str, Scene] = {
     "leg": _leg,
     "leg lands": lambda: _leg(0.05),
@@ -87,21 +82,18 @@ SCENES: dict[str, Scene] = {
     "loose leg": lambda: _leg(0.02, stiffness=2000.0, damping=2.0, backlash=0.01),
     "leg with hard play": lambda: _leg(0.02, backlash=0.02),
     "stairs": lambda: _standing(_solo(), Stairs([0.1], [0.0, 0.03])),
-    "boxes and balls": lambda: _standing(
-        _solo(),
-        Together(
-            [Plane(), Box([0.2, 0.1, 0.0], [0.1, 0.2, 0.04]), Sphere([-0.2, 0.1, -0.5], 0.51)]
-        ),
-        lift=0.03,
-    ),
+    "boxes and balls": lambda: _standing(_solo(), Together([Plane(), BOX, BALL]), lift=0.03),
     "field": lambda: _standing(_solo(), _field()),
     "bounces": lambda: _random(3, back=0.6),
     "planar, soft": lambda: _random(4, soft=True),
     "free, soft": lambda: _random(7, soft=True),
     "free, coupled rotors": lambda: _random(9, coupled=True),
     "planar, coupled rotors": lambda: _random(12, coupled=True, back=0.5),
-    "leg that rubs beside a parallelogram": _rubbing_leg,
-    "leg on self-locking gears": _locked_leg,
+    # Joint friction beside a parallelogram has rows of its own.
+    "leg that rubs beside a parallelogram": lambda: _on_its_foot(
+        LEG.with_transmission(PARALLEL).with_effects(*RUBS)
+    ),
+    "leg on self-locking gears": lambda: _on_its_foot(with_gears(LEG, efficiency=0.49)),
 }
 TOLERANCE = 1e-6
 

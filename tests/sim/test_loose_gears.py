@@ -13,7 +13,7 @@ from tests.sim.random_robots import BASES, geared, random_robot, softened
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate, redundant_model
 from wbc.effects import CoulombFriction
-from wbc.sim import Plane, Plant
+from wbc.sim import Plane, Plant, SimState
 
 
 def _arm(**numbers) -> Robot:
@@ -31,12 +31,11 @@ def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
     link = evaluate(robot, q, np.zeros(2)).mass_matrix[0, 0]
     rotor = robot.transmission.reflected_inertia[0]
     pulse = np.sqrt(80.0 * (1.0 / link + 1.0 / rotor))
-    dt, rows = 2e-4, []
+    dt, errors = 2e-4, []
     for _ in range(round(3 * 2 * np.pi / pulse / dt)):
         state = plant.step(state, np.zeros(2), dt).state
-        rows.append((state.time, state.deflection[0]))
-    time, deflection = np.array(rows).T
-    assert np.abs(deflection - 0.05 * np.cos(pulse * time)).max() < 1e-3
+        errors.append(state.deflection[0] - 0.05 * np.cos(pulse * state.time))
+    assert np.abs(errors).max() < 1e-3
     assert np.abs(state.velocity[1]) < 1e-9
 
 
@@ -47,14 +46,17 @@ def test_coupled_rotors_move_as_the_redundant_model_says() -> None:
     for _ in range(5):
         q = robot.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-1, 1))
         v, torque = rng.normal(size=5), rng.uniform(-0.9, 0.9, 2)
-        dt = 1e-7
-        terms = evaluate(robot, q, v)
-        model = redundant_model(robot, terms)
-        K = model.nullspace
-        drive = np.concatenate((np.zeros(robot.model.nv), torque))
+        dt, model = 1e-7, redundant_model(robot, evaluate(robot, q, v))
+        K, drive = model.nullspace, np.concatenate((np.zeros(robot.model.nv), torque))
         expected = np.linalg.solve(K.T @ model.inertia @ K, K.T @ (drive - model.bias))
         measured = (plant.step(plant.state(q, v), torque, dt).state.velocity - v) / dt
         assert np.allclose(measured, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+
+
+def bent(plant: Plant, q, ahead: float, rate: float, *more, **lifted) -> SimState:
+    """Return a state whose second motor is ahead of its link [rad], and its speed [rad/s]."""
+    state = plant.state(q, *more, **lifted)
+    return state.replace(deflection=[0.0, ahead], motor_velocity=[0.0, rate])
 
 
 @pytest.mark.parametrize("play", [0.0, 0.01])
@@ -65,16 +67,14 @@ def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) 
     plant, law, seen = Plant(robot, Plane(height=-9.0)), robot.transmission.flanks("knee"), set()
     for ahead in (-0.02, -0.006, -0.002, 0.003, 0.0052, 0.03):
         for rate in (-20.0, -0.5, 0.0, 0.5, 20.0):
-            state = plant.state([0.3, 0.4]).replace(
-                deflection=np.array([0.0, ahead]), motor_velocity=np.array([0.0, rate])
-            )
+            state = bent(plant, [0.3, 0.4], ahead, rate)
             torque = plant.step(state, [0.0, 0.0], 1e-7).mesh_torque[1]
             expected = float(law.torque(-ahead, -rate))
             assert torque == pytest.approx(expected, rel=1e-3, abs=1e-3)
             seen.add(expected == 0.0)
     assert seen == ({True, False} if play else {False})
-    bent = np.array([0.0, 0.02])
-    before, after = (plant.mechanical_energy(state.replace(deflection=d)) for d in (0 * bent, bent))
+    energies = (bent(plant, [0.3, 0.4], ahead, 20.0) for ahead in (0.0, 0.02))
+    before, after = map(plant.mechanical_energy, energies)
     assert after - before == pytest.approx(float(law.energy(0.02)), abs=1e-12)
 
 
@@ -89,9 +89,7 @@ def _loose_knee(stiffness: float, damping: float = 0.0) -> Robot:
 def test_a_link_that_crosses_its_play_keeps_its_energy(stiffness: float, dt: float) -> None:
     """Each arrival at a flank gained up to the share h^2 k / (4 I) of what swings."""
     plant = Plant(_loose_knee(stiffness))
-    state = plant.state([0.3, 0.4]).replace(
-        deflection=np.zeros(2), motor_velocity=np.array([0.0, 1.5])
-    )
+    state = bent(plant, [0.3, 0.4], 0.0, 1.5)
     energy, sides = [], set()
     for _ in range(300):
         result = plant.step(state, [0.0, 0.0], dt)
@@ -115,9 +113,7 @@ def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
     plant, rates = Plant(leg), []
     q = balanced_pose(leg)
     for dt in (1e-6, 1e-8, 1e-10, 1e-12):
-        state = plant.state(q, [0.0, 0.0, 0.0, 0.4, -0.7], lifted=True).replace(
-            deflection=np.array([0.0, 0.02]), motor_velocity=np.array([0.0, 0.3])
-        )
+        state = bent(plant, q, 0.02, 0.3, [0.0, 0.0, 0.0, 0.4, -0.7], lifted=True)
         state = plant.step(state, [0.0, 0.0], 1e-9).state  # the foot lands
         result = plant.step(state, [0.0, 0.0], dt)
         assert result.solutions[0].residuals.max() < 1e-10

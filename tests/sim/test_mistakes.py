@@ -25,6 +25,7 @@ from wbc.transmission import Transmission
 FAR, NONE, TWO = sim.Plane(height=-9.0), np.zeros(0), np.zeros(2)
 LEG, ARM, SOLO = (load_robot(name) for name in ("planar_leg", "planar_leg_fixed", "solo12"))
 DRIVE, SHAFT = DcDrive(7.4), load_robot("xl330_pendulum")
+RAISED = sim.Plant(ARM, sim.Plane(height=3.0))
 ELBOW = sim.SensorModel(columns={"elbow.position": sim.Sensor()})
 
 
@@ -65,23 +66,15 @@ def log_of_a_step() -> object:
     return sim.simulate(plant, lambda s: TWO, plant.state(LEG.pose()), 1e-2).log
 
 
-def raised() -> sim.Plant:
-    return sim.Plant(ARM, sim.Plane(height=3.0))
-
-
 def boxed(mass: float, **pairs) -> Robot:
     return free(FreeBody("box", coal.Box(0.1, 0.1, 0.1), mass), **pairs)
 
 
-def without_mass() -> sim.Plant:
-    arm = one_joint(pin.JointModelRY(), pin.Inertia.Zero(), gear_ratio=50.0, rotor_inertia=1e-5)
-    return sim.Plant(arm, FAR)
+def turning(body: pin.Inertia, **gears: float) -> sim.Plant:
+    return sim.Plant(one_joint(pin.JointModelRY(), body, gear_ratio=50.0, **gears), FAR)
 
 
-def locking(rotor: float) -> Robot:
-    body = pin.Inertia(2.0, np.array([0.0, 0.0, -0.3]), 0.02 * np.eye(3))
-    gears = {"forward_efficiency": 0.4, "backward_efficiency": -0.5, "rotor_inertia": rotor}
-    return one_joint(pin.JointModelRY(), body, gear_ratio=50.0, **gears)
+LOCKING = {"forward_efficiency": 0.4, "backward_efficiency": -0.5, "rotor_inertia": 0.0}
 
 
 def heavy_rotors() -> sim.Plant:
@@ -112,34 +105,25 @@ SIMULATION: list[tuple[str, Callable[[], object]]] = [
     ("effects with a memory: none", other_memory),
     (r"contact 'foot' is \d+ mm inside the ground", lambda: stepped(ARM, at=[1.2, 0.3])),
     ("10 mm inside the ground", lambda: stepped(SOLO, np.zeros(12), at=sunk_by(0.01))),
-    (
-        "cannot be lifted out of the ground: contact 'foot'",
-        lambda: raised().state(TWO, lifted=True),
-    ),
+    ("cannot be lifted out of the ground: contact 'foot'", lambda: RAISED.state(TWO, lifted=True)),
     # 1e31 J were 'some body without mass'; a body without mass still is
     (
-        r"blown up: .* J",
-        lambda: stepped(SOLO, np.zeros(12), 1e-3, sunk_by(-1.0), 1e160 * np.ones(18)),
+        "blown up: .* J",
+        lambda: stepped(SOLO, np.zeros(12), 1e-3, sunk_by(-1.0), np.full(18, 1e160)),
     ),
-    ("without mass", without_mass),
+    ("without mass", lambda: turning(pin.Inertia.Zero(), rotor_inertia=1e-5)),
     ("restitution", lambda: sim.Plant(LEG, restitution=1.5)),
     ("return_speed must be positive", lambda: sim.Plant(LEG, return_speed=0.0)),
     ('"feet" or "all"', lambda: sim.Plant(LEG, bodies="legs")),
-    ("'joint' is self-locking", lambda: sim.Plant(locking(0.0))),
+    ("'joint' is self-locking", lambda: turning(pin.Inertia.Random(), **LOCKING)),
     # its kinetic energy could be negative: no solver helps
     (rf"rotor of '{SOLO.transmission.joints[4]}'.*be negative", heavy_rotors),
     ("body with collision geometry", lambda: sim.Plant(boxed(1.0, pairs=(("box", "bag"),)))),
     ("size of the box must be positive", lambda: sim.Box(np.zeros(3), np.array([1.0, 0.0, 1.0]))),
     ("no rotation matrix", lambda: sim.Box(np.zeros(3), np.ones(3), 2.0 * np.eye(3))),
     ("radius of the sphere", lambda: sim.Sphere(np.zeros(3), 0.0)),
-    (
-        "at least four entries",
-        lambda: sim.HeightField(*map(np.arange, (3.0, 4.0)), np.zeros((3, 4))),
-    ),
-    (
-        "heights of the height",
-        lambda: sim.HeightField(*map(np.arange, (4.0, 5.0)), np.zeros((4, 4))),
-    ),
+    ("at least four entries", lambda: sim.HeightField(range(3), range(4), np.zeros((3, 4)))),
+    ("heights of the height", lambda: sim.HeightField(range(4), range(5), np.zeros((4, 4)))),
     ("at least one part", lambda: sim.Together(())),
     ("compliant contacts need", lambda: sim.HuntCrossley(0.0, 0.1)),
     ("compliant contacts need", lambda: sim.HuntCrossley(np.inf, 0.1)),
@@ -174,8 +158,6 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("error", "message", "make"), MISTAKES)
-def test_a_mistake_is_named(
-    error: type[WbcError], message: str, make: Callable[[], object]
-) -> None:
+def test_a_mistake_is_named(error: type[WbcError], message: str, make: Callable) -> None:
     with pytest.raises(error, match=message):
         make()

@@ -12,12 +12,13 @@ from scipy.integrate import solve_ivp
 from tests.sim.random_robots import geared
 from wbc import load_robot
 from wbc.control import RotorTorqueLimit
+from wbc.dynamics import evaluate
 from wbc.effects import CoulombFriction
 from wbc.sim import Plane, Plant, Stairs, simulate
 
 
 def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
-    """One gear on one link: the impact's velocity path in closed form."""
+    """One gear on one link: the impact's velocity path and its losses in closed form."""
     robot = load_robot("planar_leg_fixed")
     eta_f, eta_b = robot.transmission.forward_efficiency, robot.transmission.backward_efficiency
     foot, rng = Plant(robot), np.random.default_rng(0)
@@ -26,6 +27,7 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
     for _ in range(60):
         q = robot.configuration(hip=rng.uniform(-1, 1), knee=rng.uniform(-2, 2))
         plant = Plant(robot, terrain=Plane(height=float(foot.gaps(foot.state(q))[0])))
+        inertia = evaluate(robot, q, np.zeros(2)).mass_matrix + np.diag(reflected)
         for impact in plant.step(plant.state(q, 3 * rng.normal(size=2)), np.zeros(2), 1e-9).impacts:
             before, after = impact.before, impact.after
             taken = np.where(np.abs(after) < np.abs(before), eta_f, 1.0 / eta_b)
@@ -34,6 +36,13 @@ def test_a_falling_gear_takes_less_inertia_than_a_growing_one() -> None:
             bent = eta_f * reflected * before - reflected * after / eta_b
             expected = np.where(through_rest, bent, path)
             assert np.allclose(impact.solution.impulse[:2], expected, atol=1e-9)
+            had, has = 0.5 * reflected * before**2, 0.5 * reflected * after**2
+            bent = (1.0 - eta_f) * had + (1.0 / eta_b - 1.0) * has
+            lost = np.where(through_rest, bent, (1.0 - taken) * (had - has)).sum()
+            assert impact.mesh_loss == pytest.approx(lost, abs=1e-9)
+            kinetic = [0.5 * v @ inertia @ v for v in (before, after)]
+            lost = impact.mesh_loss + impact.contact_loss
+            assert lost == pytest.approx(kinetic[0] - kinetic[1], rel=1e-6)
             seen |= set(zip(through_rest.tolist(), (taken < 1.0).tolist(), strict=True))
     assert seen == {(False, False), (False, True), (True, False), (True, True)}
 

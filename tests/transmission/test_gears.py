@@ -23,13 +23,9 @@ PARALLELOGRAM = np.array([[1.0, 0.0], [-1.0, 1.0]])
 
 
 def gears(**changes: Any) -> Transmission:
-    values: dict[str, Any] = {
-        "joints": ("hip", "knee"),
-        "gear_ratio": [20.0, 10.0],
-        "rotor_inertia": [1e-4, 2e-4],
-        "forward_efficiency": [0.8, 0.7],
-    }
-    return Transmission(**{**values, **changes})
+    values: dict[str, Any] = {"gear_ratio": [20.0, 10.0], "rotor_inertia": [1e-4, 2e-4]}
+    values |= {"joints": ("hip", "knee"), "forward_efficiency": [0.8, 0.7]}
+    return Transmission(**values | changes)
 
 
 def test_the_backward_efficiency_follows_the_wedge_unless_given() -> None:
@@ -39,8 +35,7 @@ def test_the_backward_efficiency_follows_the_wedge_unless_given() -> None:
 
 
 def test_maps_of_a_parallelogram() -> None:
-    legs = gears(topology=PARALLELOGRAM)
-    rotor_speed = np.array([40.0, 30.0])
+    legs, rotor_speed = gears(topology=PARALLELOGRAM), np.array([40.0, 30.0])
     joint_speed = legs.topology @ legs.reduction @ rotor_speed
     # The shin's absolute angle follows the second motor: q_hip + q_knee = psi_2.
     np.testing.assert_allclose(joint_speed, [2.0, 1.0])
@@ -182,8 +177,7 @@ def test_acceleration_and_efficiency_follow_from_the_force_balance(
 
 def test_at_k_one_the_wedge_locks_itself() -> None:
     wedge = WedgeBlock(1.0, 1.0, np.pi / 4, 1.0)
-    assert wedge.backward_efficiency == pytest.approx(0.0, abs=1e-12)
-    assert wedge.forward_efficiency == pytest.approx(0.5)
+    assert (wedge.backward_efficiency, wedge.forward_efficiency) == pytest.approx((0.0, 0.5))
     for wrong in ((1, 1, np.pi / 2, 0.1), (1, 1, -0.1, 0.1), (-1, 1, 0.1, 0.1), (1, 1, 0.1, -0.1)):
         with pytest.raises(TransmissionError):
             WedgeBlock(*wrong)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from tests.sim.random_robots import BASES, random_robot, softened
+from tests.sim.random_robots import BASES, random_robot, softened, unit
 from wbc import Robot, sim
 from wbc.sim.step.tables import INERTIA, STIFFNESS
 
@@ -22,25 +22,18 @@ def random_ground(rng: np.random.Generator, kind: str) -> sim.Terrain:
         edges = np.cumsum(rng.uniform(0.02, 0.4, 6)) - 0.6
         return sim.Stairs(edges, rng.uniform(-0.1, 0.2, 7))
     if kind == "boxes":
-        turns = [pin.Quaternion(*_unit(rng)).toRotationMatrix() for _ in range(4)]
-        parts = [
-            sim.Box(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.1, 0.5, 3), R)
-            for R in turns
-        ]
+        turns = [pin.Quaternion(*unit(rng, 4)).toRotationMatrix() for _ in range(4)]
+        parts = [sim.Box(_place(rng), rng.uniform(0.1, 0.5, 3), R) for R in turns]
         return sim.Together((sim.Plane(height=-0.1), *parts))
     if kind == "balls":
-        balls = [
-            sim.Sphere(rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3], rng.uniform(0.05, 0.3))
-            for _ in range(4)
-        ]
+        balls = [sim.Sphere(_place(rng), rng.uniform(0.05, 0.3)) for _ in range(4)]
         return sim.Together((sim.Plane(), *balls))
     x = np.linspace(-2.0, 2.0, 21)
     return sim.HeightField(x, x, 0.08 * rng.normal(size=(21, 21)))
 
 
-def _unit(rng: np.random.Generator) -> np.ndarray:
-    vector = rng.normal(size=4)
-    return vector / np.linalg.norm(vector)
+def _place(rng: np.random.Generator) -> np.ndarray:
+    return rng.uniform(-0.5, 0.5, 3) * [1, 1, 0.3]
 
 
 def random_scene(
@@ -120,12 +113,9 @@ def made_by_rows(result: sim.StepResult) -> float:
         after = 0.5 * velocity @ inertia @ velocity
         after += 0.5 * (reflected * part.state.motor_velocity**2)[firm].sum()
         worst = max(worst, (after - before) / (1e-3 + before))
+    turning = (drive.rows.T * reflected * ~drive.loose) @ drive.rows
     for impact in result.impacts:
-        inertia = impact.solution.program.inertia
-        turned = reflected * ~drive.loose
-        energy = [
-            0.5 * v @ inertia @ v + 0.5 * turned @ (drive.rows @ v) ** 2
-            for v in (impact.before, impact.after)
-        ]
-        worst = max(worst, (energy[1] - energy[0]) / (1e-3 + energy[0]))
+        inertia = impact.solution.program.inertia + turning
+        before, after = (0.5 * v @ inertia @ v for v in (impact.before, impact.after))
+        worst = max(worst, (after - before) / (1e-3 + before))
     return float(worst)

@@ -61,17 +61,16 @@ def depth(heights: np.ndarray, position: np.ndarray) -> float:
 @pytest.mark.parametrize("name", GROUNDS)
 def test_a_plank_lies_on_peaks_without_sinking_into_them(name: str) -> None:
     """It met the nodes of the grid alone: what stuck out between them went into it."""
-    heights, place, turn = GROUNDS[name]
+    heights, *place = GROUNDS[name]
     plant = plank(heights)
-    state, _ = watched(plant, plant.state(placed((place, turn))), 1.5)
+    state, _ = watched(plant, plant.state(placed(place)), 1.5)
     assert np.abs(state.velocity).max() < 1e-9
     assert depth(heights, state.position) < 2e-6
 
 
 def test_a_plank_rocks_on_a_peak_between_nodes_without_sinking() -> None:
     """Nothing brings it to rest on a round top. It lay there on four nodes, 6 mm deep."""
-    heights = peak(0.025, 0.025)
-    plant = plank(heights)
+    heights, plant = peak(0.025, 0.025), plank(peak(0.025, 0.025))
     state = plant.state([0.02, 0.01, 0.2, 0.0, 0.0, 0.0, 1.0])
     for _ in range(10):
         state, _ = watched(plant, state, 0.05)
@@ -81,12 +80,11 @@ def test_a_plank_rocks_on_a_peak_between_nodes_without_sinking() -> None:
 @pytest.mark.parametrize("seed", [1, 3, 9, 15, 17, 23, 31, 39, 43, 48, 54, 60, 62, 66, 74, 79])
 def test_what_is_thrown_on_a_rough_field_makes_no_energy_and_sinks_nowhere(seed: int) -> None:
     """Balls overran the other side of a hollow by up to 15 mm; to lift them out made 0.12 J."""
-    random = np.random.default_rng(seed)
-    shape = coal.Box(*random.uniform(0.1, 0.5, 3))
+    random, coarse = np.random.default_rng(seed), np.linspace(-2.0, 2.0, 21)
     if seed % 2:
-        random = np.random.default_rng(seed)
         shape = coal.Capsule(random.uniform(0.03, 0.1), random.uniform(0.1, 0.4))
-    coarse = np.linspace(-2.0, 2.0, 21)
+    else:
+        shape = coal.Box(*random.uniform(0.1, 0.5, 3))
     field = HeightField(_GRID, _GRID, waves())
     if seed % 4 > 1:
         field = HeightField(coarse, coarse, 0.08 * random.normal(size=(21, 21)))

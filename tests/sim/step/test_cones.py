@@ -113,15 +113,13 @@ def test_where_no_step_meets_all_laws_friction_alone_gives_way() -> None:
     assert passive > 1
 
 
-_ROWS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -0.6, 0.8]])
-_FREE = np.array([0.1, 8e-4, 1.0])
-"""All three barriers open when nothing holds them."""
-_TARGETS = np.array([-1e7, 0.0, 0.0])
-"""The first is kept ahead of its closing in a part of 1e-10 s: it may close at 1e7 rad/s."""
-_BEFORE = np.array([0.0, 0.0, 1.0])
-"""The third was pressed in the part before, and pushed the robot at the second."""
-
-
 def test_a_contact_that_opens_does_not_pull_beside_a_barrier_that_is_kept() -> None:
-    program = StepProgram(np.eye(3), _FREE, _ROWS, np.zeros((0, 9)), _TARGETS, np.zeros(2), 0)
-    assert solve_program(program, _BEFORE).impulse.min() >= 0.0
+    """All three barriers open when nothing holds them.
+
+    The first is kept ahead of its closing in a part of 1e-10 s: it may close at 1e7 rad/s. The
+    third was pressed in the part before, and pushed the robot at the second.
+    """
+    rows, free = np.eye(3), np.array([0.1, 8e-4, 1.0])
+    rows[2], targets, before = [0.0, -0.6, 0.8], np.array([-1e7, 0.0, 0.0]), np.eye(3)[2]
+    program = StepProgram(np.eye(3), free, rows, np.zeros((0, 9)), targets, np.zeros(2), 0)
+    assert solve_program(program, before).impulse.min() >= 0.0
