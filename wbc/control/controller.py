@@ -20,15 +20,13 @@ from wbc.control.inputs import (
     InputCheck,
     Reference,
     State,
-    StateCheck,
     TickInputError,
-    TickInputs,
     size_complaint,
 )
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
 from wbc.control.qp.program import Recipe
-from wbc.control.qp.solvers import QPProblem, check_solver
+from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contacts import Contact, ContactSet
 from wbc.control.rows.efforts import Effort
@@ -92,9 +90,7 @@ class Controller:
         self.settings = settings = ControllerSettings() if settings is None else settings
         names = _distinct("task", [task.name for task in self.tasks])
         _distinct("contact", [contact.name for contact in contacts])
-        check_solver(settings.solver)
         limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
-        self._states = StateCheck(robot)
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [f for bound in self._contacts.values() for f in bound.frames]
         self._kinematics = Kinematics(robot, frames)
@@ -107,7 +103,7 @@ class Controller:
         for effort in efforts:
             effort.check(robot)
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
-        self._inputs = InputCheck(names, weighed, tuple(self._contacts))
+        self._inputs = InputCheck(robot, names, weighed, tuple(self._contacts))
         joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
         if joint_limit is not None and not joint_limit.joints:
             joint_limit = JointLimit.of(robot)
@@ -184,36 +180,35 @@ class Controller:
         start = perf_counter()
         if not self._free.acquire(blocking=False):
             return self._fallback.busy(_BUSY, start)
+        motion, hook, step = None, self.settings.state_hook, self.settings.time_step
+        step = step if dt is None else dt
+        references = _NO_REFERENCES if references is None else references
         try:
-            step = self.settings.time_step if dt is None else dt
-            wanted = _NO_REFERENCES if references is None else references
-            given = TickInputs(state, wanted, contacts, weights, activation, step)
-            return self._step(given, start)
-        finally:
-            self._free.release()
-
-    def _step(self, given: TickInputs, start: float) -> Command:
-        motion, hook = None, self.settings.state_hook
-        try:
-            motion = self._states.admitted(given.state if hook is None else hook(given.state))
-            self._inputs.check(given)
+            motion = self._inputs.admitted(state if hook is None else hook(state))
+            self._inputs.check(references, contacts, weights, activation, step)
             motion = self._drivetrain.true_motion(motion)
-            levels, ceilings = self._levels.of(given.contacts, given.dt)
-            told = self._ask(motion, given, levels[0].program.contacts)
-            answer = descend(levels, PendingTick(motion, ceilings, given.dt, self._last, told))
+            levels, ceilings = self._levels.of(contacts, step)
+            for stack in self._stacks:
+                stack.weigh(weights, activation)
+            told = self._ask(motion, references, levels[0].program.contacts)
+            answer = descend(levels, PendingTick(motion, ceilings, step, self._last, told))
             self._level = answer.level
             if isinstance(answer, SolvedLevel):
                 self._remember(answer, motion)
                 return self._command(answer, motion, start)
-            complaint = answer.complaint or size_complaint(given.references)
-            return self._refused(answer, complaint, motion, given.dt, start)
+            complaint = answer.complaint or size_complaint(references)
+            return self._refused(answer, complaint, motion, step, start)
         except TickInputError as cause:
-            complaint = cause.status, str(cause)
+            return self._fallback.command(motion, (cause.status, str(cause)), step, start)
         except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
             complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-        return self._fallback.command(motion, complaint, given.dt, start)
+            return self._fallback.command(motion, complaint, step, start)
+        finally:
+            self._free.release()
 
-    def _ask(self, motion: Motion, given: TickInputs, contacts: ContactSet) -> int:
+    def _ask(
+        self, motion: Motion, references: Mapping[str, Reference], contacts: ContactSet
+    ) -> int:
         """Write what only Python can say of a state; nothing is remembered.
 
         Returns:
@@ -226,8 +221,7 @@ class Controller:
         rested = contacts.rank < contacts.rows
         try:
             for stack in self._stacks:
-                stack.weigh(given.weights, given.activation)
-                moved = stack.take(given.references) or moved
+                moved = stack.take(references) or moved
             if not moved and not rested:
                 kinematics.take(motion.position, motion.velocity)
                 self._drivetrain.take(motion, contacts.contacts)

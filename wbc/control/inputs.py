@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -77,11 +77,21 @@ was given in milliseconds.
 _UNIT = 1e-3  # single precision leaves 1e-7, integrating for a while without normalising 1e-4
 
 
-class StateCheck:
-    """Checks states of one robot."""
+class InputCheck:
+    """Checks what a controller is given in a tick."""
 
-    def __init__(self, robot: Robot) -> None:
-        """Find the parts of q that must be of length one: quaternions and pairs (cos, sin)."""
+    def __init__(
+        self, robot: Robot, tasks: Collection[str], weighed: Collection[str], feet: Collection[str]
+    ) -> None:
+        """Find the parts of q that must be of length one: quaternions and pairs (cos, sin).
+
+        Args:
+            robot: whose states are checked.
+            tasks: names of everything that takes a reference.
+            weighed: names of the tasks that have a weight to change.
+            feet: names of all contacts.
+        """
+        self._names = tasks, weighed, feet
         self._name, self._sizes = robot.name, (robot.model.nq, robot.model.nv)
         parts = _unit_parts(robot.model)
         self._starts = frozen([start for start, _ in parts], np.int_)
@@ -121,6 +131,22 @@ class StateCheck:
                 f"its square is off by {error:.2g}."
             )
         return motion
+
+    def check(
+        self,
+        references: Mapping[str, Reference],
+        contacts: Mapping[str, float] | None,
+        weights: Mapping[str, float] | None,
+        activation: Mapping[str, float] | None,
+        dt: float,
+    ) -> None:
+        """Raise TickInputError where something besides the state is wrong."""
+        tasks, weighed, feet = self._names
+        _check_references(references, tasks)
+        _check_numbers("contacts, the greatest normal forces [N],", "contact", contacts, feet)
+        _check_numbers("weights", "task", weights, weighed)
+        _check_numbers("activation", "task", activation, weighed, 1.0)
+        check_step(dt)
 
 
 @compiled(Number, Vector, Vector, Places, Places)
@@ -236,37 +262,3 @@ def size_complaint(references: Mapping[str, Reference]) -> Complaint:
         if not reference.is_finite():
             return Status.NOT_FINITE, f"the reference of task '{name}' is not finite."
     return Status.NOT_FINITE, "the accelerations or forces of this state are too large."
-
-
-class TickInputs(NamedTuple):
-    """The arguments of `Controller.step`."""
-
-    state: State
-    references: Mapping[str, Reference]
-    contacts: Mapping[str, float] | None
-    weights: Mapping[str, float] | None
-    activation: Mapping[str, float] | None
-    dt: float
-
-
-class InputCheck(NamedTuple):
-    """What the inputs of a controller may name.
-
-    Attributes:
-        names: of everything that takes a reference.
-        weighed: names of the tasks that have a weight to change.
-        contacts: names of all contacts.
-    """
-
-    names: Collection[str]
-    weighed: Collection[str]
-    contacts: Collection[str]
-
-    def check(self, given: TickInputs) -> None:
-        """Raise TickInputError where something besides the state is wrong."""
-        _check_references(given.references, self.names)
-        limits = "contacts, the greatest normal forces [N],"
-        _check_numbers(limits, "contact", given.contacts, self.contacts)
-        _check_numbers("weights", "task", given.weights, self.weighed)
-        _check_numbers("activation", "task", given.activation, self.weighed, 1.0)
-        check_step(given.dt)

@@ -11,8 +11,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.control.inputs import State, TickInputError, check_step
-from wbc.control.qp.solvers import WarmStart
-from wbc.errors import ControlError
+from wbc.control.qp.solvers import SOLVERS, WarmStart
+from wbc.errors import ControlError, unknown_name
 
 
 class RestPolicy(Enum):
@@ -155,7 +155,7 @@ class ControllerSettings:
             it.
         tolerance: absolute tolerance of the solver on every residual.
         max_iterations: iterations that solvers may take in one tick.
-        max_rounds: programs solved at most in one tick while directions are revised, a third of
+        max_rounds: programs solved at most in one tick while directions are revised, a ninth of
             them at most after the first solution, for a better one.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
@@ -194,6 +194,8 @@ class ControllerSettings:
             check_step(self.time_step)
         except TickInputError as cause:
             raise ControlError(f"setting time_step: {cause}") from cause
+        if self.solver not in SOLVERS:
+            raise ControlError(unknown_name("QP solver", self.solver, SOLVERS))
         positive = ("tolerance", "max_iterations", "max_rounds", "acceleration_weight")
         for name in positive:
             if not getattr(self, name) > 0:

@@ -64,15 +64,9 @@ def factorise_from(matrix: FloatArray, start: int, size: int) -> bool:
     return True
 
 
-@compiled(Flag, OutDense, Count)
-def factorise(matrix: FloatArray, size: int) -> bool:
-    """Overwrite the lower half of the leading block with its factor, see `factorise_from`."""
-    return factorise_from(matrix, 0, size)
-
-
 @compiled(Nothing, Dense, Count, OutRow)
 def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
-    """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise`."""
+    """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise_from`."""
     for i in range(size):
         left = values[i]
         for k in range(i):

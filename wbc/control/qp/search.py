@@ -25,7 +25,7 @@ from wbc.control.qp.gear_rows import (
 )
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program
-from wbc.control.qp.solvers import QPSolution, QPStatus, solve, solver_names
+from wbc.control.qp.solvers import SOLVERS, QPSolution, QPStatus, solve
 from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_directed_rows, place_efforts
 
 # Share of the rounds in which a better solution than the first is looked for: of 259 hostile ticks
@@ -98,7 +98,7 @@ class DirectionSearch:
         """
         settings, m = program.recipe.settings, program.memory.gears.driven.shape[0]
         self._program, self._guesses = program, guesses
-        self._names, self._tolerance = solver_names(settings.solver), settings.tolerance
+        self._names, self._tolerance = SOLVERS[settings.solver], settings.tolerance
         self._settings, self._rounds = settings, settings.max_rounds
         self.output, self._share = np.empty(m), np.empty(m)
         self._passing: FloatArray | None = None

@@ -66,28 +66,15 @@ class Contact(ABC):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class Cone:
-    """The forces a contact can bear: matrix @ f <= upper, and a bounded normal force.
-
-    Attributes:
-        matrix: (p, k) for f in the contact's own rows.
-        labels: (p,) what each row is called in messages.
-        normal: (k,), normal @ f is the normal force [N].
-    """
-
-    matrix: FloatArray
-    labels: tuple[str, ...]
-    normal: FloatArray
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoundContact:
     """A contact resolved on a robot.
 
     Attributes:
         contact: what it was made from.
-        cone: rows <= 0 that its force must keep.
+        cone: (p, k), cone @ f <= 0 for a force f in its own rows that it can bear.
+        labels: (p,) what each row of the cone is called in messages.
+        normal: (k,), normal @ f is the normal force [N].
         axes: which components (k,) of the force as users see it its own rows are.
         size: how many components that force has: 3 [N] in world axes, 6 [N, N m] in its frame.
         state_rows: its rows, which are those of a frame.
@@ -97,7 +84,9 @@ class BoundContact:
     """
 
     contact: Contact
-    cone: Cone
+    cone: FloatArray
+    labels: tuple[str, ...]
+    normal: FloatArray
     axes: IntArray
     state_rows: StateRows
     size: int = 3
@@ -113,14 +102,6 @@ class BoundContact:
     def rows(self) -> int:
         """How many rows its Jacobian, and components its force have."""
         return len(self.axes)
-
-    def wrench(self, force: FloatArray) -> FloatArray:
-        """Return the force (k,) as users see it, (size,)."""
-        if self.rows == self.size:
-            return force
-        result = np.zeros(self.size)
-        result[self.axes] = force
-        return result
 
 
 def friction_rows(friction: float, axes: int) -> FloatArray:
@@ -178,8 +159,6 @@ class PointContact(Contact):
         mu = point.friction if self.friction is None else self.friction
         matrix = friction_rows(mu, len(axes))
         turn = self._ground_axes(axes)
-        labels = tuple(f"friction cone, face {i}" for i in range(len(matrix)))
-        cone = Cone(frozen(matrix @ turn), labels, frozen(turn[-1]))
         up = np.array(self.ground_normal)
         x, y, z = (point.radius / np.linalg.norm(up) * up).tolist()
         step = axes[1] - axes[0] if len(axes) > 1 else 1
@@ -187,7 +166,9 @@ class PointContact(Contact):
         level = np.linalg.norm(turn[-1][:-1]) < _LEVEL
         return BoundContact(
             contact=self,
-            cone=cone,
+            cone=frozen(matrix @ turn),
+            labels=tuple(f"friction cone, face {i}" for i in range(len(matrix))),
+            normal=frozen(turn[-1]),
             axes=frozen(axes, np.int_),
             state_rows=StateRows(RowKind.FRAME, f"contact:{self.name}", rows, (x, y, z)),
             corners=np.zeros((1 if level else 0, 3)),
@@ -292,7 +273,9 @@ class SurfaceContact(Contact):
         kind = pin.FrameType.OP_FRAME
         return BoundContact(
             contact=self,
-            cone=Cone(frozen(matrix), labels, normal),
+            cone=frozen(matrix),
+            labels=labels,
+            normal=normal,
             axes=frozen(np.arange(6), np.int_),
             size=6,
             state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
@@ -381,14 +364,14 @@ class ContactSet:
             target=np.zeros(k),
             corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
         )
-        self.cone = np.zeros((sum(len(contact.cone.matrix) for contact in contacts), k))
+        self.cone = np.zeros((sum(len(contact.cone) for contact in contacts), k))
         self.normals = np.zeros((len(contacts), k))
         labels: list[str] = []
         for i, (contact, rows) in enumerate(zip(self.contacts, self.slices, strict=True)):
             first = len(labels)
-            labels.extend(f"{contact.name}: {label}" for label in contact.cone.labels)
-            self.cone[first : len(labels), rows] = contact.cone.matrix
-            self.normals[i, rows] = contact.cone.normal
+            labels.extend(f"{contact.name}: {label}" for label in contact.labels)
+            self.cone[first : len(labels), rows] = contact.cone
+            self.normals[i, rows] = contact.normal
         self.cone_labels = tuple(labels)
         self.normal_minimum = np.array([c.contact.normal_minimum for c in contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
@@ -399,8 +382,10 @@ class ContactSet:
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""
-        pairs = zip(self.contacts, self.slices, strict=True)
-        return {contact.name: contact.wrench(force[rows]) for contact, rows in pairs}
+        found = {contact.name: np.zeros(contact.size) for contact in self.contacts}
+        for contact, rows in zip(self.contacts, self.slices, strict=True):
+            found[contact.name][contact.axes] = force[rows]
+        return found
 
     def load_share(self, weight: float) -> FloatArray:
         """Return forces (k,) [N] that share `weight` [N] equally among the normals."""

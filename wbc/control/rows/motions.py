@@ -17,7 +17,6 @@ from wbc.control.rows.task import (
     Gains,
     StateTask,
     Task,
-    pose_target,
     require_frame,
     rotation_target,
 )
@@ -92,10 +91,6 @@ class PostureTask(Task):
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the joints' positions, (k,)."""
         return kinematics.position[self.positions]
-
-    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
-        """Return target - value, (k,)."""
-        return np.asarray(target - self.value(kinematics))
 
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
         """Return the selection of the joints' rows, (k, nv)."""
@@ -180,7 +175,10 @@ class FramePoseTask(FrameTask):
 
     def admitted(self, target: Target, size: int) -> pin.SE3:
         """Return a `pin.SE3`, checked and copied."""
-        return pose_target(target)
+        if not isinstance(target, pin.SE3):
+            raise ControlError(f"position must be a pin.SE3, got {type(target).__name__}")
+        rotation_target(target.rotation)
+        return target.copy()
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write the target as a placement (12,)."""

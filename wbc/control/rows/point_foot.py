@@ -11,10 +11,9 @@ from numba import types
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compiled
-from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows
-from wbc.control.qp.linalg import factorise, substitute
-from wbc.control.rows.task import Gains, StateTask, require_frame
+from wbc.control.qp.linalg import factorise_from, substitute
+from wbc.control.rows.task import Gains, StateTask, Task, require_frame
 from wbc.control.tree import ROWS, TREE, RowKind, place_frame
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -70,7 +69,7 @@ def pitch_rate(rows: FloatArray) -> tuple[float, float]:
             for j in range(rows.shape[1]):
                 normal[i, k] += rows[i, j] * rows[k, j]
         normal[i, i] += 1e-12
-    if not factorise(normal, 5):
+    if not factorise_from(normal, 0, 5):
         return np.nan, np.nan
     substitute(normal, 5, weights)
     return weights[_COM_X], weights[_SPIN]
@@ -173,9 +172,7 @@ class PointFootBalanceTask(StateTask):
         rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
         return atan2(rotation.item(0, 2), rotation.item(2, 2))
 
-    def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
-        """Return the pitch that is missing, (1,) [rad]."""
-        return np.asarray(target - self.value(kinematics))
+    error = Task.error
 
     def gains(self, gravity: float) -> Gains:
         """Return one for the feedback, which the tick writes in place of the error."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
 from math import sqrt
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray, reals
 from wbc.compiled import Matrix, Number, compiled
@@ -117,9 +115,9 @@ class Task(ABC):
         """
         return vector_target(target, size)
 
-    @abstractmethod
     def error(self, kinematics: Kinematics, target: Target) -> FloatArray:
         """Return target - value (k,) in the task's rows; its rate is vel_ref - J v at e = 0."""
+        return np.asarray(target - self.value(kinematics))
 
     @abstractmethod
     def jacobian(self, kinematics: Kinematics) -> FloatArray:
@@ -218,25 +216,19 @@ class AxesTask(StateTask):
     turns: ClassVar[bool] = False
 
     def rows(self) -> slice:
-        """Return the linear rows of the axes, or the angular ones."""
-        chosen, first = axis_rows(self.axes, self.name), 3 if self.turns else 0
-        return slice(chosen.start + first, chosen.stop + first, chosen.step)
+        """Return the linear rows of the axes, or the angular ones, as views instead of copies.
 
-
-@cache
-def axis_rows(axes: str, task: str) -> slice:
-    """Return the rows that the letters of `axes` name, as a slice: views instead of copies.
-
-    Raises:
-        ControlError: no letter, one other than x, y, z, one twice, or not in this order.
-    """
-    rows = ["xyz".find(letter) for letter in axes]
-    if not rows or min(rows) < 0 or any(a >= b for a, b in pairwise(rows)):
-        raise ControlError(
-            f"task '{task}': axes must be some of 'x', 'y', 'z' in this order, got '{axes}'."
-        )
-    step = rows[1] - rows[0] if len(rows) > 1 else 1
-    return slice(rows[0], rows[-1] + 1, step)
+        Raises:
+            ControlError: no letter, one other than x, y, z, one twice, or not in this order.
+        """
+        axes, first = ["xyz".find(letter) for letter in self.axes], 3 if self.turns else 0
+        if not axes or min(axes) < 0 or any(a >= b for a, b in pairwise(axes)):
+            raise ControlError(
+                f"task '{self.name}': axes must be some of 'x', 'y', 'z' in this order, got "
+                f"'{self.axes}'."
+            )
+        step = axes[1] - axes[0] if len(axes) > 1 else 1
+        return slice(first + axes[0], first + axes[-1] + 1, step)
 
 
 def require_frame(robot: Robot, frame: str, task: str) -> None:
@@ -284,18 +276,6 @@ def rotation_target(target: Any) -> FloatArray:
     if rotation_error(matrix) > _TURNED:
         raise ControlError("position is no rotation matrix: R'R = 1 and det R = 1 do not hold")
     return matrix
-
-
-def pose_target(target: Any) -> pin.SE3:
-    """Return a target as a new `pin.SE3`.
-
-    Raises:
-        ControlError: something else, or one whose matrix is no rotation.
-    """
-    if not isinstance(target, pin.SE3):
-        raise ControlError(f"position must be a pin.SE3, got {type(target).__name__}")
-    rotation_target(target.rotation)
-    return target.copy()
 
 
 @compiled(Number, Matrix)
