@@ -213,13 +213,13 @@ class Fallback:
         gears, u, m = robot.transmission, robot.unactuated, robot.actuated
         B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
         mass = kinematics.mass_matrix.copy()
-        mass[np.ix_(m, m)] += B.T @ (gears.reflected_inertia[:, None] * B)
+        mass[m[:, None], m] += B.T @ (gears.reflected_inertia[:, None] * B)
         force, Ju = rows.load_share(kinematics.mass * kinematics.gravity), J[:, u]
         soft = _SOFT * np.eye(len(u))
         force += Ju @ np.linalg.solve(Ju.T @ Ju + soft, gravity[u] - Ju.T @ force)
         left = gravity - J.T @ force
-        base = np.linalg.solve(mass[np.ix_(u, u)], -left[u])
-        hold = left[m] + mass[np.ix_(m, u)] @ base
+        base = np.linalg.solve(mass[u[:, None], u], -left[u])
+        hold = left[m] + mass[m[:, None], u] @ base
         moved = np.linalg.solve(mass, np.hstack([np.eye(len(mass))[:, m], J.T]))
         free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
         normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))

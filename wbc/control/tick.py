@@ -27,7 +27,7 @@ from wbc.compiled import (
     compiled,
     view,
 )
-from wbc.control.qp.active_set import SOLVER, STEPS, place_multipliers, settle
+from wbc.control.qp.active_set import CONTRADICTION, SOLVER, STEPS, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     GEARS,
     place_loads,
@@ -130,9 +130,10 @@ TURNING, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(7)
 take, t, N tau_phi within the limits, and what the drives are told."""
 GEAR_ROWS = 7
 
-TOO_LARGE, UNSOLVED, LIMITED_TORQUE, DONE, DECIDED = range(5)
-"""How a tick ends: numbers too large, no solution from a guess, a torque limit, or well; or with
-the solution of a more important level, which leaves nothing to decide."""
+TOO_LARGE, UNTRIED, UNSOLVED, REFUTED, LIMITED_TORQUE, DONE, DECIDED = range(7)
+"""How a tick ends: numbers too large, without a guess, without a solution from it, with the proof
+that there is none, with a torque limit, or well; or with the solution of a more important level,
+which leaves nothing to decide."""
 
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
@@ -382,46 +383,6 @@ def place_directed_rows(program: Any, choice: FloatArray) -> None:
             upper[row] = gears.upper[gear] - offset if has_high else INFINITE
 
 
-@compiled(Count, PROGRAM.kind, Row, Number, Count, OutRow)
-def evaluate(program: Any, last: FloatArray, dt: float, told: int, block: FloatArray) -> int:
-    """Write everything that a state decides: tasks, contacts, loads, limits, balance.
-
-    Args:
-        program: PROGRAM.
-        last: block of the last tick, with v (nv,) [rad/s] expected of this state, and T.
-        dt: time until the next tick [s].
-        told: MOVED, RESTED and BASED where they hold.
-        block: holds the state; results.
-
-    Returns:
-        TOO_LARGE where numbers are, that or are not finite; else UNSOLVED.
-    """
-    tree, numbers, counts = program.tree, program.numbers, program.counts
-    nq, nv, m = counts[NQ], len(program.gears.bias), len(program.gears.driven)
-    position, velocity, corrected = block[:nq], block[nq : nq + nv], block[nq + nv : nq + 2 * nv]
-    gears = view(block, nq + 3 * nv, GEAR_ROWS, m)
-    if told & MOVED == 0:
-        move_joints(tree, velocity)
-    fill_state_rows(tree, program.tasks.rows, numbers[MASS])
-    if told & RESTED == 0:
-        rest(tree, program.contacts, velocity, numbers[MASS])
-    want(tree, program.tasks, program.contacts, position, velocity, numbers[MASS])
-    expected, turning, sigma = last[nq + 2 * nv : nq + 3 * nv], gears[TURNING], gears[SIGMA]
-    place_loads(program.gears, tree, position, velocity, expected, dt, corrected, turning, sigma)
-    if counts[EFFORTS] > 0:
-        place_slopes(program.gears, gears[SIGMA], program.slopes[1], program.slopes[0])
-        program.turning[:] = gears[TURNING]
-        program.output[:] = view(last, nq + 3 * nv, GEAR_ROWS, m)[OUTPUT]
-        for i in range(m):
-            program.positive[i] = 1 if program.output[i] > 0.0 else 0
-    if len(program.joints.rows) > 0:
-        bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
-        bias, mass = program.gears.bias, program.gears.mass
-        place_joint_bounds(program.joints, bias, mass, position, velocity, dt, bounds)
-    place_balance(program, told & BASED == 0)
-    return UNSOLVED if place_tasks(program) < numbers[GREATEST] else TOO_LARGE
-
-
 @compiled(Count, PROGRAM.kind, Number, OutRow)
 def finish(program: Any, dt: float, block: FloatArray) -> int:
     """Write what a solution leads to: torques, drive commands, the velocity expected next.
@@ -463,10 +424,10 @@ def solve(program: Any, dt: float, block: FloatArray) -> int:
     Args:
         program: PROGRAM.
         dt: time until the next tick [s].
-        block: as `evaluate` left it; results.
+        block: as `tick` left it; results.
 
     Returns:
-        UNSOLVED, LIMITED_TORQUE or DONE.
+        UNSOLVED, REFUTED, LIMITED_TORQUE or DONE.
     """
     counts, numbers, m = program.counts, program.numbers, len(program.gears.driven)
     start = counts[NQ] + 3 * len(program.gears.bias)
@@ -490,7 +451,7 @@ def solve(program: Any, dt: float, block: FloatArray) -> int:
             if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
                 positive[i], turned = 1 - positive[i], True
     if size < 0 or turned:
-        return UNSOLVED
+        return REFUTED if size == CONTRADICTION else UNSOLVED
     soft, hard = counts[COST] - counts[FIRST], start + n + counts[HARD]
     y, z = block[start + n : hard], block[hard : hard + counts[BOUNDS]]
     place_multipliers(program.solver, soft + counts[HARD], soft, size, y, z)
@@ -509,18 +470,47 @@ def tick(
 ) -> int:
     """Pass through a tick of one level: from q (nq,) and v (nv,) to torques in `block`.
 
+    Everything that a state decides is written: tasks, contacts, loads, limits, balance. Where a
+    guess is worth a try, `solve` follows.
+
     Args:
-        program, last, dt, told, block: as for `evaluate` and `solve`; TRIES in `told` where a
-            guess is worth a try.
+        program: PROGRAM.
+        position, velocity: q and v.
+        last: block of the last tick, with v (nv,) [rad/s] expected of this state, and T.
+        dt: time until the next tick [s].
+        told: MOVED, RESTED, BASED and TRIES where they hold.
+        block: results.
 
     Returns:
-        TOO_LARGE, UNSOLVED, LIMITED_TORQUE or DONE.
+        TOO_LARGE where numbers are, that or are not finite; UNTRIED, or what `solve` returns.
     """
-    for i in range(len(position)):
+    tree, numbers, counts = program.tree, program.numbers, program.counts
+    nq, nv, m = len(position), len(velocity), len(program.gears.driven)
+    program.solver.steps[0] = 0
+    for i in range(nq):
         block[i] = position[i]
-    for i in range(len(velocity)):
-        block[len(position) + i] = velocity[i]
-    ended = evaluate(program, last, dt, told, block)
-    if ended == TOO_LARGE or told & TRIES == 0:
-        return ended
-    return solve(program, dt, block)
+    for i in range(nv):
+        block[nq + i] = velocity[i]
+    q, v, corrected = block[:nq], block[nq : nq + nv], block[nq + nv : nq + 2 * nv]
+    gears = view(block, nq + 3 * nv, GEAR_ROWS, m)
+    if told & MOVED == 0:
+        move_joints(tree, v)
+    fill_state_rows(tree, program.tasks.rows, numbers[MASS])
+    if told & RESTED == 0:
+        rest(tree, program.contacts, v, numbers[MASS])
+    want(tree, program.tasks, program.contacts, q, v, numbers[MASS])
+    expected, turning, sigma = last[nq + 2 * nv : nq + 3 * nv], gears[TURNING], gears[SIGMA]
+    place_loads(program.gears, tree, q, v, expected, dt, corrected, turning, sigma)
+    if counts[EFFORTS] > 0:
+        place_slopes(program.gears, gears[SIGMA], program.slopes[1], program.slopes[0])
+        program.turning[:] = gears[TURNING]
+        program.output[:] = view(last, nq + 3 * nv, GEAR_ROWS, m)[OUTPUT]
+        for i in range(m):
+            program.positive[i] = 1 if program.output[i] > 0.0 else 0
+    if len(program.joints.rows) > 0:
+        bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
+        place_joint_bounds(program.joints, program.gears.bias, program.gears.mass, q, v, dt, bounds)
+    place_balance(program, told & BASED == 0)
+    if not place_tasks(program) < numbers[GREATEST]:
+        return TOO_LARGE
+    return solve(program, dt, block) if told & TRIES != 0 else UNTRIED

@@ -47,7 +47,7 @@ _DECIDED = 1e-12  # share of a squared length that other rows leave of a row whi
 # would have to carry x a million times as far: accelerations of 1e6 and forces of 1e4 weights.
 _MISSED = 1e-6
 STEPS = 60
-"""Steps of the dual method at most, before a solver is asked."""
+"""Steps of the dual method in a tick, before solvers are asked."""
 
 SOLVER = Structure(
     "Solver",
@@ -68,6 +68,7 @@ SOLVER = Structure(
     scaled=(OutDense, "k", "n"),
     system=(OutDense, "k", "k"),
     left=(OutRow, "k"),
+    steps=(OutPlaces, 1),
 )
 """A program that keeps its structure, a diagonal D and rows, and memory for its solution.
 
@@ -78,7 +79,7 @@ SOLVER = Structure(
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
 do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
 softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
-all rows, `active` the numbers of the bounds that stand among them.
+all rows, `active` the numbers of the bounds that stand among them, `steps` (1,) those of `settle`.
 """
 
 
@@ -329,6 +330,7 @@ def _begin(
     """
     active, taken, known, pulls, size = solver.active, solver.taken, 0, True, base
     while pulls:
+        solver.steps[0] += 1
         size, pulls = _place_active(solver, first, base, bounds[0], bounds[1]), False
         if size < 0 or not _meet_rows(solver, first, known, size, tolerance, x):
             if size == base:
@@ -385,6 +387,7 @@ def settle(
         return UNSETTLED
     trial = np.empty(len(x))
     for step in range(steps + 1):
+        solver.steps[0] += 1
         if fresh:
             row, side = _most_violated(solver, bounds, tolerance if exact else 0.5 * tolerance, x)
             if row < 0:

@@ -27,11 +27,11 @@ from wbc.control.tick import (
     MESH,
     MOVED,
     OUTPUT,
+    REFUTED,
     SIGMA,
     TOO_LARGE,
     TRIES,
     TURNING,
-    evaluate,
     finish,
     solve,
     tick,
@@ -57,14 +57,14 @@ class PendingTick(NamedTuple):
 
     Attributes:
         motion: the state.
-        ceilings: greatest normal force [N] of each active contact, or None.
+        ceilings: greatest normal force [N] of each active contact.
         dt: time until the next tick [s].
         last: block of the last tick.
         told: what of the state is evaluated, see `wbc.control.tick`.
     """
 
     motion: Motion
-    ceilings: Mapping[str, float] | None
+    ceilings: Mapping[str, float]
     dt: float
     last: FloatArray
     told: int
@@ -97,8 +97,7 @@ class SolvedLevel(NamedTuple):
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
-        gears, m = self.level.program.at.gears, len(self.level.program.memory.gears.driven)
-        return self.block[gears.start + number * m : gears.start + (number + 1) * m]
+        return np.asarray(self.level.program.gear_rows(self.block)[number])
 
     @property
     def acceleration(self) -> FloatArray:
@@ -134,7 +133,9 @@ class SolvedLevel(NamedTuple):
         """The solution of the last program."""
         if self.found is not None:
             return self.found.solution
-        return self.level.program.stated(self.block, self.hard)
+        at, bounds = self.level.program.at, self.level.program.bounds
+        y, z, _ = np.split(self.block[at.multipliers], [self.hard, self.hard + bounds])
+        return QPSolution(self.block[at.x], y, z, QPStatus.SOLVED, 0)
 
 
 class Refusal(NamedTuple):
@@ -185,7 +186,7 @@ class Level:
             return Refusal(None, None, self)
         if ended == DECIDED and above is not None:
             return above
-        return self._searched(asked, above, block, start)
+        return self._searched(asked, above, block, start, ended)
 
     def _pass(self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray) -> int:
         """Do the compiled part of a tick; return how it ended."""
@@ -196,12 +197,11 @@ class Level:
             program.place_basis()
             told |= BASED
         tries = TRIES if self._guesses and not self._saturated else 0
-        if above is None:
-            return tick(memory, motion.position, motion.velocity, last, dt, told | tries, block)
-        block[program.at.position], block[program.at.velocity] = motion.position, motion.velocity
-        memory.counts[HARD] = program.unlocked
-        ended = evaluate(memory, last, dt, told | MOVED, block)
-        if ended == TOO_LARGE:
+        if above is not None:
+            memory.counts[HARD] = program.unlocked
+        told |= tries if above is None else MOVED
+        ended = tick(memory, motion.position, motion.velocity, last, dt, told, block)
+        if above is None or ended == TOO_LARGE:
             return ended
         if program.has_efforts:
             memory.positive[:] = above.row(OUTPUT) > 0.0
@@ -233,7 +233,12 @@ class Level:
         return left
 
     def _searched(
-        self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, start: float
+        self,
+        asked: PendingTick,
+        above: SolvedLevel | None,
+        block: FloatArray,
+        start: float,
+        ended: int,
     ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
         program, gears = self.program, self.program.gear_rows(block)
@@ -242,8 +247,12 @@ class Level:
             output, passing = above.row(OUTPUT), above.solution.x
             decided = decided if above.found is None else above.found.decided
         self._search.start(gears[SIGMA], passing)
-        may_give, passed = above is None and program.may_give, _NOTHING_PASSED
-        found = self._search.solve(output, decided, spare=_GIVING if may_give else 0)
+        may_give = above is None and program.joint.start < program.bounds
+        passed = _NOTHING_PASSED
+        if ended == REFUTED:
+            found = self._search.refuted()
+        else:
+            found = self._search.solve(output, decided, spare=_GIVING if may_give else 0)
         verdict = _judged(found, program, self._search.blocking)
         if may_give and not verdict[0].usable and self._search.rounds + _GIVING <= self._rounds:
             found, verdict, passed = self._giving_way(output)
@@ -294,8 +303,7 @@ class Level:
             )
         else:
             return possible, verdict, _NOTHING_PASSED
-        passed, stops = program.passed(found.solution)
-        told = _told(passed, stops) if passed else ""
+        passed, told = program.passed(found.solution)
         return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
 
     def expecting(self, last: FloatArray) -> FloatArray:
@@ -313,13 +321,6 @@ class Level:
         self._search.start(self.program.gear_rows(self._block)[SIGMA], passing)
         self._search.place(self._decided, self.program.gear_rows(last)[OUTPUT])
         return self.program.dense()
-
-
-def _told(passed: Mapping[str, float], stops: str) -> str:
-    """Return what a tick says whose limits or tasks of infinite weight could not be kept."""
-    worst = max(passed, key=lambda label: passed[label])
-    others = f", and {len(passed) - 1} more" if len(passed) > 1 else ""
-    return f"{worst} is passed by {passed[worst]:.3g} per s^2{others}: {stops} leaves no more."
 
 
 def _judged(found: DirectedSolution, program: Program, blocking: int) -> Complaint:

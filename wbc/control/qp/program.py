@@ -16,7 +16,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
-from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution, QPStatus
+from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contacts import ContactSet
 from wbc.control.rows.efforts import Effort
@@ -142,7 +142,7 @@ class Program:
         solver, shared = self.memory.solver, contacts.load_share(weight) / self.force_scale
         solver.diagonal[self.nv :] = recipe.settings.force_weight
         solver.pull[self.nv :] = recipe.settings.force_weight * shared
-        self._write_normals(None)
+        self._ceilings: Mapping[str, float] | None = None
         room = max(most + self.n, self.bounds, above)
         sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
         self.lock: Any = LOCK.of(sizes) if rank else None
@@ -222,12 +222,17 @@ class Program:
         self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
 
-    def take(self, ceilings: Mapping[str, float] | None) -> None:
+    def take(self, ceilings: Mapping[str, float]) -> None:
         """Take the greatest normal forces of a tick [N], and the distances of solids."""
-        if ceilings is not self._ceilings:
-            self._write_normals(ceilings)
-        if self.recipe.collision is not None:
-            apart, memory = self.recipe.collision, self.memory
+        memory, apart = self.memory, self.recipe.collision
+        if ceilings is not self._ceilings:  # a low ceiling lowers the floor
+            given = [ceilings[contact.name] for contact in self.contacts.contacts]
+            top = np.minimum(self.contacts.normal_maximum, given)
+            least = np.minimum(self.contacts.normal_minimum, top)
+            memory.stated_lower[self.normal] = least / self.force_scale
+            memory.stated_upper[self.normal] = np.minimum(top / self.force_scale, INFINITE)
+            self._ceilings = ceilings
+        if apart is not None:
             memory.solver.C[self.distance, : self.nv] = apart.rows
             memory.stated_lower[self.distance] = apart.least
 
@@ -251,11 +256,6 @@ class Program:
         right[:] = 0.0
         right[:count] = np.linalg.lstsq(jacobian @ basis.T, target, rcond=_WEAK)[0]
         softness[:count], softness[count:] = 0.0, 1.0
-
-    @property
-    def may_give(self) -> bool:
-        """Whether it has limits of joints or distances."""
-        return bool(self.joint.start < self.bounds)
 
     @contextmanager
     def giving_way(self, *, dropped: bool = False) -> Iterator[None]:
@@ -286,19 +286,23 @@ class Program:
             solver.give[:] = 0.0
 
     def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
-        """Return what a solution passes, by how much [rad/s^2 or m/s^2], and what is in the way."""
+        """Return what a solution passes, by how much [rad/s^2 or m/s^2], and that in words."""
         gives, C = slice(self.joint.start, self.bounds), self.memory.solver.C
         beyond = self.beyond(solution.x)[gives]
         least = _TOLD * beyond.max(initial=0.0)
         sizes = zip(self.labels[gives], beyond.tolist(), strict=True)
         found = {label: size for label, size in sizes if size > least}
+        if not found:
+            return found, ""
         push = np.abs(solution.z) * np.linalg.norm(C, axis=1)
         share = _TOLD * push.max(initial=0.0)
         push[gives][beyond > least] = 0.0
-        stops = int(np.argmax(push)) if push.size else 0
-        if push.size and push[stops] > share:
-            return found, self.labels[stops]
-        return found, "what rests on the ground" if self.contacts.rows else "the balance of forces"
+        stops = "what rests on the ground" if self.contacts.rows else "the balance of forces"
+        stops = self.labels[int(np.argmax(push))] if push.max() > share else stops
+        worst = max(found, key=lambda label: found[label])
+        others = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        told = f"{worst} is passed by {found[worst]:.3g} per s^2{others}: {stops} leaves no more."
+        return found, told
 
     def _soft_and_hard(self) -> tuple[slice, slice]:
         """Return which rows of the solver are soft, and which are hard."""
@@ -342,22 +346,6 @@ class Program:
             passed = self.beyond(x)[gives]
             cost += 0.5 * passed @ (passed / solver.give[gives])
         return float(cost)
-
-    def stated(self, block: FloatArray, hard: int) -> QPSolution:
-        """Return the solution in a block of results of a program with some hard rows."""
-        found = block[self.at.multipliers]
-        y, z = found[:hard], found[hard : hard + self.bounds]
-        return QPSolution(block[self.at.x], y, z, QPStatus.SOLVED, 0)
-
-    def _write_normals(self, ceilings: Mapping[str, float] | None) -> None:
-        """Write the bounds of the normal forces; a low ceiling lowers the floor."""
-        set_, memory, scale = self.contacts, self.memory, self.force_scale
-        top = set_.normal_maximum
-        if ceilings is not None:
-            top = np.minimum(top, [ceilings[contact.name] for contact in set_.contacts])
-        memory.stated_lower[self.normal] = np.minimum(set_.normal_minimum, top) / scale
-        memory.stated_upper[self.normal] = np.minimum(top / scale, INFINITE)
-        self._ceilings = ceilings
 
     def gear_rows(self, block: FloatArray) -> FloatArray:
         """Return the rows of the gears (9, m) at the end of a block of results."""
