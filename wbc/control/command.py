@@ -177,9 +177,5 @@ def explain(command: Command) -> str:
     worst = int(np.argmax(broken)) if broken.size else -1
     if worst < 0 or broken[worst] <= _KEPT:
         return "a motion that keeps all constraints exists; the solver did not find it."
-    scale = 1.0
-    if worst < len(problem.b):
-        name, unit = names.equality_label(worst)
-    else:
-        name, scale, unit = names.inequality_label(worst - len(problem.b))
+    name, scale, unit = names.label(worst, len(problem.b))
     return f"{name} cannot be kept: {scale * broken[worst]:.3g} {unit} missing."

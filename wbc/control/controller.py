@@ -42,7 +42,6 @@ _BUSY: Complaint = (
     Status.BAD_INPUT,
     "step is called while another thread is in it; give every thread a controller of its own.",
 )
-_NO_REFERENCES: Mapping[str, Reference] = {}
 
 
 class Controller:
@@ -95,20 +94,19 @@ class Controller:
         frames = [f for bound in self._contacts.values() for f in bound.frames]
         self._kinematics = Kinematics(robot, frames)
         self._stacks = _stacks_by_level(robot, self.tasks, self._kinematics.model)
-        torque = _single(RotorTorqueLimit, limits)
-        self._drivetrain = GearModel(robot, self._kinematics, settings, torque)
+        motors = _single(RotorTorqueLimit, limits)
+        self._drivetrain = GearModel(robot, self._kinematics, settings, motors)
         bound = tuple(self._contacts.values())
         self._fallback = Fallback(robot, self._drivetrain, settings, bound)
-        efforts = tuple(task for task in self.tasks if isinstance(task, Effort))
-        for effort in efforts:
-            effort.check(robot)
+        efforts = [task for task in self.tasks if isinstance(task, Effort)]
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(robot, names, weighed, tuple(self._contacts))
-        joint_limit, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
-        if joint_limit is not None and not joint_limit.joints:
+        stops, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
+        joint_limit = JointLimit() if stops is None else stops
+        if stops is not None and not stops.joints:
             joint_limit = JointLimit.of(robot)
         self._collision = None if apart is None else CollisionRows(apart, self._kinematics.model)
-        self._joints = (joint_limit or JointLimit()).structure(robot.model.nv)
+        self._joints = joint_limit.structure(robot.model.nv)
         recipe = Recipe(
             robot=robot,
             drivetrain=self._drivetrain,
@@ -117,7 +115,10 @@ class Controller:
             joints=self._joints,
             collision=self._collision,
             settings=settings,
-            efforts=efforts,
+            efforts=np.array([e.weights(robot) for e in efforts]).reshape(
+                -1, self._drivetrain.size
+            ),
+            effort_kinds=np.array([e.kind for e in efforts]).reshape(-1, 2),
             stacks=self._stacks,
         )
         self._levels = Levels(recipe, self._contacts)
@@ -182,7 +183,7 @@ class Controller:
             return self._fallback.busy(_BUSY, start)
         motion, hook, step = None, self.settings.state_hook, self.settings.time_step
         step = step if dt is None else dt
-        references = _NO_REFERENCES if references is None else references
+        references = {} if references is None else references
         try:
             motion = self._inputs.admitted(state if hook is None else hook(state))
             self._inputs.check(references, contacts, weights, activation, step)
@@ -194,8 +195,7 @@ class Controller:
             answer = descend(levels, PendingTick(motion, ceilings, step, self._last, told))
             self._level = answer.level
             if isinstance(answer, SolvedLevel):
-                self._remember(answer, motion)
-                return self._command(answer, motion, start)
+                return self._accepted(answer, motion, start)
             complaint = answer.complaint or size_complaint(references)
             return self._refused(answer, complaint, motion, step, start)
         except TickInputError as cause:
@@ -238,25 +238,23 @@ class Controller:
         self._drivetrain.take(motion, contacts.contacts)
         return MOVED | (RESTED if rested else 0)
 
-    def _command(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
-        """Return the command of a usable solution of a tick that began at `start` [s]."""
-        found, (status, message), drive = answer.found, answer.verdict, answer.row(DRIVE)
+    def _accepted(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
+        """Return the command of a tick with a solution; take what the next one starts from."""
+        for stack in self._stacks:
+            stack.remember()
+        self._last, contacts = answer.block, answer.level.program.contacts.contacts
+        self._fallback.remember(answer, contacts)
+        if self._drivetrain.learns:
+            leads_to = motion.velocity + answer.dt * answer.acceleration
+            self._drivetrain.remember(leads_to, contacts)
+        (status, message), drive = answer.verdict, answer.row(DRIVE)
         if self._drivetrain.differs:
             drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
         elapsed, deadline = perf_counter() - start, self.settings.deadline
         if deadline is not None and elapsed > deadline:
             status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
         return Command(
-            rotor_torque=drive,
-            status=status,
-            message=message,
-            solve_time=answer.time if found is None else found.solve_time,
-            tick_time=elapsed,
-            rounds=1 if found is None else found.rounds,
-            iterations=0 if found is None else found.iterations,
-            prospect=answer,
-            refused=None,
-            passed=answer.passed,
+            rotor_torque=drive, status=status, message=message, tick_time=elapsed, prospect=answer
         )
 
     def _refused(
@@ -270,16 +268,6 @@ class Controller:
         program = refusal.level.program
         refused = None if found is None else Refused(program.dense(), program)
         return self._fallback.command(motion, complaint, dt, start, found, refused)
-
-    def _remember(self, answer: SolvedLevel, motion: Motion) -> None:
-        """Take what the next tick starts from."""
-        for stack in self._stacks:
-            stack.remember()
-        self._last, contacts = answer.block, answer.level.program.contacts.contacts
-        self._fallback.remember(answer, contacts)
-        if self._drivetrain.learns:
-            leads_to = motion.velocity + answer.dt * answer.acceleration
-            self._drivetrain.remember(leads_to, contacts)
 
 
 _Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)

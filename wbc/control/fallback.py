@@ -58,11 +58,9 @@ class Fallback:
 
     def forget(self) -> None:
         """Forget the last good tick."""
-        self._last: SolvedLevel | None = None
-        self._contacts = self._all
-        self._ticks, self._time = 0, 0.0
+        self.remember(None, self._all)
 
-    def remember(self, answer: SolvedLevel, contacts: tuple[BoundContact, ...]) -> None:
+    def remember(self, answer: SolvedLevel | None, contacts: tuple[BoundContact, ...]) -> None:
         """Take a tick with a solution as the last good one, and the contacts that carried it."""
         self._last, self._contacts = answer, contacts
         self._ticks, self._time = 0, 0.0
@@ -74,9 +72,10 @@ class Fallback:
             return np.zeros(self._size)
         return self._last.row(TORQUE_ROW)
 
-    @property
-    def _position(self) -> FloatArray | None:
-        """Q (nq,) of the last good tick."""
+    def _place(self, motion: Motion | None) -> FloatArray | None:
+        """Return q (nq,) of a state, without one that of the last good tick."""
+        if motion is not None:
+            return motion.position
         last = self._last
         return None if last is None else last.block[last.level.program.at.position]
 
@@ -119,7 +118,7 @@ class Fallback:
         found: DirectedSolution | None,
         refused: Refused | None,
     ) -> Command:
-        place, nothing = self._position if motion is None else motion.position, np.zeros(self._size)
+        place, nothing = self._place(motion), np.zeros(self._size)
         unknown = np.full(self._size, np.nan)
         return Command(
             rotor_torque=torque,
@@ -176,7 +175,7 @@ class Fallback:
         tick. The matrix is positive definite: the torque only takes energy. There is none where the
         speed or the pose is unknown, the pose being the last one known.
         """
-        place = self._position if motion is None else motion.position
+        place = self._place(motion)
         if place is None:
             return np.zeros(self._size)
         hold, free, rested = self._statics(place)

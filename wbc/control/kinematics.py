@@ -125,10 +125,7 @@ class Kinematics:
         Raises:
             ControlError: no such frame; the message lists those there are.
         """
-        if not self.model.existFrame(name):
-            known = [frame.name for frame in self.model.frames]
-            raise ControlError(unknown_name("frame", name, known))
-        return int(self.model.getFrameId(name))
+        return frame_number(self.model, name)
 
     def placement(self, frame: int) -> pin.SE3:
         """Return the placement of a frame in the world."""
@@ -136,18 +133,28 @@ class Kinematics:
 
     def frame_jacobian(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
         """Return J (6, nv): linear velocity of the frame's origin over angular velocity."""
-        rows: FloatArray = pin.getFrameJacobian(self.model, self._data, frame, axes)
-        return rows
+        return np.asarray(pin.getFrameJacobian(self.model, self._data, frame, axes))
 
     def frame_drift(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
         """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0."""
-        motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
-        drift: FloatArray = motion.vector
-        return drift
+        moved = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
+        return np.asarray(moved.vector)
 
     def center_of_mass(self) -> FloatArray:
         """Return the centre of mass (3,) [m], world."""
         return np.asarray(self.tree.com)
+
+
+def frame_number(model: pin.Model, name: str, told: str = "") -> int:
+    """Return the number of a frame.
+
+    Raises:
+        ControlError: no such frame; the message begins with `told` and lists those there are.
+    """
+    if not model.existFrame(name):
+        known = [frame.name for frame in model.frames]
+        raise ControlError(told + unknown_name("frame", name, known))
+    return int(model.getFrameId(name))
 
 
 def _places(model: pin.Model, data: pin.Data) -> FloatArray:

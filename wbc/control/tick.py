@@ -130,10 +130,9 @@ TURNING, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(7)
 take, t, N tau_phi within the limits, and what the drives are told."""
 GEAR_ROWS = 7
 
-TOO_LARGE, UNTRIED, UNSOLVED, REFUTED, LIMITED_TORQUE, DONE, DECIDED = range(7)
+TOO_LARGE, UNTRIED, UNSOLVED, REFUTED, LIMITED_TORQUE, DONE = range(6)
 """How a tick ends: numbers too large, without a guess, without a solution from it, with the proof
-that there is none, with a torque limit, or well; or with the solution of a more important level,
-which leaves nothing to decide."""
+that there is none, with a torque limit, or well."""
 
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""

@@ -94,16 +94,6 @@ origin of the other frame; used (e,): 0 where nothing is to be written; places (
 """
 
 
-@compiled(types.UniTuple(Number, 3), Dense, Count, *[Number] * 3)
-def _own(places: FloatArray, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a world vector in the axes of a placement."""
-    return (
-        places[i, 0] * x + places[i, 1] * y + places[i, 2] * z,
-        places[i, 3] * x + places[i, 4] * y + places[i, 5] * z,
-        places[i, 6] * x + places[i, 7] * y + places[i, 8] * z,
-    )
-
-
 @compiled(Nothing, TREE.kind, Vector)
 def move_joints(tree: Any, velocity: FloatArray) -> None:
     """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows.
@@ -200,8 +190,11 @@ def place_missing(
 @compiled(Nothing, OutDense, Count, OutVector)
 def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
     """Turn a linear and an angular vector (6,) from world axes into those of a placement."""
-    six[0], six[1], six[2] = _own(places, number, six[0], six[1], six[2])
-    six[3], six[4], six[5] = _own(places, number, six[3], six[4], six[5])
+    for first in range(0, 6, 3):
+        x, y, z = six[first], six[first + 1], six[first + 2]
+        for a in range(3):
+            along, across = places[number, 3 * a] * x, places[number, 3 * a + 1] * y
+            six[first + a] = along + across + places[number, 3 * a + 2] * z
 
 
 @compiled(types.UniTuple(Number, 6), Dense, Dense, Count, *[Number] * 3)

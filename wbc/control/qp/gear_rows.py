@@ -79,10 +79,6 @@ memory.
 TRUSTED, FULL_SPEED, CORRECTION, OBSERVES = range(4)
 
 
-MotorRows = tuple[FloatArray, FloatArray, FloatArray]
-_Three = types.UniTuple(kind_of(OutRow), 3)
-
-
 @compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 3, Number, OutRow, OutRow, OutRow)
 def place_loads(
     gears: Any,
@@ -185,13 +181,13 @@ def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: 
         negative[i] = ahead * against + astern * along + rest[i]
 
 
-@compiled(Flag, GEARS.kind, *[Row] * 3, _Three)
+@compiled(Flag, GEARS.kind, *[Row] * 3, types.UniTuple(kind_of(OutRow), 3))
 def place_torques(
     gears: Any,
     output: FloatArray,
     share: FloatArray,
     sigma: FloatArray,
-    results: MotorRows,
+    results: tuple[FloatArray, FloatArray, FloatArray],
 ) -> bool:
     """Write t and N tau_phi = t + share (m,), clipped to the limits.
 

@@ -20,7 +20,6 @@ from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
 from wbc.control.tick import (
     BASED,
-    DECIDED,
     DONE,
     GEAR_ROWS,
     HARD,
@@ -78,19 +77,23 @@ class SolvedLevel(NamedTuple):
         block: results, as `Program.at` says.
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
-        time: [s] it took.
+        solve_time, rounds, iterations: what it took, as in `Command`.
         dt: time until the next tick [s].
         consistent: whether the mesh law allows the torques.
         passed: limit -> by how much it is passed, as it could not be kept.
         hard: how many hard rows the program has, where the block holds the solution.
+        refused: None, as in every `Command` of a solution.
     """
 
     level: Level
     block: FloatArray
     found: DirectedSolution | None
     verdict: Complaint
-    time: float
+    solve_time: float
     dt: float
+    rounds: int = 1
+    iterations: int = 0
+    refused: None = None
     consistent: bool = True
     passed: Mapping[str, float] = _NOTHING_PASSED
     hard: int = 0
@@ -167,32 +170,18 @@ class Level:
     def forget(self) -> None:
         """Start the next tick without the rows that bound the last one."""
         self._saturated = False
-        self._search.forget()
+        self.program.memory.solver.taken[:] = 0
 
     def step(self, asked: PendingTick, above: SolvedLevel | None) -> SolvedLevel | Refusal:
         """Return the solution of a tick, or why there is none; `above` is decided already.
 
         It is the solution of the level above where that leaves this one nothing to decide.
         """
-        start, program = perf_counter(), self.program
+        start, program, memory = perf_counter(), self.program, self.program.memory
+        motion, ceilings, dt, last, told = asked
         block, self._decided = np.empty(program.size), {}
         self._block = block
-        ended = self._pass(asked, above, block)
-        if ended == DONE:
-            hard = int(program.memory.counts[HARD])
-            elapsed = perf_counter() - start
-            return SolvedLevel(self, block, None, _SOLVED, elapsed, asked.dt, hard=hard)
-        if ended == TOO_LARGE:
-            return Refusal(None, None, self)
-        if ended == DECIDED and above is not None:
-            return above
-        return self._searched(asked, above, block, start, ended)
-
-    def _pass(self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray) -> int:
-        """Do the compiled part of a tick; return how it ended."""
-        program, memory = self.program, self.program.memory
-        motion, _, dt, last, told = asked
-        program.take(asked.ceilings)
+        program.take(ceilings)
         if program.repeats:
             program.place_basis()
             told |= BASED
@@ -201,14 +190,18 @@ class Level:
             memory.counts[HARD] = program.unlocked
         told |= tries if above is None else MOVED
         ended = tick(memory, motion.position, motion.velocity, last, dt, told, block)
-        if above is None or ended == TOO_LARGE:
-            return ended
-        if program.has_efforts:
+        if ended == TOO_LARGE:
+            return Refusal(None, None, self)
+        if above is not None:
+            left = self._hold(above, program.gear_rows(block)[SIGMA])
+            if left == 0 and not program.has_efforts:
+                return above
             memory.positive[:] = above.row(OUTPUT) > 0.0
-        left = self._hold(above, program.gear_rows(block)[SIGMA])
-        if left == 0 and not program.has_efforts:
-            return DECIDED
-        return solve(memory, dt, block) if tries else ended
+            ended = solve(memory, dt, block) if tries else ended
+        if ended != DONE:
+            return self._searched(asked, above, block, ended)
+        hard, elapsed = int(memory.counts[HARD]), perf_counter() - start
+        return SolvedLevel(self, block, None, _SOLVED, elapsed, dt, hard=hard)
 
     def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
@@ -233,12 +226,7 @@ class Level:
         return left
 
     def _searched(
-        self,
-        asked: PendingTick,
-        above: SolvedLevel | None,
-        block: FloatArray,
-        start: float,
-        ended: int,
+        self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, ended: int
     ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
         program, gears = self.program, self.program.gear_rows(block)
@@ -267,9 +255,8 @@ class Level:
             slopes = program.memory.gears.forward, program.memory.gears.backward
             agrees = consistent(gears[OUTPUT], gears[MESH], gears[SIGMA], *slopes)
         self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
-        elapsed = perf_counter() - start
-        told = asked.dt, agrees, passed
-        return SolvedLevel(self, block, found, verdict, elapsed, *told)
+        took = found.solve_time, asked.dt, found.rounds, found.iterations
+        return SolvedLevel(self, block, found, verdict, *took, None, agrees, passed)
 
     def _giving_way(
         self, output: FloatArray
@@ -297,10 +284,8 @@ class Level:
         if at_a_price[0].usable:
             verdict = at_a_price
         elif verdict[0].usable:
-            found, verdict = (
-                possible,
-                (Status.INACCURATE, "Limits of joints and distances left out."),
-            )
+            found = possible
+            verdict = Status.INACCURATE, "Limits of joints and distances left out."
         else:
             return possible, verdict, _NOTHING_PASSED
         passed, told = program.passed(found.solution)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,7 +19,6 @@ from wbc.control.qp.lock_rows import LOCK
 from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution
 from wbc.control.rows.collision import CollisionRows
 from wbc.control.rows.contacts import ContactSet
-from wbc.control.rows.efforts import Effort
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
@@ -48,22 +47,23 @@ class Recipe:
         robot: the robot.
         drivetrain: what is between gears and motors.
         kinematics: of the controller.
-        joint_limit: limits of joints, or None.
+        joint_limit: limits of joints, or of none.
         joints: their JOINTS.
         collision: distances to keep, or None.
         settings: of the controller.
-        efforts: costs on torques, which the least important level bears.
+        efforts, effort_kinds: see PROGRAM; the least important level bears them.
         stacks: tasks by level, the most important first.
     """
 
     robot: Robot
     drivetrain: GearModel
     kinematics: Kinematics
-    joint_limit: JointLimit | None
+    joint_limit: JointLimit
     joints: Any
     collision: CollisionRows | None
     settings: ControllerSettings
-    efforts: Sequence[Effort]
+    efforts: FloatArray
+    effort_kinds: FloatArray
     stacks: tuple[TaskStack, ...]
 
     @property
@@ -130,12 +130,12 @@ class Program:
         weight = recipe.kinematics.mass * recipe.kinematics.gravity
         self.force_scale = 0.1 * recipe.load
         self.gears = drivetrain.limited
-        self._efforts = tuple(recipe.efforts) if last else ()
-        self.has_efforts, self.repeats = bool(self._efforts), contacts.rank < contacts.rows
+        self._efforts = len(recipe.efforts) if last else 0
+        self.has_efforts, self.repeats = self._efforts > 0, contacts.rank < contacts.rows
         self._undriven, m = robot.floating_size, robot.transmission.size
         self.unlocked = self._undriven + contacts.rank
         above = sum(len(stack.memory.wanted) for stack in recipe.stacks[:rank])
-        cost = len(self.stack.memory.rows.jacobian) + m * len(self._efforts)
+        cost = len(self.stack.memory.rows.jacobian) + m * self._efforts
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
         self._lay_out_rows(cost, most, rank)
@@ -154,7 +154,7 @@ class Program:
     def _lay_out_bounds(self) -> None:
         """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
         contacts, recipe = self.contacts, self.recipe
-        joints = () if recipe.joint_limit is None else recipe.joint_limit.joints
+        joints = recipe.joint_limit.joints
         apart = () if recipe.collision is None else recipe.collision.labels
         names = recipe.robot.transmission.joints
         sizes = [2 * len(self.gears), len(contacts.cone), len(contacts.contacts), len(joints)]
@@ -177,15 +177,11 @@ class Program:
         size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
         softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
         softness[:cost] = 1.0
-        C, lower, upper = (
-            np.zeros((bounds, n)),
-            np.full(bounds, -INFINITE),
-            np.full(bounds, INFINITE),
-        )
+        C = np.zeros((bounds, n))
+        lower, upper = np.full(bounds, -INFINITE), np.full(bounds, INFINITE)
         C[self.cone, nv:], C[self.normal, nv:] = contacts.cone, contacts.normals
         upper[self.cone] = 0.0
-        if recipe.joint_limit is not None:
-            C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
+        C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
         stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
         solver = SOLVER.of(
             {"k": size, "n": n, "r": bounds},
@@ -195,9 +191,9 @@ class Program:
             lower=lower,
             upper=upper,
         )
-        efforts, settings = len(self._efforts), recipe.settings
+        settings = recipe.settings
         ends = self.torque.stop, self.bounds, self.joint.start
-        counts = [0, cost, self.unlocked, *ends, efforts, recipe.robot.model.nq]
+        counts = [0, cost, self.unlocked, *ends, self._efforts, recipe.robot.model.nq]
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         sizes = [recipe.kinematics.mass, self.force_scale, regular, tolerance]
         greatest = tolerance / np.finfo(np.float64).eps
@@ -213,8 +209,8 @@ class Program:
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             counts=np.array(counts, dtype=np.int_),
             numbers=np.array([*sizes, greatest]),
-            efforts=np.array([e.weights(recipe.robot) for e in self._efforts]).reshape(efforts, m),
-            effort_kinds=np.array([e.kind for e in self._efforts]).reshape(efforts, 2),
+            efforts=recipe.efforts,
+            effort_kinds=recipe.effort_kinds,
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
@@ -351,24 +347,28 @@ class Program:
         """Return the rows of the gears (9, m) at the end of a block of results."""
         return block[self.at.gears].reshape(GEAR_ROWS, -1)
 
-    def equality_label(self, row: int) -> tuple[str, str]:
-        """Return what an equality row is called in messages, and its unit."""
+    def label(self, row: int, equalities: int) -> tuple[str, float, str]:
+        """Return what a constraint is called, and scale and unit of a violation.
+
+        Args:
+            row: its number, the equalities before the bounds.
+            equalities: how many there are.
+        """
+        bound = row - equalities
+        if bound >= self.normal.stop:
+            return self.labels[bound], 1.0, "rad/s^2" if bound < self.joint.stop else "m/s^2"
+        if bound >= self.torque.stop:
+            label = self.labels[bound]
+            turns = bound < self.cone.stop and ("pressure" in label or "yaw" in label)
+            return label, self.force_scale, "N m" if turns else "N"
+        if bound >= 0:
+            return self.labels[bound], 1.0, "N m at the motor output"
         if row < self._undriven:
             coordinate = int(self.recipe.robot.unactuated[row])
-            return f"balance of undriven coordinate {coordinate}", "N or N m"
+            return f"balance of undriven coordinate {coordinate}", 1.0, "N or N m"
         if self.repeats and row < self.unlocked:
-            return "the contacts at rest", "m/s^2"
+            return "the contacts at rest", 1.0, "m/s^2"
         for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
             if row - self._undriven < rows.stop:
-                return f"contact {contact.name} at rest", "m/s^2"
-        return "what the more important tasks have decided", "m/s^2"
-
-    def inequality_label(self, row: int) -> tuple[str, float, str]:
-        """Return what an inequality is called, the scale of a violation, and its unit."""
-        label = self.labels[row]
-        if row < self.torque.stop:
-            return label, 1.0, "N m at the motor output"
-        if row < self.normal.stop:
-            turns = row < self.cone.stop and ("pressure" in label or "yaw" in label)
-            return label, self.force_scale, "N m" if turns else "N"
-        return label, 1.0, "rad/s^2" if row < self.joint.stop else "m/s^2"
+                return f"contact {contact.name} at rest", 1.0, "m/s^2"
+        return "what the more important tasks have decided", 1.0, "m/s^2"

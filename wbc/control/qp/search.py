@@ -100,11 +100,6 @@ class DirectionSearch:
         self._settings, self._rounds = settings, settings.max_rounds
         self.output, self._share = np.empty(m), np.empty(m)
         self._passing: FloatArray | None = None
-        self.forget()
-
-    def forget(self) -> None:
-        """Start the next program from nothing."""
-        self._program.memory.solver.taken[:] = 0
 
     def start(self, sigma: FloatArray, passing: FloatArray | None) -> None:
         """Write what all programs of a tick share, and count anew.
@@ -246,8 +241,9 @@ class DirectionSearch:
     ) -> DirectedSolution:
         if solution.status is QPStatus.SOLVED:
             self._beyond(solution.x)
-        taken = self.rounds, self.iterations, self._spent
-        return DirectedSolution(solution, decided, settled, *taken)
+        return DirectedSolution(
+            solution, decided, settled, self.rounds, self.iterations, self._spent
+        )
 
     def _beyond(self, x: FloatArray) -> BoolArray:
         """Write T of x (n,); return the gears (m,) whose torque is beyond their limits."""

@@ -103,11 +103,8 @@ class QPSolution(NamedTuple):
 
 _PROXQP = {
     proxqp.PROXQP_SOLVED: QPStatus.SOLVED,
-    proxqp.PROXQP_SOLVED_CLOSEST_PRIMAL_FEASIBLE: QPStatus.SOLVED,
     proxqp.PROXQP_PRIMAL_INFEASIBLE: QPStatus.INFEASIBLE,
-    proxqp.PROXQP_DUAL_INFEASIBLE: QPStatus.FAILED,
     proxqp.PROXQP_MAX_ITER_REACHED: QPStatus.ITERATION_LIMIT,
-    proxqp.PROXQP_NOT_RUN: QPStatus.FAILED,
 }
 _EQUALITY = 5
 _DAQP = {1: QPStatus.SOLVED, -1: QPStatus.INFEASIBLE, -4: QPStatus.ITERATION_LIMIT}
@@ -155,11 +152,9 @@ def solve(
     n = len(problem.g)
     if give is not None and give.any():
         problem = _with_passings(problem, give)
-    if name == "daqp":
-        found = _solve_daqp(problem, tolerance, most)
-    else:
-        found = _solve_proxqp(problem, tolerance, most)
-    return found if len(found.x) == n else found._replace(x=found.x[:n])
+    ask = _solve_daqp if name == "daqp" else _solve_proxqp
+    found = ask(problem, tolerance, most)
+    return found._replace(x=found.x[:n])
 
 
 def _with_passings(problem: QPProblem, give: FloatArray) -> QPProblem:
@@ -195,7 +190,7 @@ def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution
     qp.solve()
     found, info = qp.results, qp.results.info
     x, y, z = np.array(found.x), np.array(found.y), np.array(found.z)
-    return QPSolution(x, y, z, _PROXQP[info.status], int(info.iter))
+    return QPSolution(x, y, z, _PROXQP.get(info.status, QPStatus.FAILED), int(info.iter))
 
 
 def _solve_daqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:

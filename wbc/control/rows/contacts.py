@@ -137,11 +137,9 @@ class PointContact(Contact):
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        normal = checked(
-            self.ground_normal, (3,), f"contact '{self.name}': ground_normal", ControlError
-        )
-        if not normal[2] > 0.0:
-            raise ControlError(f"contact '{self.name}': ground_normal must point up, z > 0.")
+        told = f"contact '{self.name}': ground_normal"
+        if not checked(self.ground_normal, (3,), told, ControlError)[2] > 0.0:
+            raise ControlError(f"{told} must point up, z > 0.")
 
     def bind(self, robot: Robot) -> BoundContact:
         """Return the contact with its movable axes and its cone.
@@ -265,8 +263,6 @@ class SurfaceContact(Contact):
         mu = min(p.friction for p in points) if self.friction is None else self.friction
         around = (offsets - middle)[:, :2]
         matrix, labels = polygon_cone(mu / np.sqrt(2.0), around)
-        normal = np.zeros(6)
-        normal[2] = 1.0
         number, name = robot.model.getFrameId(points[0].frame), f"middle of {self.name}"
         parent = robot.model.frames[number]
         placement = parent.placement * pin.SE3(np.eye(3), middle)
@@ -275,7 +271,7 @@ class SurfaceContact(Contact):
             contact=self,
             cone=frozen(matrix),
             labels=labels,
-            normal=normal,
+            normal=np.eye(6)[2],
             axes=frozen(np.arange(6), np.int_),
             size=6,
             state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
@@ -358,9 +354,7 @@ class ContactSet:
         level = all(len(contact.corners) for contact in contacts)
         self.memory: Any = CONTACTS.of(
             rows=rows_of(model, chosen, ends[:-1], np.zeros((k, model.nv)), np.zeros(k)),
-            damping=np.concatenate(
-                [np.zeros(0), *[np.full(c.rows, c.contact.damping) for c in contacts]]
-            ),
+            damping=np.repeat([c.contact.damping for c in contacts], np.diff(ends)),
             target=np.zeros(k),
             corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
         )

@@ -32,24 +32,11 @@ class Effort(ABC):
     weight: float
 
     of_rotors: ClassVar[bool] = False
-    needs: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         """Check the weight."""
         if not 0.0 <= self.weight < np.inf:
             raise ControlError(f"effort '{self.name}': weight must be >= 0, got {self.weight}.")
-
-    def check(self, robot: Robot) -> None:
-        """Raise ControlError where a motor lacks one of the numbers that the effort needs."""
-        gears = robot.transmission
-        for number in self.needs:
-            unknown = np.flatnonzero(np.isnan(getattr(gears, number)))
-            if unknown.size:
-                joint = gears.joints[int(unknown[0])]
-                raise ControlError(
-                    f"effort '{self.name}': the motor of '{joint}' has no "
-                    f"{number}. Use RotorTorqueEffort, or {state_gear(joint, number)}"
-                )
 
     @abstractmethod
     def weights(self, robot: Robot) -> FloatArray:
@@ -69,11 +56,22 @@ class JouleHeatEffort(Effort):
     name: str = "joule_heat"
 
     of_rotors: ClassVar[bool] = True
-    needs: ClassVar[tuple[str, ...]] = ("torque_constant", "resistance")
 
     def weights(self, robot: Robot) -> FloatArray:
-        """Return the weights of R (N tau_phi / (N k_t))^2."""
+        """Return the weights of R (N tau_phi / (N k_t))^2.
+
+        Raises:
+            ControlError: a motor lacks its resistance or torque constant.
+        """
         gears = robot.transmission
+        for number in ("torque_constant", "resistance"):
+            unknown = np.flatnonzero(np.isnan(getattr(gears, number)))
+            if unknown.size:
+                joint = gears.joints[int(unknown[0])]
+                raise ControlError(
+                    f"effort '{self.name}': the motor of '{joint}' has no "
+                    f"{number}. Use RotorTorqueEffort, or {state_gear(joint, number)}"
+                )
         scale = gears.resistance / (gears.torque_constant * gears.gear_ratio) ** 2
         return np.asarray(2.0 * self.weight * scale)
 

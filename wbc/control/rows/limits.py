@@ -145,14 +145,6 @@ def _stated(robot: Robot) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _no_rows() -> IntArray:
-    return frozen([], np.int_)
-
-
-def _no_numbers() -> FloatArray:
-    return frozen([])
-
-
 @final
 @dataclass(frozen=True, eq=False)
 class JointLimit:
@@ -195,14 +187,14 @@ class JointLimit:
     """
 
     joints: tuple[str, ...] = ()
-    rows: IntArray = field(default_factory=_no_rows)
-    position_rows: IntArray = field(default_factory=_no_rows)
-    lower: FloatArray = field(default_factory=_no_numbers)
-    upper: FloatArray = field(default_factory=_no_numbers)
-    speed: FloatArray = field(default_factory=_no_numbers)
-    acceleration: FloatArray = field(default_factory=_no_numbers)
-    torque: FloatArray = field(default_factory=_no_numbers)
-    reflected: FloatArray = field(default_factory=_no_numbers)
+    rows: IntArray = field(default_factory=lambda: frozen([], np.int_))
+    position_rows: IntArray = field(default_factory=lambda: frozen([], np.int_))
+    lower: FloatArray = field(default_factory=lambda: frozen([]))
+    upper: FloatArray = field(default_factory=lambda: frozen([]))
+    speed: FloatArray = field(default_factory=lambda: frozen([]))
+    acceleration: FloatArray = field(default_factory=lambda: frozen([]))
+    torque: FloatArray = field(default_factory=lambda: frozen([]))
+    reflected: FloatArray = field(default_factory=lambda: frozen([]))
 
     @classmethod
     def of(

@@ -17,7 +17,6 @@ from wbc.control.rows.task import (
     Gains,
     StateTask,
     Task,
-    require_frame,
     rotation_target,
 )
 from wbc.control.tree import RowKind
@@ -114,11 +113,6 @@ class FrameTask(StateTask):
     frame: str
     kind: ClassVar[RowKind] = RowKind.FRAME
 
-    def check(self, robot: Robot) -> int:
-        """Return the number of rows; raise ControlError where the frame is missing."""
-        require_frame(robot, self.frame, self.name)
-        return super().check(robot)
-
     @property
     def state_rows(self) -> StateRows:
         """The rows of the frame."""
@@ -202,12 +196,6 @@ class FrameDistanceTask(StateTask):
     frame: str
     other: str
     kind: ClassVar[RowKind] = RowKind.DISTANCE
-
-    def check(self, robot: Robot) -> int:
-        """Return 1."""
-        require_frame(robot, self.frame, self.name)
-        require_frame(robot, self.other, self.name)
-        return 1
 
     def rows(self) -> slice:
         """Return the one row."""

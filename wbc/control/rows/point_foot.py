@@ -13,10 +13,9 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compiled
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise_from, substitute
-from wbc.control.rows.task import Gains, StateTask, Task, require_frame
+from wbc.control.rows.task import Gains, StateTask, Task
 from wbc.control.tree import ROWS, TREE, RowKind, place_frame
 from wbc.errors import ControlError
-from wbc.robot import Robot
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
 
@@ -149,6 +148,12 @@ class PointFootBalanceTask(StateTask):
     bandwidth: float | None = None
     kind: ClassVar[RowKind] = RowKind.BALANCE
 
+    def __post_init__(self) -> None:
+        """Check the bandwidth."""
+        super().__post_init__()
+        if self.bandwidth is not None and not self.bandwidth > 0.0:
+            raise ControlError(f"task '{self.name}': bandwidth must be > 0 1/s.")
+
     def rows(self) -> slice:
         """Return x."""
         return slice(0, 1)
@@ -158,14 +163,6 @@ class PointFootBalanceTask(StateTask):
         """The row of the centre of mass, and what its feedback reads."""
         pole = (self.bandwidth or 0.0, 0.0, 0.0)
         return StateRows(self.kind, self.contact, self.rows(), pole, self.frame)
-
-    def check(self, robot: Robot) -> int:
-        """Return 1."""
-        require_frame(robot, self.frame, self.name)
-        require_frame(robot, self.contact, self.name)
-        if self.bandwidth is not None and not self.bandwidth > 0.0:
-            raise ControlError(f"task '{self.name}': bandwidth must be > 0 1/s.")
-        return 1
 
     def value(self, kinematics: Kinematics) -> float:
         """Return the pitch theta [rad], the rotation of the frame about +y."""

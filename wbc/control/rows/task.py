@@ -13,9 +13,9 @@ import numpy as np
 from wbc.arrays import FloatArray, reals
 from wbc.compiled import Matrix, Number, compiled
 from wbc.control.inputs import Target
-from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.kinematics import Kinematics, StateRows, frame_number, rows_of
 from wbc.control.tree import RowKind, fill_state_rows, place_missing
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError
 from wbc.robot import Robot
 
 _FLOAT = np.dtype(np.float64)
@@ -87,11 +87,6 @@ class Task(ABC):
                 f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
             )
 
-    @property
-    def velocity_gain(self) -> float:
-        """The damping in use [1/s]."""
-        return 2.0 * sqrt(self.stiffness) if self.damping is None else self.damping
-
     @abstractmethod
     def check(self, robot: Robot) -> int:
         """Return the number of rows on `robot`; raise ControlError where it does not fit."""
@@ -129,7 +124,8 @@ class Task(ABC):
 
     def gains(self, gravity: float) -> Gains:
         """Return what the parts of the wanted acceleration count for, at a gravity [m/s^2]."""
-        return Gains(self.stiffness, -self.velocity_gain, self.velocity_gain, 1.0)
+        damping = 2.0 * sqrt(self.stiffness) if self.damping is None else self.damping
+        return Gains(self.stiffness, -damping, damping, 1.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -160,7 +156,9 @@ class StateTask(Task):
         return StateRows(self.kind, "", self.rows())
 
     def check(self, robot: Robot) -> int:
-        """Return the number of rows."""
+        """Return the number of rows; raise ControlError where a frame is missing."""
+        for frame in filter(None, (self.state_rows.frame, self.state_rows.other)):
+            frame_number(robot.model, frame, f"task '{self.name}': ")
         return len(range(*self.rows().indices(6)))
 
     def value(self, kinematics: Kinematics) -> Target:
@@ -229,15 +227,6 @@ class AxesTask(StateTask):
             )
         step = axes[1] - axes[0] if len(axes) > 1 else 1
         return slice(first + axes[0], first + axes[-1] + 1, step)
-
-
-def require_frame(robot: Robot, frame: str, task: str) -> None:
-    """Raise ControlError unless the robot has `frame`; the message lists those it has."""
-    if not robot.model.existFrame(frame):
-        known = [f.name for f in robot.model.frames]
-        raise ControlError(
-            f"task '{task}': " + unknown_name(f"frame of '{robot.name}'", frame, known)
-        )
 
 
 def numbers(given: Any, shape: tuple[int, ...], told: str) -> FloatArray:
