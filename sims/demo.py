@@ -11,7 +11,7 @@ from sims import standing
 from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.experiment import print_experiment, write_set_points
+from wbc.cli.experiment import print_experiment
 from wbc.cli.models import print_diagnosis
 from wbc.cli.printout import table
 from wbc.design.experiment import (
@@ -20,6 +20,7 @@ from wbc.design.experiment import (
     expected,
     random_paths,
     tied_rivals,
+    write_set_points,
 )
 from wbc.effects import CoulombFriction, TransmissionEfficiency
 from wbc.identification import Diagnosis, compare, diagnose

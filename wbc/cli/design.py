@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -10,22 +9,11 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from wbc import design
 from wbc.arrays import FloatArray
-from wbc.cli.outputs import Outcome, watching, write_figures
+from wbc.cli.outputs import Options, Outcome, watching, write_figures
 from wbc.cli.printout import table
 from wbc.cli.robots import first_contact, pose_from
-from wbc.design import (
-    Objective,
-    Study,
-    best_designs,
-    choose_gearboxes,
-    describe_columns,
-    parse_objective,
-    parse_sweep,
-    read_gearboxes,
-    run_study,
-    sampled_designs,
-)
 from wbc.effects import load_robot
 from wbc.files import as_json
 from wbc.metrics import upward
@@ -33,26 +21,25 @@ from wbc.tables import TextTable
 
 _DRAWN = 200_000  # designs in a picture: more than it has pixels to tell apart
 _SHOWN = 12  # rows of the front that fit on a screen; the JSON and the table hold all
+Columns = Mapping[str, FloatArray]
 
 
-def run_design(options: argparse.Namespace, console: Console) -> Outcome:
+def run_design(options: Options, console: Console) -> Outcome:
     """Run the study, print the front, write figures and JSON."""
     study = _study(options)
-    units = describe_columns(study)
+    units = design.describe_columns(study)
     objectives = _objectives(options, study, units)
     with watching("designs", console) as watch:
-        path = run_study(study, options.out, workers=options.workers, watch=watch)
-    front = best_designs(path, objectives)
-    aimed = [objective.column for objective in objectives]
-    varied = [p.column for p in study.varied if p.low < p.high]
-    columns = list(dict.fromkeys([*varied, *aimed]))
-    _print(study, front, {name: units[name] for name in columns}, objectives, console)
+        path = design.run_study(study, options.out, workers=options.workers, watch=watch)
+    front = design.best_designs(path, objectives)
+    _print(study, front, units, objectives, console)
     console.print(f"wrote {path}: {study.size} designs")
     if options.figures:
-        drawn = sampled_designs(path, _DRAWN)
+        drawn = design.sampled_designs(path, _DRAWN)
         if (count := len(drawn["design"])) < study.size:
             console.print(f"the pictures show {count} of {study.size} designs, evenly spread")
-        write_figures(options, _figures(options, study, drawn, front, varied, aimed), console)
+        aimed = [objective.column for objective in objectives]
+        write_figures(options, _figures(options, study, drawn, front, aimed), console)
     rows = [dict(zip(front, row, strict=True)) for row in zip(*front.values(), strict=True)]
     return 0, {
         "robot": study.robot,
@@ -66,12 +53,12 @@ def run_design(options: argparse.Namespace, console: Console) -> Outcome:
     }
 
 
-def _study(options: argparse.Namespace) -> Study:
+def _study(options: Options) -> design.Study:
     robot = load_robot(options.robot)
-    catalogue = read_gearboxes(options.catalogue)
-    return Study(
+    known = design.read_gearboxes(options.catalogue)
+    return design.Study(
         robot=options.robot,
-        parameters=tuple(parse_sweep(text) for text in options.sweep),
+        parameters=tuple(design.parse_sweep(text) for text in options.sweep),
         contact=options.contact or first_contact(robot),
         position=tuple(pose_from(robot, options.pose).tolist()),
         axes=options.axes,
@@ -79,44 +66,47 @@ def _study(options: argparse.Namespace) -> Study:
         samples=options.samples,
         seed=options.seed,
         load=options.load,
-        gearboxes=choose_gearboxes(options.gearbox, catalogue) if options.gearbox else (),
+        gearboxes=design.choose_gearboxes(options.gearbox, known) if options.gearbox else (),
     )
 
 
 def _objectives(
-    options: argparse.Namespace, study: Study, units: Mapping[str, str]
-) -> list[Objective]:
+    options: Options, study: design.Study, units: Mapping[str, str]
+) -> list[design.Objective]:
     if options.objective:
-        return [parse_objective(text, list(units)) for text in options.objective]
+        return [design.parse_objective(text, list(units)) for text in options.objective]
     robot = load_robot(study.robot)
+    # Without a torque limit every design lifts without end, and the front would be one design.
+    varied = any(parameter.name == "torque_limit" for parameter in study.parameters)
+    limited = varied or bool(np.isfinite(robot.transmission.torque_limit).any())
     # On a fixed base the impact mitigation is 1 whatever the gears.
     floating = robot.floating_size > 0
-    other = Objective("impact_mitigation") if floating else Objective("backward_inertia", False)
-    # Without a torque limit every design lifts without end, and the front would be one design.
-    limited = bool(np.isfinite(robot.transmission.torque_limit).any()) or any(
-        parameter.name == "torque_limit" for parameter in study.parameters
-    )
-    return [Objective("lift") if limited else Objective("holding_torque", False), other]
+    return [
+        design.Objective("lift") if limited else design.Objective("holding_torque", False),
+        design.Objective("impact_mitigation" if floating else "backward_inertia", floating),
+    ]
 
 
 def _print(
-    study: Study,
-    front: Mapping[str, FloatArray],
+    study: design.Study,
+    front: Columns,
     units: Mapping[str, str],
-    objectives: Sequence[Objective],
+    objectives: Sequence[design.Objective],
     console: Console,
 ) -> None:
-    """Print the columns of the front that have units, as many rows as fit on a screen."""
+    """Print what varies and the goals of the front, as many rows as fit on a screen."""
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
-    count = len(front["design"])
-    title = f"Pareto front: {count} of {study.size} designs ({aims})"
+    varied = [p.column for p in study.varied if p.low < p.high]
+    names = dict.fromkeys([*varied, *(objective.column for objective in objectives)])
     heads = [
-        f">{name.replace('_', ' ')}" + ("" if unit == "1" else f"\n[{unit}]")
-        for name, unit in units.items()
+        f">{name.replace('_', ' ')}" + ("" if units[name] == "1" else f"\n[{units[name]}]")
+        for name in names
     ]
+    count = len(front["design"])
     chosen = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).round().astype(np.int_))
-    cells = tuple(tuple(_cell(study, name, front[name][row]) for name in units) for row in chosen)
-    console.print(table(TextTable(tuple(heads), cells, title)))
+    cells = [[_cell(study, name, front[name][row]) for name in names] for row in chosen]
+    title = f"Pareto front: {count} of {study.size} designs ({aims})"
+    console.print(table(TextTable.of("|".join(heads), cells, title)))
     if not count:
         console.print(
             "No design can be judged: each has a goal that is infinite or undefined. In a singular "
@@ -130,27 +120,23 @@ def _print(
         console.print(f"{_SHOWN} of {count} rows, evenly spread; --json and --out hold all")
 
 
-def _cell(study: Study, name: str, value: float) -> str:
+def _cell(study: design.Study, name: str, value: float) -> str:
     return study.gearboxes[round(value)].name if name == "gearbox" else f"{value:.4g}"
 
 
 def _figures(
-    options: argparse.Namespace,
-    study: Study,
-    drawn: Mapping[str, FloatArray],
-    front: Mapping[str, FloatArray],
-    varied: Sequence[str],
-    aimed: Sequence[str],
+    options: Options, study: design.Study, drawn: Columns, front: Columns, aimed: Sequence[str]
 ) -> dict[str, Callable[..., Any]]:
-    """Return the names of the pictures of a map and a front, and what draws them."""
+    """Return the files of a map and of the front in two goals, and what draws them."""
     from wbc.view.plots import design_map, pareto_figure
     from wbc.view.study_figures import MAPPED
 
-    across, units = list(varied) or ["design"], describe_columns(study)
-    logarithmic = [parameter.column for parameter in study.parameters if parameter.logarithmic]
+    units = design.describe_columns(study)
+    across = [p.column for p in study.varied if p.low < p.high] or ["design"]
+    steps = [parameter.column for parameter in study.parameters if parameter.logarithmic]
     columns = list(dict.fromkeys([*(name for name in MAPPED if name in drawn), *aimed]))
     start = f"{options.figures}/{load_robot(study.robot).name}_design"
-    show_map = partial(design_map, drawn, across, units, columns=columns, logarithmic=logarithmic)
+    show_map = partial(design_map, drawn, across, units, columns=columns, logarithmic=steps)
     figures: dict[str, Callable[..., Any]] = {f"{start}_map.png": show_map}
     if len(aimed) > 1:
         both = {name: np.concatenate([front[name], values]) for name, values in drawn.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shlex
 from collections.abc import Mapping
 from functools import partial
@@ -13,47 +12,36 @@ import numpy as np
 from rich.console import Console
 
 from wbc.cli.inputs import robot_from
-from wbc.cli.outputs import Outcome, watching, write_figures
+from wbc.cli.outputs import Options, Outcome, watching, write_figures
 from wbc.cli.printout import table
-from wbc.design.experiment import (
-    BAND,
-    DESIGNED,
-    RANDOM,
-    Designed,
-    FourierPath,
-    MotionLimits,
-    Pair,
-    Rivals,
-    compare_motions,
-    parameter_names,
-    parse_cause,
-    tied_rivals,
-    torque_misfit,
-)
+from wbc.design import experiment as plans
+from wbc.design.experiment import DESIGNED, Designed, MotionLimits, Pair, Rivals
 from wbc.errors import DesignError, WbcError
 from wbc.files import as_json
 from wbc.identification.answer.ranking import effect_entry
-from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.tables import TextTable
 
+Found = Mapping[str, Designed]
+"""Motions by name, with what each is expected to say."""
 _ODDS = "log10 of the expected odds (3: one thousand to one)"
 _SHARE = 0.01  # of the motor's torque limit: the noise of a torque sensor, where none is given
 _SURE = 0.99  # chance below which promises were kept less often than made, on 87 ties
 
 
-def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
+def run_experiment(options: Options, console: Console) -> Outcome:
     """Design the motion, say what to expect, write the set points."""
     if options.rounds < 1:
         raise WbcError("--rounds must be at least 1.")
     robot = robot_from(options)
-    rivals, limits = _rivals(options, robot), _limits(options, robot)
+    rivals = _rivals(options, robot)
+    limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
     settings = {name: getattr(options, name) for name in ("rate", "rounds", "seed")}
     with watching("motions", console) as watch:
-        found = compare_motions(rivals, limits, options.duration, watch=watch, **settings)
+        found = plans.compare_motions(rivals, limits, options.duration, watch=watch, **settings)
     print_experiment(rivals, found, console)
-    path = write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
+    path = plans.write_set_points(options.out, robot, found[DESIGNED].path, options.rate)
     play = shlex.join(["wbc", "play", str(path), "--robot", options.robot])
     console.print(f"wrote {path}; see it: {play}")
     if options.figures:
@@ -61,7 +49,7 @@ def run_experiment(options: argparse.Namespace, console: Console) -> Outcome:
     return 0, _json(rivals, found, path)
 
 
-def _rivals(options: argparse.Namespace, robot: Robot) -> Rivals:
+def _rivals(options: Options, robot: Robot) -> Rivals:
     """Return the causes that are named, or those of the one file of a diagnosis."""
     torque = robot.transmission.torque_limit
     if options.noise is None and not np.isfinite(torque).all():
@@ -73,24 +61,12 @@ def _rivals(options: argparse.Namespace, robot: Robot) -> Rivals:
             f"--between: '{files[0]}' stands beside other causes. Give one diagnosis alone."
         )
     if files:
-        return tied_rivals(files[0], robot, noise, options.band)
-    causes = tuple(parse_cause(text, robot) for text in options.between)
-    return Rivals(robot, causes, noise, BAND if options.band is None else options.band)
+        return plans.tied_rivals(files[0], robot, noise, options.band)
+    causes = tuple(plans.parse_cause(text, robot) for text in options.between)
+    return Rivals(robot, causes, noise, plans.BAND if options.band is None else options.band)
 
 
-def _limits(options: argparse.Namespace, robot: Robot) -> MotionLimits:
-    """Return what motions stay inside."""
-    limits = MotionLimits.of(robot, options.span, options.speed, options.acceleration)
-    bounded = np.isfinite(limits.speed) | np.isfinite(limits.acceleration)
-    if not np.all(bounded | np.isfinite(limits.torque)):
-        raise DesignError(
-            "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "
-            "with a torque_limit."
-        )
-    return limits
-
-
-def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
+def print_experiment(rivals: Rivals, found: Found, console: Console) -> None:
     """Print the causes and what each motion is expected to say of them; "designed" is ours."""
     for number, cause in enumerate(rivals.causes, 1):
         texts = []
@@ -113,17 +89,17 @@ def print_experiment(rivals: Rivals, found: Mapping[str, Designed], console: Con
             "hold the base in a stand in its usual pose, the feet in the air; diagnose the run "
             'with a robot.toml that says base = "fixed"'
         )
-    used = 100.0 * designed.used
-    console.print(f"the designed motion uses at most {used:.0f} % of every limit")
+    console.print(f"the designed motion uses at most {100.0 * designed.used:.0f} % of every limit")
 
 
-def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
-    heads, lines = ("if this cause is true", "over", *(f">{name}" for name in found)), []
+def _print_odds(found: Found, console: Console) -> None:
+    rows = []
     for pair in found[DESIGNED].odds:
         told = pair not in found[DESIGNED].alike
         cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
-        lines.append((str(pair[0] + 1), str(pair[1] + 1), *cells))
-    console.print(table(TextTable(heads, tuple(lines), _ODDS)))
+        rows.append((str(pair[0] + 1), str(pair[1] + 1), *cells))
+    heads = "|".join(["if this cause is true", "over", *(f">{name}" for name in found)])
+    console.print(table(TextTable.of(heads, rows, _ODDS)))
     doubted = [
         f"{i + 1} over {j + 1}"
         for (i, j), chance in found[DESIGNED].chance.items()
@@ -136,55 +112,40 @@ def _print_odds(found: Mapping[str, Designed], console: Console) -> None:
         )
 
 
-def _print_widths(rivals: Rivals, found: Mapping[str, Designed], console: Console) -> None:
-    lines: list[tuple[str, ...]] = []
+def _print_widths(rivals: Rivals, found: Found, console: Console) -> None:
+    rows = []
     for number, cause in enumerate(rivals.causes):
-        for row, (effect, parameter) in enumerate(parameter_names(cause)):
+        for row, (effect, parameter) in enumerate(plans.parameter_names(cause)):
             cells = [f"{one.widths[number][row]:.3g}" for one in found.values()]
             unit = "" if parameter.unit == "1" else f" [{parameter.unit}]"
-            lines.append((f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells))
-    shares = [f"{one.width / found[RANDOM].width:.2f}" for one in found.values()]
-    lines.append(("geometric mean, over the random one's", *shares))
-    heads = ("parameter", *(f">{name}" for name in found))
+            rows.append((f"{parameter.name}, {effect.name}@{effect.where}{unit}", *cells))
+    shares = [f"{one.width / found[plans.RANDOM].width:.2f}" for one in found.values()]
+    rows.append(("geometric mean, over the random one's", *shares))
+    heads = "|".join(["parameter", *(f">{name}" for name in found)])
     title = "expected half widths of the 90 % intervals"
-    console.print(table(TextTable(heads, tuple(lines), title)))
+    console.print(table(TextTable.of(heads, rows, title)))
 
 
 def _draw(
-    options: argparse.Namespace,
-    rivals: Rivals,
-    limits: MotionLimits,
-    found: dict[str, Designed],
-    console: Console,
+    options: Options, rivals: Rivals, limits: MotionLimits, found: Found, console: Console
 ) -> None:
+    """Draw the motion, and what the wrong cause of the pair that is told worst leaves."""
     from wbc.view.study_figures import experiment_figure
 
     designed, robot = found[DESIGNED], rivals.robot
     time = designed.path.times(options.rate)
-    position, velocity, _ = designed.path.at(time)
-    told = {pair: d for pair, d in designed.odds.items() if pair not in designed.alike}
-    misfits = {}
-    if told:
-        pair = min(told, key=lambda key: told[key])
-        misfits = {
-            name: torque_misfit(rivals, limits, found[key].path, pair, options.rate)
-            for name, key in (("designed", DESIGNED), ("random", RANDOM))
-        }
+    told = [(odds, pair) for pair, odds in designed.odds.items() if pair not in designed.alike]
+    shown = {"designed": designed, "random": found[plans.RANDOM]} if told else {}
+    misfits = {
+        name: plans.torque_misfit(rivals, limits, one.path, min(told)[1], options.rate)
+        for name, one in shown.items()
+    }
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
-    draw = partial(experiment_figure, joints, time, (position, velocity), misfits)
+    draw = partial(experiment_figure, joints, time, designed.path.at(time)[:2], misfits)
     write_figures(options, {f"{options.figures}/{robot.name}_experiment.png": draw}, console)
 
 
-def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:
-    """Write time, position, velocity and acceleration of every driven joint."""
-    time = path.times(rate)
-    parts = list(zip(("position", "velocity", "acceleration"), path.at(time), strict=True))
-    joints = enumerate(robot.transmission.joints)
-    columns = {f"{joint}.{what}": values[:, i] for i, joint in joints for what, values in parts}
-    return save_log(Log(time, columns), name)
-
-
-def _json(rivals: Rivals, found: dict[str, Designed], path: Path) -> dict[str, Any]:
+def _json(rivals: Rivals, found: Found, path: Path) -> dict[str, Any]:
     def listed(values: Mapping[Pair, float], scale: float = 1.0) -> list[dict[str, float]]:
         return [{"true": i, "over": j, "value": x / scale} for (i, j), x in values.items()]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
+from wbc.cli.outputs import Options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.identification.readings import with_machine
@@ -26,13 +26,13 @@ from wbc.measurement.column_map import SECTIONS
 from wbc.robot import Robot
 
 
-def robot_from(options: argparse.Namespace) -> Robot:
+def robot_from(options: Options) -> Robot:
     """Return the robot that the options name."""
     robot = load_robot(options.robot)
     return robot.lossless() if options.lossless else robot
 
 
-def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]:
+def robot_and_logs(options: Options) -> tuple[Robot, tuple[Log, ...]]:
     """Return the robot and the logs that the options name, read with its gear ratios.
 
     Raises:
@@ -40,10 +40,9 @@ def robot_and_logs(options: argparse.Namespace) -> tuple[Robot, tuple[Log, ...]]
     """
     robot = robot_from(options)
     logs = read_logs(options.logs, options.columns, robot)
-    first = _joints(logs[0])
-    for log in logs[1:]:
-        if _joints(log) != first:
-            extra = ", ".join(sorted(_joints(log) ^ first))
+    held = [{name for name in log.names if name.endswith(".position")} for log in logs]
+    for log, own in zip(logs, held, strict=True):
+        if extra := ", ".join(sorted(own ^ held[0])):
             raise LogError(
                 f"'{logs[0].source.label}' and '{log.source.label}' are not logs of the same robot:"
                 f" only one of them holds {extra}. Compare them one by one."
@@ -88,13 +87,7 @@ def _with_own(path: str) -> tuple[str, Robot | None, str]:
     return file, load_robot(name), ""
 
 
-def _joints(log: Log) -> frozenset[str]:
-    return frozenset(name for name in log.names if name.endswith(".position"))
-
-
-def write_fix(
-    options: argparse.Namespace, findings: Sequence[LogFinding], console: Console
-) -> None:
+def write_fix(options: Options, findings: Sequence[LogFinding], console: Console) -> None:
     """Write the column map that mends what was found, on top of the one in use, if asked to."""
     if getattr(options, "fix", None) is None:
         return

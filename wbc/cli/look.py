@@ -1,10 +1,10 @@
-"""`wbc look`: every column of files over time, before anybody maps them."""
+"""`wbc look` and `play`: logs as pages, every column over time or the robot in motion."""
 
 from __future__ import annotations
 
-import argparse
+import tempfile
+import webbrowser
 from html import escape
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -12,40 +12,37 @@ from rich.console import Console
 
 from wbc import view
 from wbc.arrays import FloatArray, IntArray
-from wbc.cli.outputs import Outcome
+from wbc.cli.inputs import read_logs
+from wbc.cli.outputs import Options, Outcome, working
+from wbc.effects import load_robot
+from wbc.errors import ViewError
 from wbc.files import write_text
-from wbc.measurement import parse_column_map
 from wbc.measurement.channel_checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.column_map import read_table
 from wbc.measurement.filters import jumps
-from wbc.measurement.formats import open_table
+from wbc.measurement.guess import guess_table
 from wbc.measurement.names import guess_name
-from wbc.measurement.read import split_path
 from wbc.measurement.schema import TIME
 from wbc.measurement.tables import Table
 
 _WIDTH, _HEIGHT, _BINS = 640, 54, 320
-_KINDS = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
-_UNNAMED = ("no name that is known", "constant", "text")
+_FIRST = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
+_LAST = ("no name that is known", "constant", "text")
 _LEGEND = (
     "Blue: the range of the values in each slice of time. Orange: samples are missing. Red lines: "
-    "the clock starts again. Red dots: jumps. To the right: range, step, and what is odd about it."
+    "the clock starts again. Red dots: jumps. Beside each: range, step, and what is odd about it."
 )
 
 
-def run_look(options: argparse.Namespace, console: Console) -> Outcome:
+def run_look(options: Options, console: Console) -> Outcome:
     """Draw the columns of files, and write the page."""
-    rows = parse_column_map({"rows": read_table(options.columns).get("rows", {})}).rows
-    parts = []
-    for path in options.logs:
-        file, _ = split_path(path)
-        parts.append(_file(open_table(file, rows)))
+    known = read_table(options.columns)
+    files = "".join(_file(guess_table(path, known)) for path in options.logs)
     style = (Path(view.__file__).parent / "page" / "look.css").read_text(encoding="utf-8")
     page = (
         "<!doctype html><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
-        f"<title>wbc look</title><style>{style}</style>"
-        f"<p>{_LEGEND}</p>{''.join(parts)}"
+        f"<title>wbc look</title><style>{style}</style><p>{_LEGEND}</p>{files}"
     )
     console.print(f"wrote {write_text(Path(options.html), page)}", soft_wrap=True)
     return 0, {}
@@ -54,24 +51,23 @@ def run_look(options: argparse.Namespace, console: Console) -> Outcome:
 def _file(table: Table) -> str:
     """Return the part of the page about one file."""
     clock, time = _clock(table)
-    holes, again = gaps(np.sort(time)), restarts(time)
-    shared = int(np.count_nonzero(np.diff(time) == 0.0))
-    steps = np.diff(time)
+    steps, again = np.diff(time), restarts(time)
+    holes = again[:0] if again.size else gaps(np.sort(time))
+    shared = int(np.count_nonzero(steps == 0.0))
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else float("nan")
     said = [f"{table.rows} rows", f"clock: {clock}, usual step {usual:.6g}"]
     said += [f"{shared} rows share a stamp with the row before"] if shared else []
     said += [f"{again.size + 1} runs: the clock starts again"] if again.size else []
-    said += [f"samples are missing in {holes.size} places"] if holes.size and not again.size else []
+    said += [f"samples are missing in {holes.size} places"] if holes.size else []
     said += list(table.notes)
-    order = {name: _kind(table, name) for name in table.names}
-    ranks = (*_KINDS, *_UNNAMED)
-    ranked = sorted(table.names, key=lambda n: ranks.index(order[n]) if order[n] in ranks else 6)
     # Rows in the order of the file: a clock that starts again would draw runs upon each other.
     place = time if not again.size and np.all(steps >= 0.0) else np.arange(table.rows, dtype=float)
-    body = ""
-    for kind, names in groupby(ranked, key=order.__getitem__):
+    kinds = {name: _kind(table, name) for name in table.names}
+    body, others = "", dict.fromkeys(k for k in kinds.values() if k not in _FIRST + _LAST)
+    for kind in (*_FIRST, *others, *_LAST):
+        names = [name for name, own in kinds.items() if own == kind]
         lines = "".join(_column(table, name, place, holes, again) for name in names)
-        body += f"<h2>{escape(kind.replace('_', ' '))}</h2>{lines}"
+        body += f"<h2>{escape(kind.replace('_', ' '))}</h2>{lines}" if names else ""
     return f"<h1>{escape(str(table.path))}</h1><p>{escape('; '.join(said))}</p>{body}"
 
 
@@ -144,7 +140,7 @@ def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntA
     ring = [*zip(across, upper, strict=True), *zip(across[::-1], lower[::-1], strict=True)]
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in ring)
     marks = ""
-    for left, right in zip(x[holes], x[holes + 1], strict=True) if not again.size else ():
+    for left, right in zip(x[holes], x[holes + 1], strict=True):
         width = max(right - left, 1.5)
         marks += f"<rect class='gap' x='{left:.1f}' width='{width:.1f}' height='{_HEIGHT}'/>"
     for at in x[again]:
@@ -153,3 +149,31 @@ def _picture(values: FloatArray, place: FloatArray, holes: IntArray, again: IntA
         marks += f"<circle class='mark' cx='{x[row]:.1f}' cy='{y[row]:.1f}' r='2'/>"
     line = f"<polygon class='line' points='{points}'/>"
     return f"<svg viewBox='0 0 {_WIDTH} {_HEIGHT}'>{marks}{line}</svg>"
+
+
+def run_play(options: Options, console: Console) -> Outcome:
+    """Write the page, or open it in the browser."""
+    robot = load_robot(options.robot)
+    logs = read_logs([options.run_file], options.columns, robot)
+    if len(logs) != 1:
+        names = ", ".join(log.source.part for log in logs)
+        raise ViewError(f"'{options.run_file}' holds several logs; choose one with #NAME: {names}.")
+    (log,) = logs
+    ghost = None
+    if options.ghost:
+        ghost = view.model_ghost(load_robot(options.ghost), log, label=Path(options.ghost).stem)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(options.html) if options.html else Path(folder) / "playback.html"
+        with working(console, "drawing"):
+            view.write_playback(page, robot, log, ghost=ghost)
+        absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
+        if absent:
+            more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
+            console.print(f"no position of {', '.join(absent[:4])}{more} in the log: shown at rest")
+        if options.html:
+            console.print(f"wrote {page}")
+        elif webbrowser.open(page.resolve().as_uri()):
+            console.input("Enter closes the page's file.")
+        else:
+            raise ViewError("no browser to open the page in; write it with --html FILE.")
+    return 0, {}

@@ -21,17 +21,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parsed(arguments)
     try:
         return _run(options)
-    except WbcError as error:
-        _complain(str(error))
-        _write_fix(options, error)
-        return 2
     except BrokenPipeError:
         # The reader of our output has left (wbc ... | head); there is nobody to complain to.
         sys.stderr.close()
         return 0
-    except OSError as error:
-        place = f"'{error.filename}': " if error.filename else ""
-        _complain(f"{place}{error.strerror or error}.")
+    except (WbcError, OSError) as error:
+        _complain(error)
+        _write_fix(options, error)
         return 2
     except KeyboardInterrupt:
         return 130
@@ -68,7 +64,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _write_fix(options: argparse.Namespace, error: WbcError) -> None:
+def _write_fix(options: argparse.Namespace, error: Exception) -> None:
     """Write the column map that --fix asked for, where an error says which columns are wrong."""
     findings = getattr(error, "findings", ())
     if not findings or not getattr(options, "fix", None):
@@ -80,8 +76,12 @@ def _write_fix(options: argparse.Namespace, error: WbcError) -> None:
     try:
         write_fix(options, findings, Console(stderr=True, markup=False, highlight=False))
     except (WbcError, OSError) as cause:
-        _complain(str(cause))
+        _complain(cause)
 
 
-def _complain(text: str) -> None:
+def _complain(error: Exception) -> None:
+    text = str(error)
+    if isinstance(error, OSError):
+        place = f"'{error.filename}': " if error.filename else ""
+        text = f"{place}{error.strerror or error}."
     print(f"wbc: {text}", file=sys.stderr)

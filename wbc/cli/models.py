@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -13,8 +12,8 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from wbc.cli.inputs import robot_and_logs
-from wbc.cli.outputs import Outcome, command_line, working
-from wbc.cli.printout import Part, Spoken, print_out, table
+from wbc.cli.outputs import Options, Outcome, command_line, working
+from wbc.cli.printout import Part, print_out, spoken, table
 from wbc.effects import effect_class, save_robot
 from wbc.errors import EffectError, WbcError
 from wbc.identification import Diagnosis, compare, diagnose
@@ -38,21 +37,22 @@ _LEGEND = (
 )
 
 
-def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
+def run_compare(options: Options, console: Console) -> Outcome:
     """Compare, print, write."""
     robot, logs = robot_and_logs(options)
     with working(console, "comparing"):
         comparison = compare(robot, logs)
     simulated = simulated_later((robot,), logs, console)
     content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
-    parts = []
-    parts.append(Part("the error of every output", table(comparison.error_rows())))
-    parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
+    parts: list[Part] = [
+        ("the error of every output", table(comparison.error_rows())),
+        ("the open-loop error", lambda: open_loop_table(simulated())),
+    ]
     if comparison.warnings:
-        parts.append(Part("warnings", Spoken("\n".join(comparison.warnings))))
-    parts.append(Part("where it fails", table(comparison.where_rows())))
-    answer = [comparison.sentence]
-    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
+        parts.append(("warnings", spoken("\n".join(comparison.warnings))))
+    parts.append(("where it fails", table(comparison.where_rows())))
+    quiet, verbose = options.quiet, options.verbose
+    print_out(console, [comparison.sentence], parts, quiet=quiet, verbose=verbose)
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
     _write_report(options, console, robot, logs, simulated)
@@ -60,7 +60,7 @@ def run_compare(options: argparse.Namespace, console: Console) -> Outcome:
 
 
 def _write_report(
-    options: argparse.Namespace,
+    options: Options,
     console: Console,
     robot: Robot,
     logs: Sequence[Log],
@@ -106,12 +106,11 @@ def simulated_later(
 def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
     """Return position errors after each horizon, or why there are none."""
     reason = simulated[-1].reason
-    if reason:
-        return Text(f"open loop: nothing was simulated: {reason}")
-    return table(open_loop_rows(simulated))
+    why = f"open loop: nothing was simulated: {reason}"
+    return Text(why) if reason else table(open_loop_rows(simulated))
 
 
-def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
+def run_diagnose(options: Options, console: Console) -> Outcome:
     """Diagnose, print, write; exit code 1 when the cause stays unknown or runs do not repeat."""
     if not options.budget > 0.0:
         raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
@@ -160,20 +159,15 @@ def run_diagnose(options: argparse.Namespace, console: Console) -> Outcome:
 
 def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -> None:
     """Write a robot with the effects found, and what they come from."""
-    facts = {
-        "logs": ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs),
-        "command": command_line(),
-    }
-    save_robot(robot, path, intervals, facts)
+    names = ", ".join(f"{log.source.label} {log.source.sha256[:16]}" for log in logs)
+    save_robot(robot, path, intervals, {"logs": names, "command": command_line()})
 
 
 def _candidates(choice: str) -> list[type[Effect]] | None:
-    if choice == "auto":
-        return None
     names = [name.strip() for name in choice.split(",") if name.strip()]
     if not names:
         raise EffectError("--add names no effect; 'auto' considers all (wbc list effects).")
-    return [effect_class(name) for name in names]
+    return None if names == ["auto"] else [effect_class(name) for name in names]
 
 
 def print_diagnosis(
@@ -198,22 +192,21 @@ def print_diagnosis(
     answer: list[RenderableType] = [
         Text(f"verdict: {diagnosis.verdict} ({MEANINGS[diagnosis.verdict]})", style="bold"),
         verdict_sentence(diagnosis),
-        Spoken(f"do this now: {what_to_do(diagnosis, commands)}"),
+        spoken(f"do this now: {what_to_do(diagnosis, commands)}"),
     ]
-    parts = [Part("what is left", table(diagnosis.left_rows()))]
+    parts: list[Part] = [("what is left", table(diagnosis.left_rows()))]
     if diagnosis.findings:
-        parts.insert(0, Part("what was found", table(diagnosis.effect_rows())))
-    for name, text in (
-        ("what the rest looks like", diagnosis.remainder),
-        ("warnings", "\n".join(diagnosis.warnings)),
-    ):
-        parts += [Part(name, Spoken(text))] if text else []
+        parts.insert(0, ("what was found", table(diagnosis.effect_rows())))
+    if diagnosis.remainder:
+        parts.append(("what the rest looks like", spoken(diagnosis.remainder)))
+    if diagnosis.warnings:
+        parts.append(("warnings", spoken("\n".join(diagnosis.warnings))))
     if simulated:
-        parts.append(Part("the open-loop error", lambda: open_loop_table(simulated())))
+        parts.append(("the open-loop error", lambda: open_loop_table(simulated())))
     if diagnosis.findings:
-        parts.append(Part("how the error falls", table(diagnosis.step_rows())))
+        parts.append(("how the error falls", table(diagnosis.step_rows())))
     if len(diagnosis.ranking) > 1:
-        parts.append(Part("what else was tried", table(diagnosis.ranking_rows(verbose))))
+        parts.append(("what else was tried", table(diagnosis.ranking_rows(verbose))))
     print_out(console, answer, parts, quiet=quiet, verbose=verbose)
 
 
@@ -222,23 +215,22 @@ def _print_discovery(console: Console, discovery: Discovery) -> None:
     console.print("discovery: formulas proposed by regression, not causes", style="bold")
     if discovery.proposals:
         console.print(table(formula_rows(discovery)))
+    lines = []
     for proposal in discovery.proposals:
-        console.print(proposal.formula)
-        for name, rivals in proposal.rivals.items():
-            if rivals:
-                console.print(f"  instead of {name} as well: {', '.join(rivals)}")
-        for warning in proposal.warnings:
-            console.print(f"  warning: {warning}")
-    for name, where in discovery.dropped:
-        console.print(f"{name} at {where} is not needed beside the formulas")
+        others = {name: ", ".join(rivals) for name, rivals in proposal.rivals.items() if rivals}
+        lines.append(proposal.formula)
+        lines += [f"  instead of {name} as well: {rivals}" for name, rivals in others.items()]
+        lines += [f"  warning: {warning}" for warning in proposal.warnings]
+    lines += [f"{name} at {at} is not needed beside the formulas" for name, at in discovery.dropped]
     error = discovery.error
-    console.print(f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors")
-    console.print(discovery.summary)
-    if discovery.proposals and discovery.remainder:
-        console.print(discovery.remainder)
+    lines.append(f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors")
+    lines.append(discovery.summary)
+    lines += [discovery.remainder] if discovery.proposals and discovery.remainder else []
+    for line in lines:
+        console.print(line)
 
 
-def run_identify(options: argparse.Namespace, console: Console) -> Outcome:
+def run_identify(options: Options, console: Console) -> Outcome:
     """Fit, print, write."""
     robot, logs = robot_and_logs(options)
     with working(console, "identifying"):
@@ -247,5 +239,5 @@ def run_identify(options: argparse.Namespace, console: Console) -> Outcome:
     console.print(_LEGEND)
     console.print(table(fit_rows(fit)))
     for warning in fit.warnings:
-        console.print(Spoken(warning), crop=False)
+        console.print(spoken(warning), crop=False)
     return 0, fit.to_json()

@@ -9,6 +9,7 @@ from typing import Any
 
 _RAW = argparse.RawDescriptionHelpFormatter
 _LOG = "CSV, Parquet, NPZ, MCAP or bag"
+_ROBOT = "shipped robot, robot.toml or fitted.toml"
 BUDGET = 240.0
 """Time [s] of a diagnosis with all that is printed of it, unless --budget says another. To print
 and simulate the answer takes 40 s of it for a recorded six-axis arm (AIRBOT)."""
@@ -18,13 +19,19 @@ def _option(metavar: str | None, text: str, **more: Any) -> dict[str, Any]:
     return {"metavar": metavar, "help": text, **more}
 
 
+def _number(metavar: str | None, text: str, default: float | None = None) -> dict[str, Any]:
+    """Return an option that takes a number, a whole one where the default is."""
+    kind = int if isinstance(default, int) else float
+    return _option(metavar, text, type=kind, default=default)
+
+
 def _flag(text: str) -> dict[str, Any]:
     return {"action": "store_true", "help": text}
 
 
-def _choice(text: str, *names: str) -> dict[str, Any]:
+def _choice(text: str, *names: str, **more: Any) -> dict[str, Any]:
     """Return an option of a few names, the first of them where it is left out."""
-    return {"choices": names, "default": names[0], "help": text}
+    return {"choices": names, "default": names[0], "help": text, **more}
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -35,10 +42,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "logs/plain": _option("LOG", _LOG, nargs="+"),
     "logs/any": _option("LOG", _LOG, nargs="*"),
     "run_file": _option("RUN", "a recording or log"),
-    "robot": _option("ROBOT", "shipped robot, robot.toml or fitted.toml"),
+    "robot": _option("ROBOT", _ROBOT),
     "robot/model": _option("MODEL", "URDF, MJCF, robot.toml or shipped robot"),
     "what": {"choices": ("robots", "effects", "gearboxes")},
-    "--robot": _option("NAME", "shipped robot, robot.toml or fitted.toml", required=True),
+    "--robot": _option("NAME", _ROBOT, required=True),
     "--lossless": _flag("take the robot with perfect gears"),
     "--columns": _option("MAP.toml", "map of column names, units, sides of the gear"),
     "--quiet": _flag("print the answer alone"),
@@ -48,23 +55,22 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--report": _option("FILE.html", "the result as a page for the browser"),
     "--save": _option("FILE.toml", "write the robot with what was found"),
     # compare, diagnose
-    "--add": _option("auto|NAME,...", "effects to consider (default auto)", default="auto"),
-    "--budget": _option(
+    "--add": _option("auto|NAME,...", "effects to consider (default auto: all)", default="auto"),
+    "--budget": _number(
         "SECONDS",
         f"answer within this time with the best so far (default {BUDGET:.0f}; inf for no limit; "
         "Ctrl-C answers at once)",
-        type=float,
-        default=BUDGET,
+        BUDGET,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
     # many jobs
-    "--workers": _option("N", "processes; -1 for all cores", type=int, default=1),
+    "--workers": _number("N", "processes; -1 for all cores", 1),
     "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
     "--out/path": _option("FILE.csv", "set points", default="trajectory.csv"),
     "--out/folder": _option("DIR", "where to write (default here)", dest="folder", default="."),
     # init
     "--base": _choice("how the base of a model file is held", "fixed", "free_flyer"),
-    "--rate/log": _option("HZ", "rows per second of logs without a clock", type=float),
+    "--rate/log": _number("HZ", "rows per second of logs without a clock"),
     "--html/look": _option("FILE.html", "the page (default look.html)", default="look.html"),
     # pictures
     "--ghost": _option("FITTED", "a model to show beside the measurement"),
@@ -75,11 +81,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--contact": _option("NAME", "or a frame; default: the first contact"),
     "--pose": _option("NAME|J=V,...", "a named pose or joint positions [rad, m]"),
     "--axes": _option(None, "world axes (default xz)", default="xz"),
-    "--load": _option("N", "force to hold [N]; default: the robot's weight", type=float),
-    "--to/format": {
-        **_choice("format of the file", "mujoco", "mjcf", "urdf"),
-        "required": True,
-    },
+    "--load": _number("N", "force to hold [N]; default: the robot's weight"),
+    "--to/format": _choice("format of the file", "mujoco", "mjcf", "urdf", required=True),
     "--file": _option("FILE", "to write; default: the robot's name"),
     # design
     "--sweep": _option(
@@ -90,8 +93,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
     "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
-    "--samples": _option("N", "N Sobol samples instead of a grid", type=int, default=0),
-    "--seed": _option(None, "of samples and of the search (default 0)", type=int, default=0),
+    "--samples": _number("N", "N Sobol samples instead of a grid", 0),
+    "--seed": _number(None, "of samples and of the search (default 0)", 0),
     "--objective": _option(
         "COLUMN:max|min",
         "goals of the front; default lift:max (holding_torque:min without torque limits)"
@@ -99,19 +102,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
         action="append",
     ),
     # experiment
-    "--between": _option(
-        "CAUSE", "causes, or the found.json of a diagnosis", nargs="+", required=True
-    ),
-    "--duration": _option("S", "[s], default 10", type=float, default=10.0),
-    "--rate": _option("HZ", "rows per second, default 100", type=float, default=100.0),
-    "--noise": _option(
-        "NM", "noise of the measured rotor torque [N m]; default: 1 %% of its limit", type=float
-    ),
-    "--band": _option("HZ", "of torques that the diagnosis will keep", type=float),
-    "--span": _option("RAD", "furthest from the usual pose", type=float, default=inf),
-    "--speed": _option("X", "limit of joint speeds [rad/s]", type=float, default=inf),
-    "--acceleration": _option("X", "limit [rad/s^2]", type=float, default=inf),
-    "--rounds": _option("N", "changes tried (default 2400)", type=int, default=2400),
+    "--between": _option("CAUSE", "causes, or found.json of a diagnosis", nargs="+", required=True),
+    "--duration": _number("S", "[s], default 10", 10.0),
+    "--rate": _number("HZ", "rows per second, default 100", 100.0),
+    "--noise": _number("NM", "of the measured rotor torque [N m]; default: 1 %% of its limit"),
+    "--band": _number("HZ", "of torques that the diagnosis will keep"),
+    "--span": _number("RAD", "furthest from the usual pose", inf),
+    "--speed": _number("X", "limit of joint speeds [rad/s]", inf),
+    "--acceleration": _number("X", "limit [rad/s^2]", inf),
+    "--rounds": _number("N", "changes tried (default 2400)", 2400),
 }
 """What argparse is told of each argument, by its name."""
 
@@ -140,10 +139,7 @@ COMMANDS: dict[str, Subcommand] = {
     "init": Subcommand(
         "a first robot.toml for a model, and a column map for logs",
         "robot/model logs/any --base --rate/log --columns --out/folder",
-        """examples:
-  wbc init my_leg.urdf run1.csv run2.csv
-  wbc init planar_leg_fixed run*.csv --out leg
-  wbc init my_robot.urdf --base free_flyer
+        """example: wbc init my_leg.urdf run1.csv run2.csv --out leg
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
@@ -170,31 +166,24 @@ as a guess, with the reason: correct it, then run wbc check.""",
     "diagnose": Subcommand(
         "which physical effect the model lacks; add it, save it",
         f"{_LOGS} --add --save --budget --discover --json --report",
-        """example:
-  wbc diagnose run*.csv --robot planar_leg_fixed --lossless --save fitted.toml
-
---add auto considers every effect there is (`wbc list effects`);
---add NAME,NAME only these.""",
+        "example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml",
         "models.run_diagnose",
     ),
     "identify": Subcommand(
         "all parameters at once: links, rotors, friction",
         f"{_LOGS} --json",
-        """example:
-  wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
+        """example: wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
 
-It says how large each number is, not which are needed: `wbc diagnose` does that.""",
+It says how large each number is; wbc diagnose says which are needed.""",
         "models.run_identify",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page",
         "run_file --robot --columns --ghost --html",
-        """examples:
-  wbc play out/landing.parquet --robot planar_leg_strong --html a.html
-  wbc play run.csv --robot planar_leg --ghost fitted.toml
+        """example: wbc play run.csv --robot planar_leg --ghost fitted.toml --html a.html
 
 Without --html the page opens in the browser.""",
-        "show.run_play",
+        "look.run_play",
     ),
     "metrics": Subcommand(
         "inertia, force capability, impacts and holding of a contact",

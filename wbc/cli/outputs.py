@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,16 @@ from wbc.errors import WbcError
 from wbc.files import SCHEMA, write_text
 from wbc.progress import Watch, progress_bar, progress_lines
 
+Options = argparse.Namespace
+"""What the command line says, by the names in `OPTIONS`."""
+Outcome = tuple[int, Mapping[str, Any]]
+"""What a command returns: the exit code, and what --json writes."""
+
 _INPUTS = ("run_file", "robot", "columns", "ghost")
 _OUTPUTS = ("--html", "--report", "--save", "--out", "--file", "--fix", "--json")
 
 
-def require_outputs(options: argparse.Namespace, keys: Sequence[str]) -> None:
+def require_outputs(options: Options, keys: Sequence[str]) -> None:
     """Check that every file that the options name can be written.
 
     Args:
@@ -57,17 +62,11 @@ def require_outputs(options: argparse.Namespace, keys: Sequence[str]) -> None:
 
 def _require_folder(folder: Path, asker: str) -> None:
     """Check that files can be made in a folder, or the folder itself; missing ones are made."""
-    known = folder
-    while not known.exists():
-        known = known.parent
+    known = next(place for place in (folder, *folder.parents) if place.exists())
     if not known.is_dir():
         raise WbcError(f"{asker}: '{known}' is a file, not a folder.")
     if not os.access(known, os.W_OK | os.X_OK):
         raise WbcError(f"{asker}: no permission to write in '{known}'.")
-
-
-Outcome = tuple[int, Mapping[str, Any]]
-"""What a command returns: the exit code, and what --json writes."""
 
 
 def write_json(target: str | None, content: Mapping[str, Any], console: Console) -> None:
@@ -82,7 +81,7 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
 
 
 def write_figures(
-    options: argparse.Namespace, figures: Mapping[str, Callable[..., Any]], console: Console
+    options: Options, figures: Mapping[str, Callable[..., Any]], console: Console
 ) -> None:
     """Draw figures in the theme that the options name, and write them.
 
@@ -99,14 +98,9 @@ def write_figures(
         console.print(f"wrote {write_figure(path, draw(theme=theme))}")
 
 
-@contextmanager
-def watching(what: str, console: Console) -> Iterator[Watch]:
-    """Show a bar with the time left; where there is no terminal, lines on standard error."""
-    if not console.is_terminal:
-        yield progress_lines(what)
-        return
-    with progress_bar(what, console) as watch:
-        yield watch
+def watching(what: str, console: Console) -> AbstractContextManager[Watch]:
+    """Return a bar with the time left; where there is no terminal, lines on standard error."""
+    return progress_bar(what, console) if console.is_terminal else nullcontext(progress_lines(what))
 
 
 @contextmanager

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,19 +13,12 @@ from typing import Any
 from rich.console import Console
 
 from wbc.cli.inputs import read_logs, robot_from, write_fix
-from wbc.cli.outputs import Outcome
-from wbc.cli.printout import Part, Spoken, print_out, table
+from wbc.cli.outputs import Options, Outcome
+from wbc.cli.printout import Part, print_out, spoken, table
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
-from wbc.identification.readings import LogQuality, check_logs, find_repeats
-from wbc.identification.readings.first_guess import (
-    guess_map,
-    guess_ratios,
-    guessed_numbers,
-    model_joints,
-    write_robot,
-)
+from wbc.identification.readings import LogQuality, check_logs, find_repeats, first_guess
 from wbc.measurement import LogFinding, read_table, write_map
 from wbc.measurement.guess import MapGuess, guess_names
 from wbc.robot.model_file import left_out
@@ -35,27 +27,26 @@ from wbc.view.rows import clock_rows, short_label
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 
 
-def run_check(options: argparse.Namespace, console: Console) -> Outcome:
+def run_check(options: Options, console: Console) -> Outcome:
     """Print the quality of every log; exit code 1 if one of them would give wrong results."""
     robot = robot_from(options)
     logs = read_logs(options.logs, options.columns, robot)
     qualities = check_logs(logs, robot)
     said = _remarks(qualities)
     # Of all that the loader notes, only this makes results wrong.
-    impossible = [note for note in (robot.notes if robot else ()) if "that of no body" in note]
+    impossible = [note for note in robot.notes if "that of no body" in note]
     said += [f"warning: {note} Correct its six numbers." for note in impossible]
-    guessed = guessed_numbers(options.robot)
-    if guessed:
+    if guessed := first_guess.guessed_numbers(options.robot):
         said.append(
             f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
             + ", ".join(guessed)
         )
     answer = [_answer(qualities, len(said), options.quiet)]
-    parts = [Part("remarks", Spoken(text, 2)) for text in said]
+    parts: list[Part] = [("remarks", spoken(text, 2)) for text in said]
     for group in find_repeats(logs):
         names = ", ".join(short_label(qualities[k].label) for k in group)
-        parts.append(Part("repeats", f"repeats of one run: {names}"))
-    parts.append(Part("the clocks", table(clock_rows(qualities))))
+        parts.append(("repeats", f"repeats of one run: {names}"))
+    parts.append(("the clocks", table(clock_rows(qualities))))
     print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), console)
@@ -82,8 +73,8 @@ def _joined(group: Sequence[tuple[str, LogFinding]], logs: int) -> str:
     columns = list(dict.fromkeys(finding.column for _, finding in group))
     ways = []
     for line in first.way_out.splitlines():
-        own = columns if first.column and first.column in line else columns[:1]
-        ways += [line.replace(first.column, column) if own is columns else line for column in own]
+        named = first.column and first.column in line
+        ways += [line.replace(first.column, column) for column in columns] if named else [line]
     text = _in_ranges([finding.text for _, finding in group])
     said = replace(first, column=", ".join(columns), text=text, way_out="\n".join(ways))
     if logs == 1:
@@ -116,39 +107,49 @@ def _answer(qualities: Sequence[LogQuality], remarks: int, quiet: bool) -> str:
     return "nothing to complain about"
 
 
-def run_init(options: argparse.Namespace, console: Console) -> Outcome:
+def run_init(options: Options, console: Console) -> Outcome:
     """Guess, write, and say what to do next."""
     folder, model = Path(options.folder), Path(options.robot)
     described = model.suffix not in (".urdf", ".xml")
-    files = [folder / "columns.toml"] if options.logs else []
-    files += [] if described else [folder / "robot.toml"]
-    if not files:
+    description, columns = folder / "robot.toml", folder / "columns.toml"
+    if described and not options.logs:
         raise WbcError(f"'{model}' is described already: give logs, or a URDF or MJCF file.")
-    for target in files:
-        if target.exists():
+    for target, made in ((columns, options.logs), (description, not described)):
+        if made and target.exists():
             raise WbcError(f"'{target}' is there already; choose another folder with --out.")
     if options.rate is not None and not options.rate > 0.0:
         raise WbcError("--rate must be > 0.")
-    say = partial(console.print, soft_wrap=True)
+    say, known = partial(console.print, soft_wrap=True), read_table(options.columns)
+    robot = load_robot(options.robot) if described else None
+    joints = first_guess.model_joints(model, options.base) if robot is None else robot.single_joints
     if not options.logs:
-        return _without_logs(model, options.base, files[0], say)
-    known = read_table(options.columns)
+        _describe(options, description, joints, say, shared=True)
+        say(
+            f"{len(joints)} gears share one table; a joint with another gear gets its own, for "
+            f"example [gears.{joints[0]}]"
+        )
+        say(f'next: wbc.load_robot("{description}") for wbc.control and wbc.sim')
+        return 0, {}
     first = Path(str(options.logs[0]).partition("#")[0])
-    name, robot = options.robot, load_robot(options.robot) if described else None
-    joints = model_joints(model, options.base) if robot is None else robot.single_joints
     start = guess_names(first, joints, options.rate, known)
     if robot is None:
-        name = _with_logs(model, options.base, files[1], joints, start, first, known, say)
-        robot = load_robot(name)
+        driven, targets, held = _drives(start, joints, say)
+        ratios = first_guess.guess_ratios(first, driven, known)
+        _describe(options, description, driven, say, targets=targets, held=held, ratios=ratios)
+        if held:
+            say(
+                f"no column with the position of {', '.join(held)}: lock in {description} holds "
+                "them at zero; if they moved, record their positions"
+            )
+        robot = load_robot(description)
     try:
-        guess = guess_map(robot, options.logs, start)
+        guess = first_guess.guess_map(robot, options.logs, start)
     except BaseException:  # a log that cannot be read leaves no half of the answer
         if not described:
-            files[1].unlink()
+            description.unlink()
         raise
     reasons = [f"guess: {reason}" for reason in guess.reasons]
-    told = ["Written by `wbc init`; every line is a guess.", *reasons]
-    path = write_map(files[0], guess.table, told)
+    write_map(columns, guess.table, ["Written by `wbc init`; every line is a guess.", *reasons])
     for reason in reasons:
         say(f"  {reason}")
     for joint, (own, share) in guess.told.items():
@@ -156,26 +157,20 @@ def run_init(options: argparse.Namespace, console: Console) -> Outcome:
             f"  {joint}: motion and torque alone tell its columns with {100.0 * own:.0f} %, and "
             f"explain {100.0 * share:.0f} % of its torque"
         )
-    console.print(f"wrote {path}")
+    console.print(f"wrote {columns}")
     for finding in guess.lacking:
         place = f"{finding.column}: " if finding.column else ""
-        console.print(Spoken(f"not found: {place}{finding.text} {finding.way_out}"))
-    check = ["wbc", "check", *options.logs, "--robot", str(name), "--columns", str(path)]
+        console.print(spoken(f"not found: {place}{finding.text} {finding.way_out}"))
+    name = options.robot if described else str(description)
+    check = ["wbc", "check", *options.logs, "--robot", name, "--columns", str(columns)]
     say(f"next: {shlex.join(check)}")
     return 0, {}
 
 
-def _with_logs(
-    model: Path,
-    base: str,
-    target: Path,
-    joints: Sequence[str],
-    start: MapGuess,
-    log: Path,
-    known: Mapping[str, Any],
-    say: Callable[[str], None],
-) -> str:
-    """Describe a model with the drives that a log shows; return the name of the file."""
+def _drives(
+    start: MapGuess, joints: Sequence[str], say: Callable[[str], None]
+) -> tuple[Sequence[str], Sequence[str], list[str]]:
+    """Return the joints with a drive, those driven by targets, and those that nobody recorded."""
     # Where other drives report a torque, a joint with a target alone has no drive.
     targets = () if start.driven else start.targets
     driven = start.driven or targets or tuple(j for j in joints if j not in start.unseen)
@@ -189,35 +184,17 @@ def _with_logs(
         say("no torque but targets: replace the guessed drive gains kp and kd in robot.toml")
     elif not start.driven:
         say("no column looks like a torque or current: every joint gets a gear")
-    held = [joint for joint in start.unseen if joint not in driven]
-    title, ratios = model.resolve().stem, guess_ratios(log, driven, known)
-    name = str(write_robot(target, model, base, driven, title, targets, held, ratios))
-    _say_written(name, model, say)
-    if held:
-        say(
-            f"no column with the position of {', '.join(held)}: lock in {name} holds them at "
-            "zero; if they moved, record their positions"
-        )
-    return name
+    return driven, targets, [joint for joint in start.unseen if joint not in driven]
 
 
-def _without_logs(model: Path, base: str, target: Path, say: Callable[[str], None]) -> Outcome:
-    """Describe a model whose gears are all alike, as far as nobody says more."""
-    joints = model_joints(model, base)
-    name = str(write_robot(target, model, base, joints, model.resolve().stem, shared=True))
-    _say_written(name, model, say)
-    say(
-        f"{len(joints)} gears share one table; a joint with another gear gets its own, for "
-        f"example [gears.{joints[0]}]"
-    )
-    say(f'next: wbc.load_robot("{name}") for wbc.control and wbc.sim')
-    return 0, {}
-
-
-def _say_written(name: str, model: Path, say: Callable[[str], None]) -> None:
-    """Name the robot.toml, what of the model file it leaves out, and its guesses."""
-    say(f"wrote {name}")
+def _describe(
+    options: Options, target: Path, driven: Sequence[str], say: Callable[[str], None], **more: Any
+) -> None:
+    """Write the robot.toml; name it, what of the model file it leaves out, and its guesses."""
+    model = Path(options.robot)
+    first_guess.write_robot(target, model, options.base, driven, model.resolve().stem, **more)
+    say(f"wrote {target}")
     for note in left_out(model):
         say(f"note: {note}")
-    if guessed := guessed_numbers(name):
-        say(f"look up in {name}: {', '.join(guessed)}")
+    if guessed := first_guess.guessed_numbers(target):
+        say(f"look up in {target}: {', '.join(guessed)}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
-from rich.console import Console, ConsoleOptions, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.segment import Segment, Segments
 from rich.table import Table
+from rich.text import Text
 
 from wbc.tables import TextTable
 
@@ -16,42 +16,27 @@ LINES = 54
 """Of a printout that nobody asked to be longer; with the names of files written it is below 60."""
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part of the detail.
-
-    Attributes:
-        name: what is said to be missing where it does not fit.
-        shown: what is printed; or a function that returns it, where that takes long: it is called
-            when all that comes before is printed, and not at all where the part is not printed.
-    """
-
-    name: str
-    shown: RenderableType | Callable[[], RenderableType]
+Part = tuple[str, RenderableType | Callable[[], RenderableType]]
+"""A part of the detail: what is said to be missing where it does not fit, and what is printed; or a
+function that returns it, where that takes long: it is called when all that comes before is printed,
+and not at all where the part is not printed."""
 
 
-@dataclass(frozen=True)
-class Spoken:
-    """A message whose indented lines are to be copied: they are never broken.
+def spoken(text: str, indent: int = 0) -> Group:
+    """Return a message whose indented lines are to be copied: they are never broken.
 
-    Attributes:
+    Args:
         text: prose, and lines that begin with four spaces.
         indent: spaces before every line.
     """
-
-    text: str
-    indent: int = 0
-
-    def __rich_console__(
-        self, console: Console, options: ConsoleOptions
-    ) -> Iterator[RenderableType | Segment]:
-        """Yield the prose wrapped, and the other lines whole."""
-        for line in self.text.split("\n"):
-            if line.startswith("    "):
-                yield Segment(" " * self.indent + line)
-                yield Segment.line()
-            else:
-                yield Padding(line, (0, 0, 0, self.indent), expand=False)
+    return Group(
+        *(
+            Text(" " * indent + line, no_wrap=True, overflow="ignore")
+            if line.startswith("    ")
+            else Padding(line, (0, 0, 0, indent), expand=False)
+            for line in text.split("\n")
+        )
+    )
 
 
 def table(rows: TextTable) -> Table:
@@ -86,25 +71,21 @@ def print_out(
         quiet: print the answer alone.
         verbose: print everything.
     """
-    left = LINES
-    for one in answer:
-        lines = _lines(console, one)
-        left -= len(lines)
-        _print(console, lines)
+    lines = _lines(console, Group(*answer))
+    _print(console, lines)
     if quiet:
         return
-    absent: list[str] = []
-    for part in detail:
+    left, absent = LINES - len(lines), list[str]()
+    for name, shown in detail:
         if absent and not verbose:  # no part is printed after one that did not fit
-            absent.append(part.name)
+            absent.append(name)
             continue
-        shown = part.shown() if callable(part.shown) else part.shown
-        lines = _lines(console, shown)
+        lines = _lines(console, shown() if callable(shown) else shown)
         room = len(lines) if verbose else max(left - 2, 0)  # for what is said of parts left out
         kept = lines if len(lines) <= room else lines[: room if room > 3 else 0]
         _print(console, kept)
         if len(kept) < len(lines):
-            absent.append(f"the rest of {part.name}" if kept else part.name)
+            absent.append(f"the rest of {name}" if kept else name)
         left -= len(lines)
     if absent:
         names = ", ".join(dict.fromkeys(absent))
@@ -112,9 +93,7 @@ def print_out(
 
 
 def _lines(console: Console, shown: RenderableType) -> list[list[Segment]]:
-    if isinstance(shown, Spoken):
-        return list(Segment.split_lines(console.render(shown)))
-    return console.render_lines(shown, pad=False)
+    return list(Segment.split_lines(console.render(shown)))
 
 
 def _print(console: Console, lines: Sequence[Sequence[Segment]]) -> None:

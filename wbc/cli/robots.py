@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.outputs import Outcome, require_outputs, write_figures
+from wbc.cli.outputs import Options, Outcome, require_outputs, write_figures
 from wbc.cli.printout import table
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import RobotError, ViewError, WbcError
@@ -58,7 +57,7 @@ def pose_from(robot: Robot, text: str | None) -> FloatArray:
     return robot.configuration(**joints)
 
 
-def run_metrics(options: argparse.Namespace, console: Console) -> Outcome:
+def run_metrics(options: Options, console: Console) -> Outcome:
     """Print what the gears do to inertia, force capability and impacts; write figures and JSON."""
     from wbc.metrics import summary, with_contact_at
 
@@ -72,10 +71,10 @@ def run_metrics(options: argparse.Namespace, console: Console) -> Outcome:
     notes = list(dict.fromkeys(metric.assumption for metric in found))
     cells = [(_label(m), _told(m, robot), str(notes.index(m.assumption) + 1)) for m in found]
     title = f"{robot.name}, contact {contact}"
-    console.print(table(TextTable(("metric", "value", "assumes"), tuple(cells), title)))
-    numbered = tuple((str(number), note) for number, note in enumerate(notes, 1))
-    console.print(table(TextTable(("", "what the numbers assume"), numbered)))
-    content: dict[str, Any] = {_label(metric): _by_joint(metric) for metric in found}
+    console.print(table(TextTable.of("metric|value|assumes", cells, title)))
+    numbered = [(str(number), note) for number, note in enumerate(notes, 1)]
+    console.print(table(TextTable.of("|what the numbers assume", numbered)))
+    content = {_label(metric): _by_joint(metric) for metric in found}
     content["assumptions"] = {_label(metric): metric.assumption for metric in found}
     if options.figures:
         from wbc.view.plots import leg_figure
@@ -117,17 +116,14 @@ def _told(metric: Metric, robot: Robot) -> str:
 def _by_gear(metric: Metric, values: dict[str, Any], robot: Robot) -> str:
     """Return the value of each gear that has one, and which torques are above their limit."""
     limits = dict(zip(robot.transmission.joints, robot.transmission.torque_limit, strict=True))
-    lines = []
-    for joint, value in values.items():
-        if value == 0.0:
-            continue
+    held, lines = {joint: value for joint, value in values.items() if value != 0.0}, []
+    for joint, value in held.items():
         over = metric.name.startswith("holding") and value > limits[joint]
         limit = f" (above its limit {limits[joint]:.4g})" if over else ""
         lines.append(f"{_entry(value)}  {joint}{limit}")
-    rest = len(values) - len(lines)
-    if rest:
-        others = "all others" if lines else "every gear"
-        lines.append(f"{0:9d}  {others if rest > 1 or not lines else 'the other one'}")
+    if rest := len(values) - len(held):
+        others = "all others" if held else "every gear"
+        lines.append(f"{0:9d}  {others if rest > 1 or not held else 'the other one'}")
     return "\n".join(lines)
 
 
@@ -135,7 +131,7 @@ def _entry(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:9.4f}"
 
 
-def run_export(options: argparse.Namespace, console: Console) -> Outcome:
+def run_export(options: Options, console: Console) -> Outcome:
     """Write the robot as a file of another simulator, and print what is not in it."""
     from wbc.export import FORMATS, export_robot, losses_path
 
@@ -147,10 +143,8 @@ def run_export(options: argparse.Namespace, console: Console) -> Outcome:
     require_outputs(options, ["--file", "--json"])
     exported = export_robot(robot, options.to)
     path = exported.write(options.file)
-    for title, texts in (
-        ("set by hand:", exported.notes),
-        (f"{options.to} cannot say:", exported.unsaid),
-    ):
+    unsaid = f"{options.to} cannot say:"
+    for title, texts in (("set by hand:", exported.notes), (unsaid, exported.unsaid)):
         if texts:
             console.print("\n  - ".join((title, *texts)))
     console.print(f"wrote {path}: links, joints and motors; shapes and pictures are not in it")
@@ -161,7 +155,7 @@ def run_export(options: argparse.Namespace, console: Console) -> Outcome:
     return 0, content
 
 
-def run_list(options: argparse.Namespace, console: Console) -> Outcome:
+def run_list(options: Options, console: Console) -> Outcome:
     """Print the robots, effects or gearboxes there are."""
     rows = {"robots": _robots, "effects": _effects, "gearboxes": _gearboxes}[options.what]()
     name, *others = rows[0]

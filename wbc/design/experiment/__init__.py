@@ -1,6 +1,6 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
-from wbc.design.experiment.motions import FourierPath, MotionLimits
+from wbc.design.experiment.motions import FourierPath, MotionLimits, write_set_points
 from wbc.design.experiment.readable import BAND
 from wbc.design.experiment.rivals import (
     Cause,
@@ -57,4 +57,5 @@ __all__ = [
     "tied_rivals",
     "torque_misfit",
     "typical_values",
+    "write_set_points",
 ]

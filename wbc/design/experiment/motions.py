@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.design.experiment.rivals import Predictions, Rivals
 from wbc.errors import DesignError
+from wbc.measurement import Log, save_log
 from wbc.robot import Motion, Robot, collision_solids
 
 _RAMP = 0.1  # share of the duration over which the window opens, and closes
@@ -77,6 +79,22 @@ class FourierPath:
         return w, w1, w2
 
 
+def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: float) -> Path:
+    """Write a path as a log of set points: position, velocity and acceleration of driven joints.
+
+    Args:
+        name: of the file; its ending says the format, as in `wbc.measurement.save_log`.
+        robot: whose driven joints move.
+        path: of them.
+        rate: rows per second [Hz].
+    """
+    time = path.times(rate)
+    parts = list(zip(("position", "velocity", "acceleration"), path.at(time), strict=True))
+    joints = enumerate(robot.transmission.joints)
+    columns = {f"{joint}.{what}": values[:, i] for i, joint in joints for what, values in parts}
+    return save_log(Log(time, columns), name)
+
+
 MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
 
 
@@ -120,7 +138,7 @@ class LinkDistances:
 
     def keeps(self, positions: FloatArray) -> bool:
         """Whether all pairs stay apart at driven positions (N, m); a free base is held."""
-        return not any(map(self._touch, self._whole(positions)))
+        return not any(map(self._touch, _whole(self.robot, positions)))
 
     def _touch(self, position: FloatArray) -> bool:
         # Fresh data for every row: with those of the row before, coal 3.0.3 starts from its old
@@ -137,19 +155,21 @@ class LinkDistances:
         return float(min(self._distances(row).min() for row in positions))
 
     def _distances(self, position: FloatArray) -> FloatArray:
-        model, data, near = (
-            self.robot.model,
-            self.robot.model.createData(),
-            self.solids.createData(),
-        )
-        pin.computeDistances(model, data, self.solids, near, self._whole(position[None])[0])
+        model, near = self.robot.model, self.solids.createData()
+        whole = _whole(self.robot, position[None])[0]
+        pin.computeDistances(model, model.createData(), self.solids, near, whole)
         return np.array([one.min_distance for one in near.distanceResults], dtype=np.float64)
 
-    def _whole(self, positions: FloatArray) -> FloatArray:
-        pose = self.robot.pose() if self.robot.poses else self.robot.neutral()
-        whole = np.tile(pose, (len(positions), 1))
-        whole[:, self.robot.actuated_position] = positions
-        return whole
+
+def _whole(robot: Robot, driven: FloatArray) -> FloatArray:
+    """Return q (N, nq) at driven positions (N, m), all else as in the usual pose."""
+    whole = np.tile(_usual(robot), (len(driven), 1))
+    whole[:, robot.actuated_position] = driven
+    return whole
+
+
+def _usual(robot: Robot) -> FloatArray:
+    return robot.pose() if robot.poses else robot.neutral()
 
 
 def _pairs(solids: pin.GeometryModel) -> list[pin.CollisionPair]:
@@ -204,8 +224,7 @@ class MotionLimits:
             if not value > 0.0:
                 raise DesignError(f"the limit of {name} must be > 0, got {value:g}.")
         gears, rows = robot.transmission, robot.actuated
-        pose = robot.pose() if robot.poses else robot.neutral()
-        middle = pose[robot.actuated_position] if center is None else center
+        middle = _usual(robot)[robot.actuated_position] if center is None else center
         # A joint's speed turns several motors in a parallel drive: each bounds it alone.
         per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
         share = np.where(per_speed > 0.0, per_speed, np.nan)
@@ -291,12 +310,9 @@ class Site:
         robot = self.rivals.robot
         time = path.times(rate)
         q, v, a = path.at(time)
-        pose = robot.pose() if robot.poses else robot.neutral()
-        position = np.tile(pose, (len(q), 1))
-        position[:, robot.actuated_position] = q
         velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
-        return Motion(position, velocity, acceleration, time)
+        return Motion(_whole(robot, q), velocity, acceleration, time)
 
     def require_stillness(self) -> None:
         """Check that the motors hold the robot where motions start and end, whatever is true.

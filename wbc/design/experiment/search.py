@@ -232,6 +232,11 @@ def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
         raise DesignError(
             f"the duration of an experiment must be > 0 and finite, got {duration:g}."
         )
+    if np.isinf(np.minimum(np.minimum(limits.speed, limits.acceleration), limits.torque)).any():
+        raise DesignError(
+            "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "
+            "with a torque_limit."
+        )
     site = Site(rivals, limits, duration)
     site.require_stillness()
     return site
