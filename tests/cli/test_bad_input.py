@@ -47,6 +47,7 @@ BAD = [
     ("play good.csv --robot planar_leg_fixed --html file/x.html", "'file' is a file"),
     ("play good.csv --robot talos --html x.html", "no position of any joint of 'talos'"),
     ("play good.csv --robot planar_leg_fixed --ghost no.toml --html x.html", "no.toml"),
+    ("play good.csv --robot planar_leg --ghost planar_leg_fixed --html x.html", "other joints"),
     ("metrics planar_leg --pose hip=high", "JOINT=VALUE"),
     ("metrics planar_leg --pose nowhere", "There are: paper"),
     ("metrics planar_leg --contact hand", "foot"),

@@ -369,9 +369,8 @@ def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
         meant = likely_meant(name)
         if meant is None or meant in given or name in used | set(rules.left_out):
             continue
-        found: Mend = {"time": {"from": name}}
-        if meant != TIME:
-            found = {"columns": {meant: {"from": name}}}
+        source = {"from": name}
+        found: Mend = {"time": source} if meant == TIME else {"columns": {meant: source}}
         raise LogError(
             f"{table.path}: column '{name}' looks like '{meant}' misspelt; rename it, or "
             + say_so(found)

@@ -110,10 +110,8 @@ def energy_audit(robot: Robot, log: Log) -> dict[str, FloatArray]:
     # they leave 0.12 J of 18 J unexplained, these 0.008 J, as the simulator's own balance does.
     torque, middle = rotor_torque(robot, log)[:-1], 0.5 * (output[1:] + output[:-1])
     growth = np.diff(output, axis=0) / np.diff(log.time)[:, None]
-    drive, (_, loss) = (
-        torque * gears.gear_ratio * middle,
-        gear_powers(gears, torque, middle, growth),
-    )
+    drive = torque * gears.gear_ratio * middle
+    _, loss = gear_powers(gears, torque, middle, growth)
     force = contact_torque(robot, position, contact_forces(robot, log))
     push = force[:-1] * 0.5 * (speed[1:] + speed[:-1])
     powers = (np.nansum(power, axis=1) for power in (drive, push, loss))

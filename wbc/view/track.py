@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate, link_torque
 from wbc.dynamics import rotor_torque as needed_torque
+from wbc.errors import ViewError
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.readings.torque import contact_forces
 from wbc.identification.records.log_checks import require_readable
@@ -268,7 +269,12 @@ def ghost_at(
     """Return poses (F, joints, 7), as `Track.poses`, and residuals (F,) of a ghost at frame times.
 
     The nearest sample is shown.
+
+    Raises:
+        ViewError: the ghost is of another robot.
     """
+    if ghost.position.shape[1] != robot.model.nq:
+        raise ViewError(f"the ghost '{ghost.label}' has other joints than '{robot.name}'.")
     later = np.clip(np.searchsorted(ghost.time, time), 1, len(ghost.time) - 1)
     rows = np.where(time - ghost.time[later - 1] < ghost.time[later] - time, later - 1, later)
     residual = {

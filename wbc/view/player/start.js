@@ -25,4 +25,5 @@ requestAnimationFrame(() => {
       return v1.set(c[0], c[2], -c[1]).project(viewer.camera).toArray().slice(0, 2);
     },
     picture() { drawFrame(); viewer.render(); } };
+  addEventListener("beforeprint", player.picture);  // else the canvas is empty on paper
 });
