@@ -63,9 +63,8 @@ class GearModel:
         self._settings = settings
         self._ratio, self._kinematics = gears.gear_ratio, kinematics
         self.coupled = robot.rotors_turn_with_links
-        self.limited: IntArray = np.flatnonzero(
-            np.isfinite(gears.torque_limit) & (limit is not None)
-        )
+        bounded = np.isfinite(gears.torque_limit) & (limit is not None)
+        self.limited: IntArray = np.flatnonzero(bounded)
         self._table, self._effects = effect_table(robot), left_for_hooks(robot)
         self._smooth, self._dry = self._by("joint_torque"), self._by("joint_friction")
         self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")

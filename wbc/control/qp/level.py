@@ -233,7 +233,7 @@ class Level:
         output, passing, decided = program.gear_rows(asked.last)[OUTPUT], None, self._decided
         if above is not None:
             output, passing = above.row(OUTPUT), above.solution.x
-            decided = decided if above.found is None else above.found.decided
+            decided = {} if above.found is None else above.found.decided
         self._search.start(gears[SIGMA], passing)
         may_give = above is None and program.joint.start < program.bounds
         passed = _NOTHING_PASSED

@@ -151,10 +151,8 @@ class CollisionRows:
             self.distances[i] = found.min_distance
             points[i, :3], points[i, 3:6] = found.getNearestPoint1(), found.getNearestPoint2()
             points[i, 6:] = found.normal
-        place_distances(
-            *(kinematics.tree, self._joints, points),
-            *(self.distances, self._numbers, self.rows, self.least),
-        )
+        rows = self.distances, self._numbers, self.rows, self.least
+        place_distances(kinematics.tree, self._joints, points, *rows)
 
 
 def _convex(geometry: Any, name: str) -> Any:
