@@ -10,8 +10,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen, is_real, reals
-from wbc.compiled import Number, Places, Vector, compiled
+from wbc.arrays import FloatArray, frozen, is_real, reals
+from wbc.compiled import Places, Vector, compiled
 from wbc.control.command import Status
 from wbc.errors import ControlError, unknown_name
 from wbc.robot import Motion, Robot
@@ -149,10 +149,8 @@ class InputCheck:
         check_step(dt)
 
 
-@compiled(Number, Vector, Vector, Places, Places)
-def state_error(
-    position: FloatArray, velocity: FloatArray, starts: IntArray, lengths: IntArray
-) -> float:
+@compiled
+def state_error(position: Vector, velocity: Vector, starts: Places, lengths: Places) -> float:
     """Return by how much squared lengths of unit parts miss one; inf where a number is not finite.
 
     A vector whose squared length overflows counts as not finite.

@@ -7,29 +7,14 @@ structures before; what the rows that bound the last solution do not solve is le
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import (
-    Count,
-    Dense,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Places,
-    Row,
-    Vector,
-    compiled,
-    view,
-)
-from wbc.control.qp.active_set import CONTRADICTION, SOLVER, STEPS, place_multipliers, settle
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, Vector, compiled, view
+from wbc.control.qp.active_set import CONTRADICTION, STEPS, SolverMemory, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
-    GEARS,
+    GearsMemory,
     place_loads,
     place_map,
     place_output,
@@ -37,13 +22,13 @@ from wbc.control.qp.gear_rows import (
     place_torques,
 )
 from wbc.control.qp.solvers import INFINITE
-from wbc.control.rows.limits import JOINTS, place_joint_bounds
+from wbc.control.rows.limits import JointsMemory, place_joint_bounds
 from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
     BALANCE,
     CENTER_OF_MASS,
-    ROWS,
-    TREE,
+    RowsMemory,
+    TreeMemory,
     fill_state_rows,
     move_joints,
     place_missing,
@@ -53,7 +38,7 @@ from wbc.structures import Structure
 
 TASKS = Structure(
     "Tasks",
-    rows=ROWS.kind,
+    rows=RowsMemory,
     targets=Dense,
     chosen=Places,
     positions=Places,
@@ -73,21 +58,23 @@ targets (e, 12) as placements; chosen (c,) coordinates, where q holds their posi
 velocity and acceleration; limits of what is fed back, weights and wanted (k + c,); of the selecting
 rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
+TasksMemory = Annotated[Any, TASKS.kind]
 
-CONTACTS = Structure("Contacts", rows=ROWS.kind, damping=Row, target=OutRow, corners=Dense)
+CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=OutRow, corners=Dense)
 """The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
 
 corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
 """
+ContactsMemory = Annotated[Any, CONTACTS.kind]
 
 PROGRAM = Structure(
     "Program",
-    tree=TREE.kind,
-    tasks=TASKS.kind,
-    contacts=CONTACTS.kind,
-    gears=GEARS.kind,
-    joints=JOINTS.kind,
-    solver=SOLVER.kind,
+    tree=TreeMemory,
+    tasks=TasksMemory,
+    contacts=ContactsMemory,
+    gears=GearsMemory,
+    joints=JointsMemory,
+    solver=SolverMemory,
     limited=Places,
     map=(OutDense, "m", "n"),
     output_bias=(OutRow, "m"),
@@ -113,6 +100,7 @@ tick and, in `positive` (m,), whether T > 0. T = map x + output_bias. `limited` 
 that have a torque limit, whose rows are the first 2 g bounds. The stated bounds are those of the
 solver but where a more important level has to pass.
 """
+ProgramMemory = Annotated[Any, PROGRAM.kind]
 
 FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS, NQ = range(8)
 """`counts`: the first row in use; rows of tasks and efforts; hard rows below them; torque limits;
@@ -144,9 +132,9 @@ SMALL = 1e-6
 """[N m], output torque under which a gear's direction does not matter."""
 
 
-@compiled(Nothing, TREE.kind, CONTACTS.kind, *[Number] * 2, OutRow, Count)
+@compiled
 def keep_over_feet(
-    tree: Any, contacts: Any, vx: float, vy: float, wanted: FloatArray, row: int
+    tree: TreeMemory, contacts: ContactsMemory, vx: float, vy: float, wanted: OutRow, row: int
 ) -> None:
     """Take from the acceleration wanted of the centre of mass what would carry it off its feet.
 
@@ -204,13 +192,13 @@ def keep_over_feet(
             return
 
 
-@compiled(Nothing, TREE.kind, TASKS.kind, CONTACTS.kind, Vector, Vector, Number)
+@compiled
 def want(
-    tree: Any,
-    tasks: Any,
-    contacts: Any,
-    position: FloatArray,
-    velocity: FloatArray,
+    tree: TreeMemory,
+    tasks: TasksMemory,
+    contacts: ContactsMemory,
+    position: Vector,
+    velocity: Vector,
     mass: float,
 ) -> None:
     """Write what all tasks want (k + c,): gains * parts, what is fed back within its limits.
@@ -260,8 +248,8 @@ def want(
         pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]
 
 
-@compiled(Nothing, TREE.kind, CONTACTS.kind, Vector, Number)
-def rest(tree: Any, contacts: Any, velocity: FloatArray, mass: float) -> None:
+@compiled
+def rest(tree: TreeMemory, contacts: ContactsMemory, velocity: Vector, mass: float) -> None:
     """Write the rows of contacts, and -damping J v - drift (k,), which brings them to rest."""
     fill_state_rows(tree, contacts.rows, mass)
     jacobian, drift = contacts.rows.jacobian, contacts.rows.drift
@@ -272,8 +260,8 @@ def rest(tree: Any, contacts: Any, velocity: FloatArray, mass: float) -> None:
         contacts.target[i] = -contacts.damping[i] * rate - drift[i]
 
 
-@compiled(Nothing, PROGRAM.kind, Flag)
-def place_balance(program: Any, contacts: bool) -> None:
+@compiled
+def place_balance(program: ProgramMemory, contacts: bool) -> None:
     """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts if asked."""
     solver, gears, rows = program.solver, program.gears, program.contacts.rows
     rows_of, right, first = solver.rows, solver.right, program.counts[COST]
@@ -293,8 +281,8 @@ def place_balance(program: Any, contacts: bool) -> None:
                 rows_of[first + i, j] = jacobian[i, j]
 
 
-@compiled(Number, PROGRAM.kind)
-def place_tasks(program: Any) -> float:
+@compiled
+def place_tasks(program: ProgramMemory) -> float:
     """Write the rows of tasks and the diagonal of the accelerations.
 
     Rows of no weight are left out: the others stand together, in front of those of efforts.
@@ -323,8 +311,8 @@ def place_tasks(program: Any) -> float:
     return total
 
 
-@compiled(Nothing, PROGRAM.kind, Places)
-def place_efforts(program: Any, positive: IntArray) -> None:
+@compiled
+def place_efforts(program: ProgramMemory, positive: Places) -> None:
     """Write the rows of efforts for directions (m,) of T, see `Effort`.
 
     They are root weight (e T + rotor share) or root weight T; what the mesh loses is a parabola.
@@ -350,8 +338,8 @@ def place_efforts(program: Any, positive: IntArray) -> None:
             row += 1
 
 
-@compiled(Nothing, PROGRAM.kind, Row)
-def place_directed_rows(program: Any, choice: FloatArray) -> None:
+@compiled
+def place_directed_rows(program: ProgramMemory, choice: Row) -> None:
     """Write the convex rows of all gears, and one half-space of some; call after the map.
 
     A row is lower <= slope T + rotor qdd + rotor_bias <= upper of a gear. N tau_phi is convex in T
@@ -382,8 +370,8 @@ def place_directed_rows(program: Any, choice: FloatArray) -> None:
             upper[row] = gears.upper[gear] - offset if has_high else INFINITE
 
 
-@compiled(Count, PROGRAM.kind, Number, OutRow)
-def finish(program: Any, dt: float, block: FloatArray) -> int:
+@compiled
+def finish(program: ProgramMemory, dt: float, block: OutRow) -> int:
     """Write what a solution leads to: torques, drive commands, the velocity expected next.
 
     Args:
@@ -413,8 +401,8 @@ def finish(program: Any, dt: float, block: FloatArray) -> int:
     return DONE if exact else LIMITED_TORQUE
 
 
-@compiled(Count, PROGRAM.kind, Number, OutRow)
-def solve(program: Any, dt: float, block: FloatArray) -> int:
+@compiled
+def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
     """Solve the program from the rows that bound the last solution; write what it leads to.
 
     Torque limits are left out. What efforts cost depends on the directions of the gears: those of
@@ -457,15 +445,15 @@ def solve(program: Any, dt: float, block: FloatArray) -> int:
     return finish(program, dt, block)
 
 
-@compiled(Count, PROGRAM.kind, *[Vector] * 2, Row, Number, Count, OutRow)
+@compiled
 def tick(
-    program: Any,
-    position: FloatArray,
-    velocity: FloatArray,
-    last: FloatArray,
+    program: ProgramMemory,
+    position: Vector,
+    velocity: Vector,
+    last: Row,
     dt: float,
     told: int,
-    block: FloatArray,
+    block: OutRow,
 ) -> int:
     """Pass through a tick of one level: from q (nq,) and v (nv,) to torques in `block`.
 

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from enum import IntEnum
 from math import atan2, sqrt
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numba import types
 
-from wbc.arrays import FloatArray
 from wbc.compiled import (
-    Count,
     Dense,
     Matrix,
-    Nothing,
-    Number,
     OutDense,
     OutRow,
     OutVector,
@@ -58,6 +53,7 @@ joints and shapes are those of a `wbc.mechanics.tree.Tree`, without axes and pla
 world without mass; from starts on stand the columns of J that move each joint. The rest
 `move_joints` writes.
 """
+TreeMemory = Annotated[Any, TREE.kind]
 
 
 class RowKind(IntEnum):
@@ -92,10 +88,11 @@ plan (e, 7): kind, joint, first row, first component, their number and step, the
 offsets (e, 27): rotation and origin in the joint's frame, the arm of a rolling ball, rotation and
 origin of the other frame; used (e,): 0 where nothing is to be written; places (e, 12): result.
 """
+RowsMemory = Annotated[Any, ROWS.kind]
 
 
-@compiled(Nothing, TREE.kind, Vector)
-def move_joints(tree: Any, velocity: FloatArray) -> None:
+@compiled
+def move_joints(tree: TreeMemory, velocity: Vector) -> None:
     """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows.
 
     The sum of all forces, taken about the centre of mass and without the weight, is dA_g/dt v.
@@ -125,8 +122,8 @@ def move_joints(tree: Any, velocity: FloatArray) -> None:
     whole[5] = force[5] - com[0] * force[1] + com[1] * force[0]
 
 
-@compiled(Nothing, Vector, Vector, OutVector)
-def place_turn(place: FloatArray, target: FloatArray, turn: FloatArray) -> None:
+@compiled
+def place_turn(place: Vector, target: Vector, turn: OutVector) -> None:
     """Write log3(R_target R') (3,) [rad], world axes: what turns a placement into its target.
 
     By way of the unit quaternion of the largest component (Shepperd, 1978), which is exact for
@@ -162,9 +159,9 @@ def place_turn(place: FloatArray, target: FloatArray, turn: FloatArray) -> None:
     turn[0], turn[1], turn[2] = scale * x, scale * y, scale * z
 
 
-@compiled(Nothing, ROWS.kind, Count, *[Vector] * 2, OutVector)
+@compiled
 def place_missing(
-    rows: Any, e: int, target: FloatArray, rates: FloatArray, missing: FloatArray
+    rows: RowsMemory, e: int, target: Vector, rates: Vector, missing: OutVector
 ) -> None:
     """Write what the present state misses of the target of an entry; call after its rows.
 
@@ -187,8 +184,8 @@ def place_missing(
             missing[row + k] = target[9 + a] - place[9 + a] if a < 3 else turn[a - 3]
 
 
-@compiled(Nothing, OutDense, Count, OutVector)
-def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
+@compiled
+def _turn_back(places: OutDense, number: int, six: OutVector) -> None:
     """Turn a linear and an angular vector (6,) from world axes into those of a placement."""
     for first in range(0, 6, 3):
         x, y, z = six[first], six[first + 1], six[first + 2]
@@ -197,9 +194,9 @@ def _turn_back(places: FloatArray, number: int, six: FloatArray) -> None:
             six[first + a] = along + across + places[number, 3 * a + 2] * z
 
 
-@compiled(types.UniTuple(Number, 6), Dense, Dense, Count, *[Number] * 3)
+@compiled
 def _moved(
-    rates: FloatArray, drifts: FloatArray, joint: int, x: float, y: float, z: float
+    rates: Dense, drifts: Dense, joint: int, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return velocity, and acceleration at qdd = 0, of a point of a joint's body."""
     wx, wy, wz = rates[joint, 3], rates[joint, 4], rates[joint, 5]
@@ -213,9 +210,9 @@ def _moved(
     return vx, vy, vz, bx, by, bz
 
 
-@compiled(types.UniTuple(Number, 3), TREE.kind, Count, Count, Row, OutRow)
+@compiled
 def place_apart(
-    tree: Any, joint: int, other: int, points: FloatArray, row: FloatArray
+    tree: TreeMemory, joint: int, other: int, points: Row, row: OutRow
 ) -> tuple[float, float, float]:
     """Write n'(J_other - J_one) (nv,) of two points.
 
@@ -250,15 +247,9 @@ def place_apart(
     return speed, bend, rx * rx + ry * ry + rz * rz - speed * speed
 
 
-@compiled(Nothing, TREE.kind, Count, Dense, Count, Count, OutDense, Count)
+@compiled
 def place_frame(
-    tree: Any,
-    joint: int,
-    offsets: FloatArray,
-    entry: int,
-    first: int,
-    places: FloatArray,
-    row: int,
+    tree: TreeMemory, joint: int, offsets: Dense, entry: int, first: int, places: OutDense, row: int
 ) -> None:
     """Write the placement (12,) of a frame whose offset (12,) begins at `first` into a row."""
     joints = tree.places
@@ -270,8 +261,8 @@ def place_frame(
             places[row, 3 * c + a] = total
 
 
-@compiled(Nothing, TREE.kind, ROWS.kind, Count)
-def _place_distance(tree: Any, rows: Any, e: int) -> None:
+@compiled
+def _place_distance(tree: TreeMemory, rows: RowsMemory, e: int) -> None:
     """Write the row of the distance of two frames; its place holds the distance at 9."""
     plan, places, points = rows.plan, rows.places, np.empty((2, 12))
     place_frame(tree, plan[e, 1], rows.offsets, e, 0, points, 0)
@@ -291,8 +282,8 @@ def _place_distance(tree: Any, rows: Any, e: int) -> None:
     rows.drift[row], places[e, 9] = bend + across / distance, distance
 
 
-@compiled(Nothing, TREE.kind, ROWS.kind, Count, Number)
-def _place_whole(tree: Any, rows: Any, e: int, mass: float) -> None:
+@compiled
+def _place_whole(tree: TreeMemory, rows: RowsMemory, e: int, mass: float) -> None:
     """Write rows of the centre of mass, or those of the momentum where `mass` is one."""
     plan, jacobian, momentum = rows.plan, rows.jacobian, tree.momentum
     row, begin, count, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
@@ -306,8 +297,8 @@ def _place_whole(tree: Any, rows: Any, e: int, mass: float) -> None:
         rows.places[e, 9 + a] = tree.com[a] if of_mass else 0.0
 
 
-@compiled(Nothing, TREE.kind, ROWS.kind, Number)
-def fill_state_rows(tree: Any, rows: Any, mass: float) -> None:
+@compiled
+def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
     """Write the rows of ROWS; call after `move_joints`.
 
     For a joint of spatial velocity V and drift A at the world's origin and a point p of its body,
@@ -368,15 +359,15 @@ def fill_state_rows(tree: Any, rows: Any, mass: float) -> None:
             drift[row + k] = six[begin + k * step]
 
 
-@compiled(Nothing, TREE.kind, Table, Dense, Row, Row, OutDense, OutRow)
+@compiled
 def place_distances(
-    tree: Any,
-    joints: FloatArray,
-    points: FloatArray,
-    distances: FloatArray,
-    numbers: FloatArray,
-    rows: FloatArray,
-    least: FloatArray,
+    tree: TreeMemory,
+    joints: Table,
+    points: Dense,
+    distances: Row,
+    numbers: Row,
+    rows: OutDense,
+    least: OutRow,
 ) -> None:
     """Write the rows of `CollisionLimit`, rows qdd >= least.
 

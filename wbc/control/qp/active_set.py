@@ -14,23 +14,11 @@ system, whose residual is checked.
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numba import types
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Row,
-    compiled,
-)
+from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.structures import Structure
 
@@ -81,10 +69,11 @@ do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from
 softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
 all rows, `active` the numbers of the bounds that stand among them, `steps` (1,) those of `settle`.
 """
+SolverMemory = Annotated[Any, SOLVER.kind]
 
 
-@compiled(Flag, SOLVER.kind, Count, Count, Count)
-def _factorise(solver: Any, first: int, known: int, size: int) -> bool:
+@compiled
+def _factorise(solver: SolverMemory, first: int, known: int, size: int) -> bool:
     """Write K = G D^-1 G' + S, and its factor, from row `known` on; return whether there is one."""
     G, softness, inverse = solver.rows[first:], solver.softness[first:], solver.inverse
     scaled, system, n = solver.scaled, solver.system, len(inverse)
@@ -101,8 +90,10 @@ def _factorise(solver: Any, first: int, known: int, size: int) -> bool:
     return found
 
 
-@compiled(Flag, SOLVER.kind, *[Count] * 4, OutRow)
-def _try_rows(solver: Any, first: int, known: int, base: int, size: int, x: FloatArray) -> bool:
+@compiled
+def _try_rows(
+    solver: SolverMemory, first: int, known: int, base: int, size: int, x: OutRow
+) -> bool:
     """Do as `_meet_rows` does without a check, for a step of `settle`; the same arguments.
 
     The half solution L^-1 (right - G free) of the rows that are known stands in `left`. A bound,
@@ -139,9 +130,9 @@ def _try_rows(solver: Any, first: int, known: int, base: int, size: int, x: Floa
     return True
 
 
-@compiled(Flag, SOLVER.kind, Count, Count, Count, Number, OutRow)
+@compiled
 def _meet_rows(
-    solver: Any, first: int, known: int, size: int, tolerance: float, x: FloatArray
+    solver: SolverMemory, first: int, known: int, size: int, tolerance: float, x: OutRow
 ) -> bool:
     """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force, and check it.
 
@@ -189,8 +180,8 @@ def _meet_rows(
     return False
 
 
-@compiled(Count, SOLVER.kind, Count, Count, Count)
-def _place_bound(solver: Any, first: int, place: int, row: int) -> int:
+@compiled
+def _place_bound(solver: SolverMemory, first: int, place: int, row: int) -> int:
     """Write a bound that binds into a place of G; return the next one."""
     at = first + place
     solver.right[at] = solver.upper[row] if solver.taken[row] > 0 else solver.lower[row]
@@ -200,8 +191,8 @@ def _place_bound(solver: Any, first: int, place: int, row: int) -> int:
     return place + 1
 
 
-@compiled(Count, SOLVER.kind, Count, Count, Count, Count)
-def _place_active(solver: Any, first: int, base: int, start: int, stop: int) -> int:
+@compiled
+def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop: int) -> int:
     """Write the bounds that bind, of rows from `start` to `stop`, below the first `base` of G.
 
     Returns:
@@ -217,9 +208,9 @@ def _place_active(solver: Any, first: int, base: int, start: int, stop: int) -> 
     return size
 
 
-@compiled(types.UniTuple(Count, 2), SOLVER.kind, types.UniTuple(Count, 2), Number, Row)
+@compiled
 def _most_violated(
-    solver: Any, bounds: tuple[int, int], tolerance: float, x: FloatArray
+    solver: SolverMemory, bounds: tuple[int, int], tolerance: float, x: Row
 ) -> tuple[int, int]:
     """Return the bound that x (n,) breaks most for its size, -1 if none, and on which side."""
     C, lower, upper, inverse = solver.C, solver.lower, solver.upper, solver.inverse
@@ -241,8 +232,8 @@ def _most_violated(
     return best, side
 
 
-@compiled(Count, SOLVER.kind, Count, Count, OutRow)
-def _go_on(solver: Any, base: int, size: int, push: FloatArray) -> int:
+@compiled
+def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
     """Move all pushes towards those of the system with the last row, until one reaches zero.
 
     Args:
@@ -264,8 +255,8 @@ def _go_on(solver: Any, base: int, size: int, push: FloatArray) -> int:
     return leaving
 
 
-@compiled(Count, SOLVER.kind, Count, Count, OutRow)
-def _give_way(solver: Any, base: int, size: int, push: FloatArray) -> int:
+@compiled
+def _give_way(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
     """Push at a row that the others decide until one of them pushes no more, x being the same.
 
     Arguments and result as for `_go_on`, -1 where none gives way: the bounds contradict.
@@ -292,8 +283,8 @@ def _give_way(solver: Any, base: int, size: int, push: FloatArray) -> int:
     return leaving
 
 
-@compiled(Flag, SOLVER.kind, Count, Count)
-def _proves(solver: Any, base: int, size: int) -> bool:
+@compiled
+def _proves(solver: SolverMemory, base: int, size: int) -> bool:
     """Whether the last row, which others decide and none gives way to, is far from its bound.
 
     With multipliers of the right signs these rows then add up to all but nothing, and their bounds
@@ -308,15 +299,15 @@ def _proves(solver: Any, base: int, size: int) -> bool:
     return outwards and miss * miss > _MISSED * length
 
 
-@compiled(Count, SOLVER.kind, *[Count] * 2, types.UniTuple(Count, 2), Number, OutRow, OutRow)
+@compiled
 def _begin(
-    solver: Any,
+    solver: SolverMemory,
     first: int,
     base: int,
     bounds: tuple[int, int],
     tolerance: float,
-    push: FloatArray,
-    x: FloatArray,
+    push: OutRow,
+    x: OutRow,
 ) -> int:
     """Solve with the bounds taken as binding, and let go of those that pull until none does.
 
@@ -346,15 +337,15 @@ def _begin(
     return size
 
 
-@compiled(Count, SOLVER.kind, Count, Count, types.UniTuple(Count, 2), Number, Count, OutRow)
+@compiled
 def settle(
-    solver: Any,
+    solver: SolverMemory,
     first: int,
     last: int,
     bounds: tuple[int, int],
     tolerance: float,
     steps: int,
-    x: FloatArray,
+    x: OutRow,
 ) -> int:
     """Solve with the bounds taken as binding; add bounds one by one, dropping what would pull.
 
@@ -421,9 +412,9 @@ def settle(
     return UNSETTLED
 
 
-@compiled(Nothing, SOLVER.kind, *[Count] * 3, OutRow, OutRow)
+@compiled
 def place_multipliers(
-    solver: Any, base: int, soft: int, size: int, y: FloatArray, z: FloatArray
+    solver: SolverMemory, base: int, soft: int, size: int, y: OutRow, z: OutRow
 ) -> None:
     """Write the multipliers of a program that settled, those of other bounds as zero.
 

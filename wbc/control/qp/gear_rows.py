@@ -7,26 +7,10 @@ N tau_phi = t + rotor qdd + rotor_bias.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from numba import types
-
-from wbc.arrays import BoolArray, FloatArray
-from wbc.compiled import (
-    Dense,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutFlags,
-    OutRow,
-    Places,
-    Row,
-    Table,
-    compiled,
-    kind_of,
-)
-from wbc.control.tree import TREE
+from wbc.compiled import Dense, OutDense, OutFlags, OutRow, Places, Row, Table, compiled
+from wbc.control.tree import TreeMemory
 from wbc.effects.tables import fill_joint_torques
 from wbc.structures import Structure
 
@@ -75,21 +59,22 @@ and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 
 Results: bias (nv,), rotor_bias (m,), disturbance (nv,); `smooth`, `rubs` (nv,) and `joint` (m,) are
 memory.
 """
+GearsMemory = Annotated[Any, GEARS.kind]
 
 TRUSTED, FULL_SPEED, CORRECTION, OBSERVES = range(4)
 
 
-@compiled(Nothing, GEARS.kind, TREE.kind, *[Row] * 3, Number, OutRow, OutRow, OutRow)
+@compiled
 def place_loads(
-    gears: Any,
-    tree: Any,
-    position: FloatArray,
-    velocity: FloatArray,
-    expected: FloatArray,
+    gears: GearsMemory,
+    tree: TreeMemory,
+    position: Row,
+    velocity: Row,
+    expected: Row,
     dt: float,
-    corrected: FloatArray,
-    turning: FloatArray,
-    sigma: FloatArray,
+    corrected: OutRow,
+    turning: OutRow,
+    sigma: OutRow,
 ) -> None:
     """Write which way joints and motors turn, and the bias of links and rotors.
 
@@ -134,14 +119,9 @@ def place_loads(
         bias[i] -= gears.disturbance[i]
 
 
-@compiled(Nothing, GEARS.kind, Dense, Number, Row, OutRow, OutRow)
+@compiled
 def place_output(
-    gears: Any,
-    jacobian: FloatArray,
-    scale: float,
-    x: FloatArray,
-    output: FloatArray,
-    share: FloatArray,
+    gears: GearsMemory, jacobian: Dense, scale: float, x: Row, output: OutRow, share: OutRow
 ) -> None:
     """Write T = D' (M qdd + bias - scale J' f)_driven and rotor qdd + rotor_bias (m,).
 
@@ -169,8 +149,8 @@ def place_output(
             output[i] += topology[j, i] * joint[j]
 
 
-@compiled(Nothing, GEARS.kind, Row, OutRow, OutRow)
-def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: FloatArray) -> None:
+@compiled
+def place_slopes(gears: GearsMemory, sigma: Row, positive: OutRow, negative: OutRow) -> None:
     """Write the slopes e (m,) for either sign of T of gears that turn with certainty sigma (m,)."""
     rest, forward, backward = gears.rest, gears.forward, gears.backward
     for i in range(len(sigma)):
@@ -181,13 +161,9 @@ def place_slopes(gears: Any, sigma: FloatArray, positive: FloatArray, negative: 
         negative[i] = ahead * against + astern * along + rest[i]
 
 
-@compiled(Flag, GEARS.kind, *[Row] * 3, types.UniTuple(kind_of(OutRow), 3))
+@compiled
 def place_torques(
-    gears: Any,
-    output: FloatArray,
-    share: FloatArray,
-    sigma: FloatArray,
-    results: tuple[FloatArray, FloatArray, FloatArray],
+    gears: GearsMemory, output: Row, share: Row, sigma: Row, results: tuple[OutRow, OutRow, OutRow]
 ) -> bool:
     """Write t and N tau_phi = t + share (m,), clipped to the limits.
 
@@ -212,9 +188,9 @@ def place_torques(
     return whole
 
 
-@compiled(Nothing, GEARS.kind, Dense, Number, OutDense, OutRow)
+@compiled
 def place_map(
-    gears: Any, jacobian: FloatArray, scale: float, torque_map: FloatArray, output_bias: FloatArray
+    gears: GearsMemory, jacobian: Dense, scale: float, torque_map: OutDense, output_bias: OutRow
 ) -> None:
     """Write T = D' (M qdd + bias - scale J' f)_driven as a map (m, n) and a constant part (m,)."""
     mass, bias, driven, topology = gears.mass, gears.bias, gears.driven, gears.topology
@@ -234,9 +210,9 @@ def place_map(
                 torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
 
 
-@compiled(Nothing, GEARS.kind, *[Row] * 2, Dense, OutFlags)
+@compiled
 def place_beyond(
-    gears: Any, output: FloatArray, share: FloatArray, slopes: FloatArray, beyond: BoolArray
+    gears: GearsMemory, output: Row, share: Row, slopes: Dense, beyond: OutFlags
 ) -> None:
     """Write which gears (m,) give more than their limits by the mesh law.
 

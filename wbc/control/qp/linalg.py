@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Flag, Nothing, OutDense, OutRow, compiled
+from wbc.compiled import Dense, OutDense, OutRow, compiled
 
 _INDEPENDENT = 1e-8
 _SHORT = 0.25  # of a squared length, from which rounding along the other rows counts
 
 
-@compiled(Flag, OutDense, Count)
-def _place_diagonal(matrix: FloatArray, i: int) -> bool:
+@compiled
+def _place_diagonal(matrix: OutDense, i: int) -> bool:
     """Write the inverse of the factor's diagonal entry of a row; return whether there is one."""
     left = matrix[i, i]
     for k in range(i):
@@ -23,8 +22,8 @@ def _place_diagonal(matrix: FloatArray, i: int) -> bool:
     return True
 
 
-@compiled(Flag, OutDense, Count, Count)
-def factorise_from(matrix: FloatArray, start: int, size: int) -> bool:
+@compiled
+def factorise_from(matrix: OutDense, start: int, size: int) -> bool:
     """Overwrite the lower half of the leading block with its Cholesky factor, from a row on.
 
     The diagonal holds the inverses of the factor's. Only the lower half is read. Two rows are
@@ -64,8 +63,8 @@ def factorise_from(matrix: FloatArray, start: int, size: int) -> bool:
     return True
 
 
-@compiled(Nothing, Dense, Count, OutRow)
-def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
+@compiled
+def substitute(factor: Dense, size: int, values: OutRow) -> None:
     """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise_from`."""
     for i in range(size):
         left = values[i]
@@ -78,8 +77,8 @@ def substitute(factor: FloatArray, size: int, values: FloatArray) -> None:
             values[k] -= factor[i, k] * values[i]
 
 
-@compiled(Nothing, Dense, Count, OutDense, Count, Count)
-def remove(kept: FloatArray, count: int, rows: FloatArray, row: int, n: int) -> None:
+@compiled
+def remove(kept: Dense, count: int, rows: OutDense, row: int, n: int) -> None:
     """Take the directions of the first `count` orthonormal rows of `kept` out of a row.
 
     Only the first n columns are read; behind them all these rows are zero.
@@ -92,8 +91,8 @@ def remove(kept: FloatArray, count: int, rows: FloatArray, row: int, n: int) -> 
             rows[row, j] -= along * kept[i, j]
 
 
-@compiled(Count, Dense, OutDense, OutDense, Count, Count)
-def extend_basis(rows: FloatArray, left: FloatArray, kept: FloatArray, count: int, n: int) -> int:
+@compiled
+def extend_basis(rows: Dense, left: OutDense, kept: OutDense, count: int, n: int) -> int:
     """Extend an orthonormal basis by what further rows add to it.
 
     Gram-Schmidt with the row that has most left next, so that what is dropped is less than 1e-8 of

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.optimize import nnls
 
-from wbc.arrays import FloatArray
-from wbc.compiled import (
-    Count,
-    Flag,
-    Nothing,
-    Number,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Row,
-    compiled,
-)
+from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.solvers import INFINITE
-from wbc.control.tick import BOUNDS, COST, HARD, JOINT, PROGRAM, REGULAR, TASKS, TORQUE
+from wbc.control.tick import (
+    BOUNDS,
+    COST,
+    HARD,
+    JOINT,
+    REGULAR,
+    TORQUE,
+    ProgramMemory,
+    TasksMemory,
+)
 from wbc.structures import Structure
 
 _HALF = 0.5
@@ -47,10 +45,11 @@ LOCK = Structure(
 """Memory of `hold`: the rows of all more important tasks (a, n), and room for as many rows as there
 are equalities, bounds and variables. `ends` (3,): how many orthonormal rows in `kept` are
 equalities of the robot, and of tasks as well; how many bounds in `binding` are reached."""
+LockMemory = Annotated[Any, LOCK.kind]
 
 
-@compiled(Count, TASKS.kind, OutDense, Count)
-def place_above(tasks: Any, rows: FloatArray, start: int) -> int:
+@compiled
+def place_above(tasks: TasksMemory, rows: OutDense, start: int) -> int:
     """Write what a level's tasks decide below row `start` of (a, n); return where that ends."""
     jacobian, weights = tasks.rows.jacobian, tasks.weights
     count, nv = jacobian.shape[0], jacobian.shape[1]
@@ -64,8 +63,10 @@ def place_above(tasks: Any, rows: FloatArray, start: int) -> int:
     return end
 
 
-@compiled(Count, PROGRAM.kind, LOCK.kind, Count, Row, Number)
-def _gather_binding(program: Any, lock: Any, start: int, x: FloatArray, reach: float) -> int:
+@compiled
+def _gather_binding(
+    program: ProgramMemory, lock: LockMemory, start: int, x: Row, reach: float
+) -> int:
     """Write the bounds from `start` on that x (n,) has reached: outwards, scaled, of length one."""
     C, lower, upper = program.solver.C, program.stated_lower, program.stated_upper
     binding, scales, count = lock.binding, lock.scales, 0
@@ -113,8 +114,10 @@ def extend_by_bounds(lock: Any) -> None:
     lock.ends[1] = extend_basis(found, lock.left, lock.kept, last, n)
 
 
-@compiled(Nothing, PROGRAM.kind, LOCK.kind, Row, Number, Count, Count)
-def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, stop: int) -> None:
+@compiled
+def let_pass(
+    program: ProgramMemory, lock: LockMemory, x: Row, slack: float, start: int, stop: int
+) -> None:
     """Move the bounds of rows from `start` to `stop` to where x (n,) is, by `slack` at most.
 
     Then the solution of the level above is one of this level, and no gap of the tolerance's size
@@ -134,8 +137,8 @@ def let_pass(program: Any, lock: Any, x: FloatArray, slack: float, start: int, s
         solver.lower[i] = low - min(max(low - value, 0.0), room)
 
 
-@compiled(Flag, PROGRAM.kind, LOCK.kind)
-def _forces_balance(program: Any, lock: Any) -> bool:
+@compiled
+def _forces_balance(program: ProgramMemory, lock: LockMemory) -> bool:
     """Whether contact forces meet the balance of the undriven coordinates at every qdd."""
     jacobian, undriven = program.contacts.rows.jacobian, program.undriven
     for i in range(len(undriven)):
@@ -146,9 +149,9 @@ def _forces_balance(program: Any, lock: Any) -> bool:
     return spanned == count
 
 
-@compiled(Count, PROGRAM.kind, LOCK.kind, Row, Count, Count, Number)
+@compiled
 def place_lock(
-    program: Any, lock: Any, x: FloatArray, width: int, unlocked: int, reach: float
+    program: ProgramMemory, lock: LockMemory, x: Row, width: int, unlocked: int, reach: float
 ) -> int:
     """Write the rows of `kept` that are not the robot's own; arguments and result as for `hold`.
 
@@ -167,8 +170,10 @@ def place_lock(
     return left
 
 
-@compiled(Count, PROGRAM.kind, LOCK.kind, Row, Flag, Count, Number)
-def hold(program: Any, lock: Any, x: FloatArray, limited: bool, unlocked: int, reach: float) -> int:
+@compiled
+def hold(
+    program: ProgramMemory, lock: LockMemory, x: Row, limited: bool, unlocked: int, reach: float
+) -> int:
     """Write the rows that hold what x (n,) of the level above gives its tasks.
 
     The tasks may ask for more than the robot has freedoms, and the contacts and the balance of the

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite, sqrt
-from typing import Any, final
+from typing import Annotated, Any, final
 
 import numpy as np
-from numba import types
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.compiled import Dense, Nothing, Number, OutRow, Places, Row, Vector, compiled, kind_of
+from wbc.compiled import Dense, OutRow, Places, Row, Vector, compiled
 from wbc.errors import ControlError
 from wbc.robot import Robot
 from wbc.structures import Structure
@@ -34,6 +33,7 @@ What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinit
 known to limit it, `reflected` (k,) is the inertia of the rotors then; `load` (nv,) is the torque on
 the coordinates less M qdd of the last tick, NaN where there was none, (0,) where nobody asks.
 """
+JointsMemory = Annotated[Any, JOINTS.kind]
 
 _MOST = 1e9
 """[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
@@ -42,7 +42,7 @@ _SHARE = 0.8  # of a motor's torque limit that braking counts on; the load chang
 _ENDLESS = 1e8  # [rad, rad/s] stated in place of none
 
 
-@compiled(Number, *[Number] * 4)
+@compiled
 def viable(distance: float, speed: float, braking: float, dt: float) -> float:
     """Return the acceleration towards a stop after which a joint can still stop before it.
 
@@ -58,17 +58,15 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
     return found
 
 
-@compiled(
-    Nothing, JOINTS.kind, Row, Dense, *[Vector] * 2, Number, types.UniTuple(kind_of(OutRow), 2)
-)
+@compiled
 def place_joint_bounds(
-    joints: Any,
-    bias: FloatArray,
-    mass: FloatArray,
-    position: FloatArray,
-    velocity: FloatArray,
+    joints: JointsMemory,
+    bias: Row,
+    mass: Dense,
+    position: Vector,
+    velocity: Vector,
     dt: float,
-    bounds: tuple[FloatArray, FloatArray],
+    bounds: tuple[OutRow, OutRow],
 ) -> None:
     """Write the least and greatest acceleration of joints, see `JointLimit`.
 

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, sqrt
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
-from numba import types
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Count, Dense, Nothing, Number, OutDense, Vector, compiled
+from wbc.compiled import Dense, OutDense, Vector, compiled
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.rows.task import Gains, StateTask, Task
-from wbc.control.tree import ROWS, TREE, RowKind, place_frame
+from wbc.control.tree import RowKind, RowsMemory, TreeMemory, place_frame
 from wbc.errors import ControlError
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
 
 
-@compiled(Nothing, TREE.kind, Count, Count, *[Number] * 3, OutDense)
+@compiled
 def place_rows(
-    tree: Any, foot: int, frame: int, foot_x: float, foot_z: float, mass: float, rows: FloatArray
+    tree: TreeMemory,
+    foot: int,
+    frame: int,
+    foot_x: float,
+    foot_z: float,
+    mass: float,
+    rows: OutDense,
 ) -> None:
     """Write what the feedback reads of each unit of v (6, nv).
 
@@ -49,8 +53,8 @@ def place_rows(
         rows[_PITCH, columns[place]] = jacobian[4, columns[place]]
 
 
-@compiled(types.UniTuple(Number, 2), Dense)
-def pitch_rate(rows: FloatArray) -> tuple[float, float]:
+@compiled
+def pitch_rate(rows: Dense) -> tuple[float, float]:
     """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot.
 
     Both are NaN where the foot cannot rest.
@@ -74,9 +78,9 @@ def pitch_rate(rows: FloatArray) -> tuple[float, float]:
     return weights[_COM_X], weights[_SPIN]
 
 
-@compiled(Number, TREE.kind, ROWS.kind, Count, Vector, Number, Number)
+@compiled
 def balancing(
-    tree: Any, entries: Any, e: int, velocity: FloatArray, mass: float, target: float
+    tree: TreeMemory, entries: RowsMemory, e: int, velocity: Vector, mass: float, target: float
 ) -> float:
     """Return xdd [m/s^2], the feedback on (x, xd, k, theta) with all poles at -p.
 

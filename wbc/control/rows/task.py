@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, reals
-from wbc.compiled import Matrix, Number, compiled
+from wbc.compiled import Matrix, compiled
 from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows, frame_number, rows_of
 from wbc.control.tree import RowKind, fill_state_rows, place_missing
@@ -267,8 +267,8 @@ def rotation_target(target: Any) -> FloatArray:
     return matrix
 
 
-@compiled(Number, Matrix)
-def rotation_error(matrix: FloatArray) -> float:
+@compiled
+def rotation_error(matrix: Matrix) -> float:
     """Return the largest entry of |R'R - 1|, at least 2 for a reflection; NaN where R has one."""
     worst = 0.0
     for i in range(3):
