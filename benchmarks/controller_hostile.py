@@ -146,11 +146,6 @@ def budget(ours):
     return ours.settings.max_iterations + ours.settings.max_rounds  # one each when it is spent
 
 
-def kept(robot, command, most_units):
-    """Whether a command is finite and within the motors' limits and the budget."""
-    return not violations(robot, command, most_units)
-
-
 def violations(robot, command, most_units):
     """Return which of `BROKEN` a command is guilty of; `most_units` is the tick's `budget`."""
     torque, limit = command.rotor_torque, robot.transmission.torque_limit

@@ -70,14 +70,9 @@ def commands(name: str, data: Path) -> list[list[str]]:
 def run(words: Sequence[str], folder: str) -> dict[str, object]:
     """Return exit code, times [s] and first sentence of a command."""
     start, used = perf_counter(), getrusage(RUSAGE_CHILDREN).ru_utime
+    brief = [] if words[0] in ("look", "init") else ["--quiet"]
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "wbc",
-            *words,
-            *([] if words[0] in ("look", "init") else ["--quiet"]),
-        ],
+        [sys.executable, "-m", "wbc", *words, *brief],
         cwd=folder,
         preexec_fn=lambda: setrlimit(RLIMIT_CPU, (LIMIT, LIMIT)),
         capture_output=True,

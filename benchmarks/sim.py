@@ -34,15 +34,10 @@ FRICTION = 0.02
 
 def rubbing(robot: Robot) -> Robot:
     """Return the robot with dry friction at every driven joint."""
-    kind = EFFECTS["coulomb_friction"]
-    sizes = zip(robot.transmission.joints, friction_of(robot), strict=True)
-    return robot.with_effects(*(kind.at(joint, {"level": size}) for joint, size in sizes))
-
-
-def friction_of(robot: Robot) -> np.ndarray:
-    """Return its level (m,) [N m]."""
-    gears = robot.transmission
-    return FRICTION * np.abs(gears.gear_ratio) * gears.torque_limit
+    kind, gears = EFFECTS["coulomb_friction"], robot.transmission
+    sizes = FRICTION * np.abs(gears.gear_ratio) * gears.torque_limit
+    levels = zip(gears.joints, sizes, strict=True)
+    return robot.with_effects(*(kind.at(joint, {"level": size}) for joint, size in levels))
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,16 +76,12 @@ def attainable(
     Designed for the true values, from all planned motions: no plan can know these.
     """
     rivals = Rivals(robot, (true, rival), noise_of(case))
-    return float(_best(case, rivals, said).odds[0, 1])
-
-
-def _best(case: Case, rivals: Rivals, said: Mapping[str, Designed]) -> Designed:
-    """Return the motion for the first cause, as it truly is, over the others."""
-    limits, settings = _task(case, rivals.robot)
-    against = [(0, k) for k in range(1, len(rivals.causes))]
+    limits, settings = _task(case, robot)
 
     def aim(found: Predictions, pairs: Sequence[Pair]) -> float:
-        return deciding(found, against)
+        return deciding(found, [(0, 1)])  # for the first cause, as it truly is
 
     starts = [one.path for one in said.values()]
-    return design_experiment(rivals, limits, starts[0].duration, aim=aim, starts=starts, **settings)
+    duration = starts[0].duration
+    best = design_experiment(rivals, limits, duration, aim=aim, starts=starts, **settings)
+    return float(best.odds[0, 1])

@@ -53,7 +53,7 @@ from benchmarks.experiments.follow_up import (
     noise_of,
     planned_runs,
 )
-from benchmarks.experiments.making import Candidate, candidates, names
+from benchmarks.experiments.making import candidates, names
 from wbc.arrays import FloatArray
 from wbc.design.experiment import Cause, Designed, Rivals
 from wbc.errors import DesignError, WbcError
@@ -116,16 +116,17 @@ def judged(case: Case, seed: int, duration: float = DURATION) -> Result:
         return {"made": 0, "ties": []}
     robot = robot_of(case)
     made = candidates(case, robot, np.random.default_rng([seed, case.number, 21]))
-    cases = [_holding(case, one) for one in made]
+    hidden = [Flaw(one.truth.name, one.truth.where, one.truth.values) for one in made]
+    cases = [replace(case, flaws=(flaw,)) for flaw in hidden]
     first = record_cases([(c, (one.run,)) for c, one in zip(cases, made, strict=True)])
     ties: list[Result] = []
     open_ends: list[_Open] = []
-    for one, hidden, tables in zip(made, cases, first, strict=True):
+    for one, own, tables in zip(made, cases, first, strict=True):
         logs = logs_of(tables)
         causes, covariances = tied((one.truth, *one.rivals), robot, logs)
         if len(causes) < 2:
             continue
-        rivals = Rivals(robot, causes, noise_of(hidden), covariances=covariances)
+        rivals = Rivals(robot, causes, noise_of(own), covariances=covariances)
         tie: Result = {
             "family": case.machine.family,
             "run": one.run.kind,
@@ -133,21 +134,26 @@ def judged(case: Case, seed: int, duration: float = DURATION) -> Result:
         }
         ties.append(tie)
         try:
-            runs, said = planned_runs(hidden, rivals, duration)
+            runs, said = planned_runs(own, rivals, duration)
         except DesignError as reason:
             tie["unplanned"] = str(reason)
             continue
         true = [(one.truth,), *causes[1:]]
         arms: dict[str, tuple[Excitation, ...]] = {WORDS: _words(case, causes, duration), **runs}
         tie["runs"] = len(arms[WORDS])
-        open_ends.append(_Open(tie, hidden, logs, causes, true, said, arms))
+        open_ends.append(_Open(tie, own, logs, causes, true, said, arms))
     recorded = iter(record_cases([(o.case, runs) for o in open_ends for runs in o.arms.values()]))
     for one in open_ends:
         more = {name: logs_of(next(recorded)) for name in one.arms}
         one.tie["nats"] = {
             name: margins(robot, [*one.logs, *logs], one.causes) for name, logs in more.items()
         }
-        one.tie["attainable"] = _attainable(one, robot)
+        # What the best motion brings against each rival that some follow-up leaves.
+        left = {k for nats in one.tie["nats"].values() for k in kept(nats)[1]}
+        one.tie["attainable"] = {
+            str(k): attainable(one.case, robot, one.true[0], one.true[k + 1], one.said)
+            for k in sorted(left)
+        }
     return {"made": len(made), "ties": ties}
 
 
@@ -162,19 +168,6 @@ class _Open:
     true: list[Cause]
     said: dict[str, Designed]
     arms: dict[str, tuple[Excitation, ...]]
-
-
-def _attainable(one: _Open, robot: Robot) -> dict[str, float]:
-    """Return what the best motion brings against each rival that some follow-up leaves."""
-    left = {k for nats in one.tie["nats"].values() for k in kept(nats)[1]}
-    return {
-        str(k): attainable(one.case, robot, one.true[0], one.true[k + 1], one.said)
-        for k in sorted(left)
-    }
-
-
-def _holding(case: Case, one: Candidate) -> Case:
-    return replace(case, flaws=(Flaw(one.truth.name, one.truth.where, one.truth.values),))
 
 
 def tied(
