@@ -61,16 +61,6 @@ class DesignMetrics:
     holding_torque_lossless: FloatArray
     heat_saved: FloatArray
 
-    @property
-    def lift_ratio(self) -> FloatArray:
-        """Lift over conventional force, (k,)."""
-        return self.lift / self.conventional
-
-    @property
-    def hold_ratio(self) -> FloatArray:
-        """Hold over conventional force, (k,)."""
-        return self.hold / self.conventional
-
     def columns(self) -> dict[str, FloatArray]:
         """Return the metrics by name, for a table."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
