@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
@@ -191,15 +192,6 @@ class Fallback:
 
         It is a torque (m,) [N m], and accelerations per torque (m, m) [1/(kg m^2)] without any
         contact and while the contacts rest, rotors included, all at the motor outputs.
-
-        Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
-        coordinates u as far as they can; what they cannot balance moves the base, and the driven
-        joints m are held beside it:
-
-            a = M_uu^-1 (J_u' f - g_u),    T = D' (M_mu a + g_m - J_m' f).
-
-        Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
-        (J M^-1)_m while the contacts rest.
         """
         robot, kinematics, names = self._robot, self._kinematics, [c.name for c in self._contacts]
         rest = np.zeros(robot.model.nv)
@@ -213,17 +205,51 @@ class Fallback:
         B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
         mass = kinematics.mass_matrix.copy()
         mass[m[:, None], m] += B.T @ (gears.reflected_inertia[:, None] * B)
-        force, Ju = rows.load_share(kinematics.mass * kinematics.gravity), J[:, u]
-        soft = _SOFT * np.eye(len(u))
-        force += Ju @ np.linalg.solve(Ju.T @ Ju + soft, gravity[u] - Ju.T @ force)
-        left = gravity - J.T @ force
-        base = np.linalg.solve(mass[u[:, None], u], -left[u])
-        hold = left[m] + mass[m[:, None], u] @ base
-        moved = np.linalg.solve(mass, np.hstack([np.eye(len(mass))[:, m], J.T]))
-        free, across, normal = moved[m, : len(m)], J @ moved[:, : len(m)], J @ moved[:, len(m) :]
-        normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
-        rested = free - across.T @ np.linalg.solve(normal, across)
+        force = rows.load_share(kinematics.mass * kinematics.gravity)
+        hold, free, rested = held(mass, gravity, J, force, u, m)
         return gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T
+
+
+@compiled
+def held(
+    mass: Dense, gravity: Row, jacobian: Dense, force: Row, u: Places, m: Places
+) -> tuple[OutRow, OutDense, OutDense]:
+    """Return what holds the joints, and how torques accelerate them.
+
+    Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
+    coordinates u as far as they can; what they cannot balance moves the base, and the driven
+    joints m are held beside it:
+
+        a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f.
+
+    Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
+    (J M^-1)_m while the contacts rest.
+
+    Args:
+        mass, gravity, jacobian: M (nv, nv), g (nv,) and J (k, nv) of the contacts.
+        force: equal shares of the weight (k,) [N].
+        u, m: which coordinates are undriven, and which are driven.
+
+    Returns:
+        T (m,), and the two accelerations per torque (m, m).
+
+    Raises:
+        LinAlgError: a matrix that has no inverse.
+    """
+    size, back = len(m), np.ascontiguousarray(jacobian.T)
+    on_base, of_base = np.ascontiguousarray(jacobian[:, u]), back[u]
+    alike = of_base @ on_base + _SOFT * np.eye(len(u))
+    pushes = force + on_base @ np.linalg.solve(alike, gravity[u] - of_base @ force)
+    left = gravity - back @ pushes
+    base = np.linalg.solve(np.ascontiguousarray(mass[u][:, u]), -left[u])
+    hold = left[m] + np.ascontiguousarray(mass[m][:, u]) @ base
+    moved = np.linalg.solve(mass, np.hstack((np.eye(len(mass))[:, m], back)))
+    free: FloatArray = np.ascontiguousarray(moved[m][:, :size])
+    pushed = jacobian @ np.ascontiguousarray(moved[:, :size])
+    normal = jacobian @ np.ascontiguousarray(moved[:, size:])
+    normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
+    rested: FloatArray = free - np.ascontiguousarray(pushed.T) @ np.linalg.solve(normal, pushed)
+    return hold, free, rested
 
 
 def _clipped(torque: FloatArray, limit: FloatArray) -> FloatArray:
