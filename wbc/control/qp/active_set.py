@@ -35,7 +35,7 @@ _DECIDED = 1e-12  # share of a squared length that other rows leave of a row whi
 # would have to carry x a million times as far: accelerations of 1e6 and forces of 1e4 weights.
 _MISSED = 1e-6
 STEPS = 60
-"""Steps of the dual method in a tick, before solvers are asked."""
+"""Steps of the dual method that may be in vain in a tick, before solvers are asked."""
 
 SOLVER = Structure(
     "Solver",
@@ -67,7 +67,8 @@ SOLVER = Structure(
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
 do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
 softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
-all rows, `active` the numbers of the bounds that stand among them, `steps` (1,) those of `settle`.
+all rows, `active` the numbers of the bounds that stand among them, `steps` (1,) those of `settle`
+that were in vain.
 """
 SolverMemory = Annotated[Any, SOLVER.kind]
 
@@ -321,7 +322,6 @@ def _begin(
     """
     active, taken, known, pulls, size = solver.active, solver.taken, 0, True, base
     while pulls:
-        solver.steps[0] += 1
         size, pulls = _place_active(solver, first, base, bounds[0], bounds[1]), False
         if size < 0 or not _meet_rows(solver, first, known, size, tolerance, x):
             if size == base:
@@ -378,7 +378,6 @@ def settle(
         return UNSETTLED
     trial = np.empty(len(x))
     for step in range(steps + 1):
-        solver.steps[0] += 1
         if fresh:
             row, side = _most_violated(solver, bounds, tolerance if exact else 0.5 * tolerance, x)
             if row < 0:
@@ -395,9 +394,10 @@ def settle(
         leaving = _go_on(solver, base, size, push) if met else _give_way(solver, base, size, push)
         fresh = met and leaving < 0
         if leaving < 0 and not met:
-            found = CONTRADICTION if _proves(solver, base, size) else UNSETTLED
-            active[0], taken[:] = row, 0
-            return found
+            if _proves(solver, base, size):
+                active[0], taken[:] = row, 0
+                return CONTRADICTION
+            break
         known = size - size % 2
         if fresh:
             x[:] = trial
@@ -409,6 +409,7 @@ def settle(
             active[k], push[k] = active[k + 1], push[k + 1]
             _place_bound(solver, first, base + k, active[k])
     taken[:] = 0
+    solver.steps[0] += step
     return UNSETTLED
 
 

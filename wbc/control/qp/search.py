@@ -289,7 +289,7 @@ class DirectionSearch:
         first, hard, bounds = int(counts[FIRST]), int(counts[HARD]), len(solver.lower)
         last = int(counts[COST]) + hard
         x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
-        # what does not settle in the steps of a tick is left to the solvers in all its programs
+        # where so many steps were in vain, more of them are hardly worth a try
         steps = max(STEPS - int(solver.steps[0]), FEW)
         size = settle(solver, first, last, (0, bounds), self._tolerance, steps, x)
         if size == CONTRADICTION:
