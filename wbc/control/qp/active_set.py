@@ -87,8 +87,7 @@ def _factorise(solver: SolverMemory, first: int, known: int, size: int) -> bool:
                 product += scaled[i, j] * G[k, j]
             system[i, k] = product
         system[i, i] += softness[i]
-    found: bool = factorise_from(system, known, size)
-    return found
+    return factorise_from(system, known, size)
 
 
 @compiled

@@ -59,8 +59,7 @@ def place_above(tasks: TasksMemory, rows: OutDense, start: int) -> int:
     for i in range(len(tasks.chosen)):
         column = tasks.chosen[i]
         rows[start + count + i, column] = 1.0 if tasks.diagonal[column] > 0.0 else 0.0
-    end: int = start + count + len(tasks.chosen)
-    return end
+    return int(start + count + len(tasks.chosen))
 
 
 @compiled
@@ -166,8 +165,7 @@ def place_lock(
             right += solver.rows[row, j] * x[j]
         solver.right[row], solver.softness[row] = right, 0.0
     let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
-    left: int = width - last
-    return left
+    return int(width - last)
 
 
 @compiled
@@ -213,5 +211,4 @@ def hold(
     lock.ends[0], lock.ends[1], lock.ends[2] = first, last, reached
     if reached > 0 and last < n:
         return -1
-    left: int = place_lock(program, lock, x, width, unlocked, reach)
-    return left
+    return place_lock(program, lock, x, width, unlocked, reach)

@@ -54,8 +54,7 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
     root = reach * reach + 8.0 * braking * distance - 4.0 * reach * speed
     if root < 0.0:
         return -braking
-    found: float = (sqrt(root) - 2.0 * speed - reach) / (2.0 * dt)
-    return found
+    return (sqrt(root) - 2.0 * speed - reach) / (2.0 * dt)
 
 
 @compiled

@@ -120,8 +120,7 @@ def balancing(
     on_speed = 4.0 * pole + mass * height * on_spin
     on_place = 6.0 * square - (from_speed - from_momentum * mass * height) * on_pitch
     pitch = target - atan2(points[1, 6], points[1, 8])
-    wanted: float = on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin
-    return wanted
+    return float(on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin)
 
 
 @final
