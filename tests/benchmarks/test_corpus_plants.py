@@ -11,7 +11,7 @@ from benchmarks.corpus.case import Case
 from benchmarks.corpus.draw import BY_CONDITIONS, LATER, LISTED, ONLY_PRESCRIBED
 from benchmarks.corpus.excitation import Excitation
 from benchmarks.corpus.families import draw_machine
-from benchmarks.corpus.flaws import AT_MOTORS, Flaw
+from benchmarks.corpus.flaws import AT_MOTORS, WHOLE_ROBOT, Flaw
 from benchmarks.corpus.machine import Machine
 from benchmarks.corpus.planar import PlanarLinks
 from benchmarks.corpus.record import record_cases
@@ -34,47 +34,43 @@ def recorded(machine: Machine, flaws: tuple[Flaw, ...], kinds: tuple[str, ...]) 
 def flaw_of(effect: str, machine: Machine) -> Flaw:
     first, middle, last = (machine.driven[k] for k in (0, len(machine.driven) // 2, -1))
     torque = {"pendulum": 1.0, "arm3": 4.0}.get(machine.family, 2.0)
-    return {
-        "viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
-        "coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
-        "rotor_viscous_friction": Flaw(effect, last, {"coefficient": 0.2 * torque}),
-        "rotor_coulomb_friction": Flaw(effect, last, {"level": 0.2 * torque}),
-        "stribeck_friction": Flaw(effect, last, {"level": 0.2 * torque, "speed": 0.5}),
-        "presliding": Flaw(effect, last, {"level": 0.2 * torque, "length": 0.05}),
-        "directional_viscous_friction": Flaw(
-            effect,
-            last,
-            {"positive_direction": 0.2 * torque, "negative_direction": 0.05 * torque},
-        ),
-        "load_presliding": Flaw(
-            effect,
-            last,
-            {"forward_efficiency": 0.75, "backward_efficiency": 0.65, "length": 0.05},
-        ),
-        "thermal_viscous_friction": Flaw(effect, last, {"coefficient": 0.3 * torque, "rate": 0.03}),
-        "voltage_scaling": Flaw(effect, last, {"share": 0.9, "nominal": 24.0}),
-        "load_friction": Flaw(effect, last, {"coefficient": 0.15}),
-        "load_stribeck_friction": Flaw(effect, last, {"coefficient": 0.3, "speed": 0.5}),
-        "quadratic_drag": Flaw(effect, last, {"coefficient": 0.1 * torque}),
-        "transmission_efficiency": Flaw(
-            effect, last, {"forward_efficiency": 0.8, "backward_efficiency": 0.7}
-        ),
-        "rotor_inertia": Flaw(effect, last, {"reflected_inertia": 2.5 * machine.reflected[-1]}),
-        "payload_mass": Flaw(effect, machine.contacts[0][0], {"mass": 0.2}),
-        "center_of_mass": Flaw(effect, machine.bodies[-1], {"x": 0.03, "y": 0.0, "z": -0.02}),
-        "joint_spring": Flaw(effect, last, {"stiffness": 0.5 * torque, "rest": 0.2}),
-        "joint_compliance": Flaw(effect, middle, {"stiffness": 150.0 * torque, "damping": 3.0}),
-        "torque_constant": Flaw(effect, last, {"factor": 1.15}),
-        "torque_offset": Flaw(effect, last, {"offset": 0.2 * torque}),
-        "torque_ripple": Flaw(effect, last, {"amplitude": 0.2, "order": 6.0, "phase": 1.0}),
-        "actuation_delay": Flaw(effect, last, {"delay": 0.01}),
-        "position_offset": Flaw(effect, last, {"offset": 0.08}),
-        "gravity_direction": Flaw(effect, "robot", {"roll": 0.05, "pitch": 0.05}),
-        "supply_sag": Flaw(effect, "robot", {"coefficient": 0.003}),
-        "thermal_drift": Flaw(effect, last, {"rate": 0.04, "time_constant": 8.0}),
-        "current_limit": Flaw(effect, first, {"limit": 0.7}),
-        "backlash": Flaw(effect, first, {"width": 0.02, "stiffness": 2000.0, "damping": 8.0}),
-    }[effect]
+    losses = {"forward_efficiency": 0.75, "backward_efficiency": 0.65}
+    directions = {"positive_direction": 0.2 * torque, "negative_direction": 0.05 * torque}
+    values = {
+        "viscous_friction": {"coefficient": 0.2 * torque},
+        "coulomb_friction": {"level": 0.2 * torque},
+        "rotor_viscous_friction": {"coefficient": 0.2 * torque},
+        "rotor_coulomb_friction": {"level": 0.2 * torque},
+        "stribeck_friction": {"level": 0.2 * torque, "speed": 0.5},
+        "presliding": {"level": 0.2 * torque, "length": 0.05},
+        "directional_viscous_friction": directions,
+        "load_presliding": {**losses, "length": 0.05},
+        "thermal_viscous_friction": {"coefficient": 0.3 * torque, "rate": 0.03},
+        "voltage_scaling": {"share": 0.9, "nominal": 24.0},
+        "load_friction": {"coefficient": 0.15},
+        "load_stribeck_friction": {"coefficient": 0.3, "speed": 0.5},
+        "quadratic_drag": {"coefficient": 0.1 * torque},
+        "transmission_efficiency": {"forward_efficiency": 0.8, "backward_efficiency": 0.7},
+        "rotor_inertia": {"reflected_inertia": 2.5 * machine.reflected[-1]},
+        "payload_mass": {"mass": 0.2},
+        "center_of_mass": {"x": 0.03, "y": 0.0, "z": -0.02},
+        "joint_spring": {"stiffness": 0.5 * torque, "rest": 0.2},
+        "joint_compliance": {"stiffness": 150.0 * torque, "damping": 3.0},
+        "torque_constant": {"factor": 1.15},
+        "torque_offset": {"offset": 0.2 * torque},
+        "torque_ripple": {"amplitude": 0.2, "order": 6.0, "phase": 1.0},
+        "actuation_delay": {"delay": 0.01},
+        "position_offset": {"offset": 0.08},
+        "gravity_direction": {"roll": 0.05, "pitch": 0.05},
+        "supply_sag": {"coefficient": 0.003},
+        "thermal_drift": {"rate": 0.04, "time_constant": 8.0},
+        "current_limit": {"limit": 0.7},
+        "backlash": {"width": 0.02, "stiffness": 2000.0, "damping": 8.0},
+    }
+    places = {"payload_mass": machine.contacts[0][0], "center_of_mass": machine.bodies[-1]}
+    places |= {"joint_compliance": middle, "current_limit": first, "backlash": first}
+    places |= dict.fromkeys(WHOLE_ROBOT, "robot")
+    return Flaw(effect, places.get(effect, last), values[effect])
 
 
 def test_the_closed_form_is_what_mujoco_computes() -> None:

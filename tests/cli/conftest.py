@@ -8,9 +8,25 @@ import pytest
 
 from tests.moved import swing
 from wbc import load_robot
+from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.measurement import Log, save_log
 from wbc.robot import Effect
+
+Told = Callable[..., str]
+
+
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Told:
+    """Run a command that must end with a code (0); return what it printed, on one line."""
+
+    def run(*words: object, code: int = 0) -> str:
+        found = main([str(word) for word in words])
+        said = " ".join("".join(capsys.readouterr()).split())
+        assert found == code, said
+        return said
+
+    return run
 
 
 @pytest.fixture(scope="session")

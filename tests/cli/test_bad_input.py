@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cli.conftest import Told
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
@@ -102,8 +103,7 @@ def test_bad_input_exits_with_two_names_the_way_out_and_writes_nothing(
 ) -> None:
     monkeypatch.chdir(room)
     before = {path: path.stat().st_mtime_ns for path in room.rglob("*")}
-    words = [w for word in command.split() for w in (LEG if word == "LEG" else [word])]
-    assert main(words) == 2
+    assert main(command.replace("LEG", " ".join(LEG)).split()) == 2
     captured = capsys.readouterr()
     assert says in captured.err
     assert captured.err.startswith("wbc: ")
@@ -113,29 +113,28 @@ def test_bad_input_exits_with_two_names_the_way_out_and_writes_nothing(
 
 
 def test_a_place_without_permission_is_refused_before_the_work(
-    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    room: Path, tmp_path: Path, told: Told
 ) -> None:
     if os.geteuid() == 0:
         pytest.skip("root may write everywhere")
     tmp_path.chmod(0o500)
-    log, target = str(room / "good.csv"), str(tmp_path / "x.json")
-    assert main(["compare", log, *LEG, "--json", target]) == 2
-    assert "no permission" in capsys.readouterr().err
+    said = told("compare", room / "good.csv", *LEG, "--json", tmp_path / "x.json", code=2)
+    assert "no permission" in said
 
 
 def test_a_disk_that_fails_in_the_middle_is_told_without_a_traceback(
-    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: Told
 ) -> None:
-    log, target, rename = str(room / "good.csv"), str(tmp_path / "x.json"), os.replace
+    target, rename = tmp_path / "x.json", os.replace
 
     def full(source: str, path: str) -> None:
-        if str(path) == target:  # compiled functions are still kept
-            raise OSError(28, "No space left on device", target)
+        if str(path) == str(target):  # compiled functions are still kept
+            raise OSError(28, "No space left on device", path)
         rename(source, path)
 
     monkeypatch.setattr(os, "replace", full)
-    assert main(["compare", log, *LEG, "--json", target]) == 2
-    assert "No space left on device" in capsys.readouterr().err
+    said = told("compare", room / "good.csv", *LEG, "--json", target, code=2)
+    assert "No space left on device" in said
     assert list(tmp_path.iterdir()) == []
 
 

@@ -14,17 +14,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cli.conftest import Told
+from tests.columns import Columns, write_columns
 from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
 from wbc.measurement import Log, load_log, load_logs, mended, save_log, together
+from wbc.robot import Robot
 from wbc.samples import sample_logs
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 RATIOS = {"hip": 20.0, "knee": 20.0}
-Columns = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +38,11 @@ def scaled(factor: float, *names: str) -> Callable[[Columns], Columns]:
     return lambda columns: {**columns, **{name: factor * columns[name] for name in names}}
 
 
-def exchanged(*quantities: str) -> Callable[[Columns], Columns]:
-    pairs = [("hip", "knee"), ("knee", "hip")]
-    return lambda columns: {
-        **columns,
-        **{f"{a}.{q}": columns[f"{b}.{q}"] for q in quantities for a, b in pairs},
-    }
+def exchanged(
+    *quantities: str, joints: tuple[str, str] = ("hip", "knee")
+) -> Callable[[Columns], Columns]:
+    pairs = [(f"{a}.{q}", f"{b}.{q}") for q in quantities for a, b in (joints, joints[::-1])]
+    return lambda columns: {**columns, **{ours: columns[theirs] for ours, theirs in pairs}}
 
 
 TORQUES = ("hip.rotor_torque", "knee.rotor_torque")
@@ -81,24 +82,18 @@ MENDED = [
 ]
 
 
-def written(log: Log, change: Callable[[Columns], Columns], path: Path) -> Path:
-    columns = change({"time": log.time, **log.columns})
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    return path
-
-
 @pytest.mark.parametrize(("change", "says"), [m[1:] for m in MENDED], ids=[m[0] for m in MENDED])
 def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
     change: Callable[[Columns], Columns],
     says: str,
     right: Log,
+    told: Told,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path, fix = written(right, change, tmp_path / "run.csv"), tmp_path / "map.toml"
-    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 1
-    printed = " ".join(capsys.readouterr().out.split())
+    fix = tmp_path / "map.toml"
+    path = write_columns(change({"time": right.time, **right.columns}), tmp_path / "run.csv")
+    printed = told("check", path, *LEG, "--fix", fix, code=1)
     assert says in printed
     assert "Call " not in printed  # one cure, the map's lines, and no second one in words
     mended = load_log(path, fix, gear_ratios=RATIOS)
@@ -106,8 +101,7 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
     for name, values in right.columns.items():
         same = mended.column(name)
         np.testing.assert_allclose(same, values, rtol=1e-6, atol=1e-9, err_msg=name)
-    assert main(["check", str(path), *LEG, "--columns", str(fix)]) == 0
-    capsys.readouterr()
+    told("check", path, *LEG, "--columns", fix)
     fix.unlink()
     assert main(["diagnose", str(path), *LEG, "--fix", str(fix)]) == 2  # before any effect is tried
     captured = capsys.readouterr()
@@ -117,87 +111,68 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
 
 
 OTHER = """
-name = "other"
-model = "{model}"
-base = "fixed"
-lock = ["base_x", "base_z", "base_pitch"]
+robot = "planar_leg_fixed"
+lossless = true
 [gears.hip]
-gear_ratio = {{ value = 9.0, unit = "1", source = "another robot" }}
-rotor_inertia = {{ value = 6.66667e-5, unit = "kg m^2", source = "same motor" }}
+gear_ratio = { value = 9.0, unit = "1", source = "another robot" }
 [gears.knee]
-gear_ratio = {{ value = 9.0, unit = "1", source = "another robot" }}
-rotor_inertia = {{ value = 6.66667e-5, unit = "kg m^2", source = "same motor" }}
+gear_ratio = { value = 9.0, unit = "1", source = "another robot" }
 """
 
 
 def test_gear_ratios_of_another_robot_are_named(
-    right: Log,
-    excited_log: Callable[..., Log],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    right: Log, excited_log: Callable[..., Log], told: Told, tmp_path: Path
 ) -> None:
-    model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
-    (tmp_path / "robot.toml").write_text(OTHER.format(model=model))
+    (tmp_path / "robot.toml").write_text(OTHER)
     more = excited_log((CoulombFriction("hip", 0.4),), seed=1, duration=8.0)
-    paths = [str(save_log(log, tmp_path / f"run{k}.csv")) for k, log in enumerate((right, more))]
-    assert main(["check", *paths, "--robot", str(tmp_path / "robot.toml")]) == 1
-    said = " ".join(capsys.readouterr().out.split())
+    paths = [save_log(log, tmp_path / f"run{k}.csv") for k, log in enumerate((right, more))]
+    said = told("check", *paths, "--robot", tmp_path / "robot.toml", code=1)
     assert "the gear ratios of the robot are 2.2" in said
     assert "gear_ratio in robot.toml" in said
-    assert main(["diagnose", *paths, "--robot", str(tmp_path / "robot.toml")]) == 2
-    assert capsys.readouterr().err.startswith("wbc: the gear ratios of the robot are 2.2")
+    said = told("diagnose", *paths, "--robot", tmp_path / "robot.toml", code=2)
+    assert said.startswith("wbc: the gear ratios of the robot are 2.2")
 
 
 def test_constant_logs_other_joints_and_logs_without_torque_are_named(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    right: Log, told: Told, tmp_path: Path
 ) -> None:
-    def said(log: Log | None, text: str = "") -> str:
-        path = tmp_path / "run.csv"
-        if log is None:
-            path.write_text(text)
-        else:
-            save_log(log, path)
-        assert main(["check", str(path), *LEG, "--fix", str(tmp_path / "map.toml")]) == 1
-        return " ".join(capsys.readouterr().out.split())
+    path, fix = tmp_path / "run.csv", tmp_path / "map.toml"
 
-    def stops(headline: str) -> None:
-        """The diagnosis stops for the same reason."""
-        fix = str(tmp_path / "map.toml")
-        assert main(["diagnose", str(tmp_path / "run.csv"), *LEG, "--fix", fix]) == 2
-        captured = capsys.readouterr()
-        assert captured.out == ""
-        assert headline in captured.err
+    def both(check: str, diagnosis: str) -> None:
+        """The diagnosis stops, before it prints anything, for what the check names."""
+        assert check in told("check", path, *LEG, "--fix", fix, code=1)
+        fix.unlink(missing_ok=True)
+        said = told("diagnose", path, *LEG, "--fix", fix, code=2)
+        assert said.startswith("wbc: ")
+        assert diagnosis in said
 
     still = {name: np.full(len(right), values[0]) for name, values in right.columns.items()}
-    assert "no joint moves in this log" in said(Log(right.time, still))
-    stops("no joint moves in this log")
-    moving = right.select([name for name in right.names if "torque" not in name])
-    assert "no torque of hip, knee" in said(moving)
-    stops("no torque of joint 'hip'")
-    lines = save_log(right, tmp_path / "right.csv").read_text()
-    strange = lines.replace("hip.", "b.").replace("knee.", "a.")
-    assert "no position of hip, knee" in said(None, strange)
-    (tmp_path / "map.toml").unlink()
-    stops("no position of hip, knee")
-    mended = load_log(tmp_path / "run.csv", tmp_path / "map.toml")
+    save_log(Log(right.time, still), path)
+    both("no joint moves in this log", "no joint moves in this log")
+    save_log(right.select([name for name in right.names if "torque" not in name]), path)
+    both("no torque of hip, knee", "no torque of joint 'hip'")
+    text = save_log(right, path).read_text()
+    path.write_text(text.replace("hip.", "b.").replace("knee.", "a."))
+    both("no position of hip, knee", "no position of hip, knee")
+    mended = load_log(path, fix)
     np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
 
 
-def test_the_order_of_strange_joints_is_told_by_their_torques(right: Log, tmp_path: Path) -> None:
+def test_the_order_of_strange_joints_is_told_by_their_torques(
+    right: Log, told: Told, tmp_path: Path
+) -> None:
     columns = {
         f"{'a' if name.startswith('knee') else 'b'}.{name.partition('.')[2]}": values
         for name, values in right.columns.items()
     }
     swapped = dict(sorted(columns.items()))
     path, fix = save_log(Log(right.time, swapped), tmp_path / "run.csv"), tmp_path / "map.toml"
-    assert main(["check", str(path), *LEG, "--fix", str(fix)]) == 1
+    told("check", path, *LEG, "--fix", fix, code=1)
     mended = load_log(path, fix)
     np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
 
 
-def test_how_a_file_is_written_is_read_and_named(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_how_a_file_is_written_is_read_and_named(right: Log, told: Told, tmp_path: Path) -> None:
     text = save_log(right, tmp_path / "right.csv").read_text()
     header, _, rows = text.partition("\n")
     units = ",".join(["s", *("rad", "rad/s", "N m") * 2])
@@ -206,11 +181,10 @@ def test_how_a_file_is_written_is_read_and_named(
 
     def said(content: bytes, name: str = "run.csv") -> str:
         (tmp_path / name).write_bytes(content)
-        assert main(["check", str(tmp_path / name), *LEG]) == 0
         (log,) = load_logs([tmp_path / name])
         for column in ("hip.position", "knee.velocity"):
             np.testing.assert_array_equal(log.column(column), right.column(column))
-        return " ".join(capsys.readouterr().out.split())
+        return told("check", tmp_path / name, *LEG)
 
     assert "the line above the rows gives units" in said(f"{header}\n{units}\n{rows}".encode())
     assert "1 comment lines above the header" in said(f"# a run\n{text}".encode())
@@ -223,27 +197,22 @@ def test_how_a_file_is_written_is_read_and_named(
 
 
 def test_files_without_a_header_and_maps_with_a_typo_say_what_to_write(
-    right: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    right: Log, told: Told, tmp_path: Path
 ) -> None:
     text = save_log(right, tmp_path / "right.csv").read_text()
     header, _, rows = text.partition("\n")
-    path = tmp_path / "run.csv"
+    path, names = tmp_path / "run.csv", tmp_path / "map.toml"
     path.write_text(rows)
-    assert main(["check", str(path), *LEG]) == 2
-    said = capsys.readouterr().err
+    said = told("check", path, *LEG, code=2)
     assert "has no header line" in said
-    stated = said[said.index("rows.header") :].strip()
-    names = header.replace('"', "").split(",")
-    for k, name in enumerate(names, start=1):
+    stated = said[said.index("rows.header") :]
+    for k, name in enumerate(header.replace('"', "").split(","), start=1):
         stated = stated.replace(f'"column_{k}"', f'"{name}"')
-    (tmp_path / "map.toml").write_text(stated)
-    assert load_log(path, tmp_path / "map.toml").names == right.names
-    (tmp_path / "map.toml").write_text('columns."hip.positon" = { unit = "deg" }')
-    assert (
-        main(["check", str(tmp_path / "right.csv"), *LEG, "--columns", str(tmp_path / "map.toml")])
-        == 2
-    )
-    assert "Did you mean 'hip.position'?" in capsys.readouterr().err
+    names.write_text(stated)
+    assert load_log(path, names).names == right.names
+    names.write_text('columns."hip.positon" = { unit = "deg" }')
+    said = told("check", tmp_path / "right.csv", *LEG, "--columns", names, code=2)
+    assert "Did you mean 'hip.position'?" in said
 
 
 RECORDED = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"
@@ -257,21 +226,18 @@ _MOVED = [
     scaled(-6.0, f"{_B}.velocity"),
     scaled(30.0 / np.pi, f"{_A}.velocity"),
     scaled(180.0 / np.pi, *(f"{j}.{q}" for j in (_A, _B) for q in ("position", "velocity"))),
-    lambda c: (
-        {**c, **{f"{_A}.{q}": c[f"{_B}.{q}"] for q in ("position", "velocity")}}
-        | {f"{_B}.{q}": c[f"{_A}.{q}"] for q in ("position", "velocity")}
-    ),
-    lambda c: (
-        {**c, f"{_A}.motor_torque": c[f"{_B}.motor_torque"]}
-        | {f"{_B}.motor_torque": c[f"{_A}.motor_torque"]}
-    ),
+    exchanged("position", "velocity", joints=(_A, _B)),
+    exchanged("motor_torque", joints=(_A, _B)),
 ]
 
 
-def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_back() -> None:
-    robot = load_robot("double_pendulum")
+def recorded() -> tuple[Robot, list[Log]]:
     columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
-    logs = load_logs([outside(RECORDED)], columns)[:3]
+    return load_robot("double_pendulum"), load_logs([outside(RECORDED)], columns)[:3]
+
+
+def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_back() -> None:
+    robot, logs = recorded()
     assert not any(f.kind != "read" for own in find_suspicions(logs, robot) for f in own)
     ratios = dict(zip(robot.transmission.joints, robot.transmission.gear_ratio, strict=True))
     for k, change in enumerate(_MOVED):
@@ -287,9 +253,7 @@ def test_mistakes_in_recorded_logs_are_certain_and_their_mends_give_the_columns_
 
 def test_what_one_recorded_log_cannot_tell_is_said_with_the_truth_among_it() -> None:
     """Of the first 10 s of the double pendulum the robot explains little either way."""
-    robot = load_robot("double_pendulum")
-    columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
-    log = load_logs([outside(RECORDED)], columns)[0]
+    robot, (log, *_) = recorded()
     for k, truth in (
         (0, "the sign of elbow.motor_torque is reversed"),
         (8, "the positions of shoulder and elbow are exchanged"),

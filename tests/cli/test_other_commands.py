@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cli.conftest import Told
 from tests.recover.test_torque_sensors import BENCH, URDF, bench_log, without_positions
 from wbc import load_robot
 from wbc.cli import main
@@ -17,7 +18,7 @@ from wbc.samples import sample_logs
 
 
 def test_logs_without_positions_become_a_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, told: Told, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bench.urdf").write_text(URDF + "</robot>")
@@ -27,18 +28,16 @@ def test_logs_without_positions_become_a_report(
     for k in (1, 2):
         save_log(without_positions(bench_log(k)), f"run{k}.csv")
     logs = ["run1.csv", "run2.csv"]
-    assert main(["init", "bench.urdf", *logs, "--out", "first"]) == 0
+    told("init", "bench.urdf", *logs, "--out", "first")
     assert load_robot("first/robot.toml").transmission.joints == ("test", "brake")
-    assert main(["check", *logs, "--robot", "robot.toml"]) == 0
-    assert "nothing to complain about" in capsys.readouterr().out
-    assert main(["compare", *logs, "--robot", "robot.toml", "--report", "page.html"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    assert "nothing to complain about" in told("check", *logs, "--robot", "robot.toml")
+    said = told("compare", *logs, "--robot", "robot.toml", "--report", "page.html")
     assert "at test, where it is worst" in said
     assert Path("page.html").stat().st_size > 100_000
 
 
 def test_columns_are_grouped_and_gaps_jumps_and_restarts_are_marked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, told: Told
 ) -> None:
     time = np.concatenate([np.arange(200) * 0.01, 3.0 + np.arange(100) * 0.01])
     angle = np.mod(40.0 * time, 360.0)
@@ -47,10 +46,8 @@ def test_columns_are_grouped_and_gaps_jumps_and_restarts_are_marked(
     ]
     (tmp_path / "one.csv").write_text("stamp;q1;x;state\n" + "\n".join(rows) + "\n")
     (tmp_path / "two.csv").write_text("t,q\n" + "".join(f"{k % 60},{k}\n" for k in range(120)))
-    files = [str(tmp_path / name) for name in ("one.csv", "two.csv")]
-    page = tmp_path / "look.html"
-    assert main(["look", *files, "--html", str(page)]) == 0
-    assert "look.html" in capsys.readouterr().out
+    files, page = [tmp_path / name for name in ("one.csv", "two.csv")], tmp_path / "look.html"
+    assert "look.html" in told("look", *files, "--html", page)
     text = page.read_text()
     first, second = text.split("<h1>")[1:]
     headings = [part.partition("</h2>")[0] for part in first.split("<h2>")[1:]]
@@ -69,14 +66,13 @@ def test_columns_are_grouped_and_gaps_jumps_and_restarts_are_marked(
 
 
 def test_a_file_without_a_header_is_looked_at_with_the_names_that_a_map_gives(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, told: Told
 ) -> None:
     (tmp_path / "run.csv").write_text("0 1\n1 2\n2 4\n")
-    command = ["look", str(tmp_path / "run.csv"), "--html", str(tmp_path / "look.html")]
-    assert main(command) == 2
-    assert "rows.header" in capsys.readouterr().err
+    command = ["look", tmp_path / "run.csv", "--html", tmp_path / "look.html"]
+    assert "rows.header" in told(*command, code=2)
     (tmp_path / "map.toml").write_text('rows.header = ["time", "q"]')
-    assert main([*command, "--columns", str(tmp_path / "map.toml")]) == 0
+    told(*command, "--columns", tmp_path / "map.toml")
 
 
 def test_it_prints_whole_numbers_within_eighty_columns_and_writes_them(

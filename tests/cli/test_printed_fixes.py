@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.cli.conftest import Told
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.errors import LogError
@@ -126,32 +127,28 @@ def words_of(command: str) -> list[str]:
 
 @pytest.mark.parametrize(("words", "refused", "asked"), FIXES, ids=[f[0] for f in FIXES])
 def test_what_a_message_asks_for_is_accepted(
-    words: str, refused: str, asked: str, room: Path, capsys: pytest.CaptureFixture[str]
+    words: str, refused: str, asked: str, room: Path, told: Told
 ) -> None:
     *before, refused = refused.split(" ; ")
-    assert [main(words_of(command)) for command in before] == [0] * len(before)
-    assert main(words_of(refused)) == 2
-    said = capsys.readouterr().err
+    for command in before:
+        told(*words_of(command))
+    said = told(*words_of(refused), code=2)
     pattern = ".*".join(re.escape(part) for part in words.split("{}"))
-    assert re.search(pattern, said, re.DOTALL), said
-    assert main(words_of(asked)) != 2, capsys.readouterr().err
+    assert re.search(pattern, said), said
+    assert main(words_of(asked)) != 2
 
 
-def test_more_is_printed_where_a_line_says_so(
-    room: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(shlex.split(f"check q1.csv {LEG} --quiet")) == 1
-    short = capsys.readouterr().out
-    assert " ".join(short.split()).endswith("Why: the same command without --quiet.")
-    assert main(shlex.split(f"check q1.csv {LEG}")) == 1
-    assert "no position of hip" in " ".join(capsys.readouterr().out.split())
+def test_more_is_printed_where_a_line_says_so(room: Path, told: Told) -> None:
+    short = told("check", "q1.csv", *words_of("LEG --quiet"), code=1)
+    assert short.endswith("Why: the same command without --quiet.")
+    assert "no position of hip" in told("check", "q1.csv", *words_of("LEG"), code=1)
     Path("extra.csv").write_text(
         Path("run.csv").read_text().replace("\n", ",1.5\n").replace(",1.5", ",odd", 1)
     )
-    assert main(shlex.split(f"check extra.csv {LEG} --quiet")) == 0
-    assert "(printed without --quiet)" in " ".join(capsys.readouterr().out.split())
-    assert main(shlex.split(f"check extra.csv {LEG}")) == 0
-    assert "columns that were not read: odd" in " ".join(capsys.readouterr().out.split())
+    short = told("check", "extra.csv", *words_of("LEG --quiet"))
+    assert "(printed without --quiet)" in short
+    said = told("check", "extra.csv", *words_of("LEG"))
+    assert "columns that were not read: odd" in said
 
 
 def test_a_column_that_was_not_read_is_read_with_a_map(room: Path) -> None:
@@ -160,12 +157,9 @@ def test_a_column_that_was_not_read_is_read_with_a_map(room: Path) -> None:
     assert load_log("q1.csv", columns="columns_right.toml").column("hip.position").size
 
 
-def test_all_rows_of_a_study_are_where_the_table_says(
-    room: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_rows_of_a_study_are_where_the_table_says(room: Path, told: Told) -> None:
     study = "design planar_leg_fixed --sweep reduction=10:20:40 --json d.json --out d.parquet"
-    assert main(shlex.split(study)) == 0
-    shown = capsys.readouterr().out
+    shown = told(*study.split())
     found = re.search(r"of (\d+) rows, evenly spread; --json and --out hold all", shown)
     assert found, shown
     assert pq.read_table("d.parquet").num_rows >= int(found[1])

@@ -136,11 +136,14 @@ def _dry(free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray
     impulse = np.zeros_like(free)
     v = free.copy()
     for _ in range(6):
+        before = impulse.copy()
         for j in (0, 1):
             change = v[:, j] / inverse[:, j, j]
             new = np.clip(impulse[:, j] + change, -down[:, j], up[:, j])
             v = v - inverse[:, :, j] * (new - impulse[:, j])[:, None]
             impulse[:, j] = new
+        if np.array_equal(impulse, before):  # all slide or hold
+            break
     return v
 
 

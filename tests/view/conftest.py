@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,13 +33,8 @@ def squat(leg: Robot) -> Log:
     fall = np.where(time < LANDING, DROP - 0.5 * 9.81 * time**2, 0.0)
     knee = -2.0 * np.arccos(length / 0.8)
     hip = -0.5 * knee
-    joints = {
-        "base_x": np.zeros_like(time),
-        "base_z": length + fall,
-        "base_pitch": np.zeros_like(time),
-        "hip": hip,
-        "knee": knee,
-    }
+    rest = np.zeros_like(time)
+    joints = {"base_x": rest, "base_z": length + fall, "base_pitch": rest, "hip": hip, "knee": knee}
     q = np.stack(list(joints.values()), axis=1)
     v = np.gradient(q, time, axis=0)
     a = np.gradient(v, time, axis=0)
@@ -59,6 +56,29 @@ def squat(leg: Robot) -> Log:
     }
     columns |= {"foot.force.x": force[:, 0], "foot.force.z": force[:, 2]}
     return Log(time, columns)
+
+
+@pytest.fixture(scope="module")
+def browser(chromium: str) -> Iterator[Any]:
+    """A browser of one file: pictures cannot be taken beside it."""
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    flags = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
+    flags += ["--enable-unsafe-swiftshader", "--disable-background-networking"]
+    with api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium, args=flags)
+        yield browser
+        browser.close()
+
+
+def watched_tab(browser: Any, width: int, height: int) -> Any:
+    """Return a tab whose `troubles` are errors of its page and what it asks of the network."""
+    tab = browser.new_page(viewport={"width": width, "height": height})
+    tab.troubles = []
+    tab.on("console", lambda m: tab.troubles.append(m.text) if m.type == "error" else None)
+    tab.on("pageerror", lambda error: tab.troubles.append(str(error)))
+    ours = ("file:", "data:", "blob:")
+    tab.on("request", lambda r: r.url.startswith(ours) or tab.troubles.append(r.url))
+    return tab
 
 
 @pytest.fixture(scope="session")

@@ -38,7 +38,7 @@ def _falling(leg: Robot, seconds: float) -> list[Log]:
 
 
 def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
-    problem = EstimationProblem.from_logs(leg, _falling(leg, 200.0))
+    problem = EstimationProblem.from_logs(leg, _falling(leg, 20.0))
     for start in (
         [JointCompliance("hip", 1.0, 0.0)],
         [JointCompliance("hip", 1.0, 0.0), ViscousFriction("hip", 0.1)],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb as rgb
 
+from tests.view.conftest import watched_tab
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view import model_ghost, write_playback
@@ -24,13 +24,6 @@ window.pump = (ms) => {
   stamp += ms; const now = waiting; waiting = []; now.forEach((f) => f(stamp));
 };
 """
-FLAGS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-]
 
 
 @pytest.fixture(scope="module")
@@ -43,25 +36,21 @@ def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return write_playback(path, leg, squat, ghost=replace(ghost, residual=residual))
 
 
+def opened(page: Path, browser: Any) -> Any:
+    """Return a tab with a playback that waits for its clock."""
+    tab = watched_tab(browser, 1000, 700)
+    tab.context.set_offline(True)
+    tab.add_init_script(CLOCK)
+    tab.goto(page.as_uri())
+    tab.evaluate("pump(0), pump(0)")
+    tab.wait_for_function("() => window.player", polling=50)
+    tab.evaluate("player.setPlaying(false)")
+    return tab
+
+
 @pytest.fixture(scope="module")
-def tab(page: Path, chromium: str) -> Iterator[Any]:
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
-        tab = browser.new_page(viewport={"width": 1000, "height": 700})
-        tab.troubles, asked = [], []
-        tab.on("console", lambda m: tab.troubles.append(m.text) if m.type == "error" else None)
-        tab.on("pageerror", lambda error: tab.troubles.append(str(error)))
-        tab.on("request", lambda r: asked.append(r.url))
-        tab.context.set_offline(True)
-        tab.add_init_script(CLOCK)
-        tab.goto(page.as_uri())
-        tab.evaluate("pump(0), pump(0)")
-        tab.wait_for_function("() => window.player", polling=50)
-        tab.evaluate("player.setPlaying(false)")
-        tab.asked = asked
-        yield tab
-        browser.close()
+def tab(page: Path, browser: Any) -> Any:
+    return opened(page, browser)
 
 
 def colour_of(tab: Any, *path: str) -> list[float]:
@@ -171,21 +160,17 @@ def test_the_camera_fills_what_the_card_leaves_free_with_the_robot(
 
 
 def test_the_frame_button_finds_a_robot_that_went_away(
-    tab: Any, leg: Robot, squat: Log, tmp_path: Path
+    browser: Any, leg: Robot, squat: Log, tmp_path: Path
 ) -> None:
     """It framed the place where the motion began, and an empty window was left."""
     away = squat.column("base_x.position") + 5.0 * squat.time / squat.time[-1]
     walk = write_playback(
         tmp_path / "walk.html", leg, squat.with_columns({"base_x.position": away})
     )
-    other = tab.context.browser.new_page(viewport={"width": 1000, "height": 700})
-    other.add_init_script(CLOCK)
-    other.goto(walk.as_uri())
-    other.evaluate("pump(0), pump(0)")
-    other.wait_for_function("() => window.player", polling=50)
+    other = opened(walk, browser)
     for followed in (True, False):
         other.get_by_label("follow").set_checked(followed)
-        other.evaluate("player.setPlaying(false), player.seek(1.9)")
+        other.evaluate("player.seek(1.9)")
         other.click("#frame")
         assert max(map(abs, other.evaluate("player.middle()"))) < 0.7
         if followed:  # also to the next instant that is asked for: a film lost the way to its start
@@ -227,4 +212,3 @@ def test_a_phone_shows_it_too_and_nothing_was_asked_of_the_network(tab: Any) -> 
     assert tab.evaluate("document.documentElement.scrollHeight") <= 800
     tab.click("#theme")
     assert tab.troubles == []
-    assert [url for url in tab.asked if not url.startswith(("file:", "data:", "blob:"))] == []

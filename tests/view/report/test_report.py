@@ -6,12 +6,14 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import wbc
 from tests.moved import swing
+from tests.view.conftest import watched_tab
 from wbc.effects import (
     CoulombFriction,
     CustomTorque,
@@ -286,94 +288,80 @@ def test_names_from_files_cannot_break_out_of_the_page(
     assert "misses these logs by" in text
 
 
-@pytest.mark.usefixtures("chromium")
-def test_the_page_works_in_a_browser(page: Path, chromium: str) -> None:
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    flags = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
-    flags += ["--enable-unsafe-swiftshader", "--disable-background-networking"]
-    with api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium, args=flags)
-        tab = browser.new_page(viewport={"width": 1100, "height": 900})
-        troubles: list[str] = []
-        tab.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
-        tab.on("pageerror", lambda error: troubles.append(str(error)))
-        tab.on(
-            "request",
-            lambda r: troubles.append(r.url) if r.url.startswith("http") else None,
-        )
-        tab.goto(page.as_uri())
-        tab.wait_for_function("window.report && window.report.ready")
-        plots = tab.locator("#panels .plot.js-plotly-plot")
-        assert plots.count() == 10
+def test_the_page_works_in_a_browser(page: Path, browser: Any) -> None:
+    tab = watched_tab(browser, 1100, 900)
+    tab.goto(page.as_uri())
+    tab.wait_for_function("window.report && window.report.ready")
+    plots = tab.locator("#panels .plot.js-plotly-plot")
+    assert plots.count() == 10
 
-        hidden = tab.locator("#panels details").nth(1)
-        hidden.locator("summary").click()
-        assert not hidden.locator(".plot").first.is_visible()
-        hidden.locator("summary").click()
-        assert hidden.locator(".plot").first.is_visible()
+    hidden = tab.locator("#panels details").nth(1)
+    hidden.locator("summary").click()
+    assert not hidden.locator(".plot").first.is_visible()
+    hidden.locator("summary").click()
+    assert hidden.locator(".plot").first.is_visible()
 
-        plot = plots.first
-        plot.scroll_into_view_if_needed()
-        box = plot.bounding_box()
-        tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-        tab.wait_for_selector(".hoverlayer .hovertext")
-        before = plot.evaluate("e => e.layout.xaxis.range.slice()")
-        tab.mouse.down()
-        tab.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
-        tab.mouse.up()
-        tab.wait_for_function(
-            "w => document.querySelector('#panels .plot').layout.xaxis.range[0] > w", arg=before[0]
-        )
+    plot = plots.first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    tab.wait_for_selector(".hoverlayer .hovertext")
+    before = plot.evaluate("e => e.layout.xaxis.range.slice()")
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
+    tab.mouse.up()
+    tab.wait_for_function(
+        "w => document.querySelector('#panels .plot').layout.xaxis.range[0] > w", arg=before[0]
+    )
 
-        page_colour = "getComputedStyle(document.body).backgroundColor"
-        light = tab.evaluate(page_colour)
-        tab.click("#theme")
-        assert tab.evaluate(page_colour) != light
+    page_colour = "getComputedStyle(document.body).backgroundColor"
+    light = tab.evaluate(page_colour)
+    tab.click("#theme")
+    assert tab.evaluate(page_colour) != light
 
-        tab.locator("#playback").scroll_into_view_if_needed()
-        frame = tab.locator("#playback").element_handle().content_frame()
-        frame.wait_for_function("window.player")
-        frame.evaluate("player.seek(3.0)")
-        assert frame.evaluate("player.time") == pytest.approx(3.0)
-        assert frame.evaluate("document.documentElement.dataset.theme") == "dark"
+    tab.locator("#playback").scroll_into_view_if_needed()
+    frame = tab.locator("#playback").element_handle().content_frame()
+    frame.wait_for_function("window.player")
+    frame.evaluate("player.seek(3.0)")
+    assert frame.evaluate("player.time") == pytest.approx(3.0)
+    assert frame.evaluate("document.documentElement.dataset.theme") == "dark"
 
-        # The signals beside the playback follow it, and a click on them moves it.
-        line = tab.locator("#signal-residual .cursor")
-        tab.wait_for_function("!document.querySelector('#signal-residual .cursor').hidden")
-        middle = line.bounding_box()["x"]
-        frame.evaluate("player.seek(1.0)")
-        tab.wait_for_function(
-            "x => document.querySelector('#signal-residual .cursor').getBoundingClientRect().x < x",
-            arg=middle,
-        )
+    # The signals beside the playback follow it, and a click on them moves it.
+    line = tab.locator("#signal-residual .cursor")
+    tab.wait_for_function("!document.querySelector('#signal-residual .cursor').hidden")
+    middle = line.bounding_box()["x"]
+    frame.evaluate("player.seek(1.0)")
+    tab.wait_for_function(
+        "x => document.querySelector('#signal-residual .cursor').getBoundingClientRect().x < x",
+        arg=middle,
+    )
 
-        tab.emulate_media(media="print")
-        tab.evaluate("report.toPaper()")
-        assert tab.locator("details:not([open])").count() == 0
-        assert tab.evaluate("document.documentElement.dataset.theme") == "light"
-        assert tab.locator("#shown").inner_text() == "log in memory"
-        # On paper the heading of a box stood on the box's blue line.
-        box, head = (tab.locator(f"#ambiguity{e}").bounding_box()["x"] for e in ("", " h2"))
-        assert head - box > 12.0
-        tab.evaluate("dispatchEvent(new Event('afterprint'))")
-        tab.emulate_media(media="screen")
+    tab.emulate_media(media="print")
+    tab.evaluate("report.toPaper()")
+    assert tab.locator("details:not([open])").count() == 0
+    assert tab.evaluate("document.documentElement.dataset.theme") == "light"
+    assert tab.locator("#shown").inner_text() == "log in memory"
+    # On paper the heading of a box stood on the box's blue line.
+    box, head = (tab.locator(f"#ambiguity{e}").bounding_box()["x"] for e in ("", " h2"))
+    assert head - box > 12.0
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    tab.emulate_media(media="screen")
 
-        # Plots keep within their places while the window narrows.
-        wide = "[...document.querySelectorAll('.plot')].filter(e => e.querySelector('svg') && "
-        wide += "e.querySelector('svg').clientWidth > e.parentElement.clientWidth + 1).length"
-        for width in (700, 390):
-            tab.set_viewport_size({"width": width, "height": 800})
-            tab.wait_for_function(f"{wide} === 0", timeout=30000)
-        # Logs have long names.
-        tab.evaluate("document.querySelector('#motion h2').textContent = 'run_'.repeat(30)")
-        tab.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=5000)
-        # The names of what the residual depends on stood in a column of one word.
-        name = "Math.min(...[...document.querySelectorAll('.bars td:nth-child(2)')].map("
-        assert tab.evaluate(f"{name}e => e.clientWidth))") > 120
-        cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth)"
-        assert tab.evaluate(f"{cut}.map(e => e.closest('section').id)") == []
-        assert troubles == []
-        browser.close()
+    # Plots keep within their places while the window narrows.
+    wide = "[...document.querySelectorAll('.plot')].filter(e => e.querySelector('svg') && "
+    wide += "e.querySelector('svg').clientWidth > e.parentElement.clientWidth + 1).length"
+    for width in (700, 390):
+        tab.set_viewport_size({"width": width, "height": 800})
+        tab.wait_for_function(f"{wide} === 0", timeout=30000)
+    # Logs have long names.
+    tab.evaluate("document.querySelector('#motion h2').textContent = 'run_'.repeat(30)")
+    tab.wait_for_function("document.documentElement.scrollWidth <= 390", timeout=5000)
+    # The names of what the residual depends on stood in a column of one word.
+    name = "Math.min(...[...document.querySelectorAll('.bars td:nth-child(2)')].map("
+    assert tab.evaluate(f"{name}e => e.clientWidth))") > 120
+    cut = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth)"
+    assert tab.evaluate(f"{cut}.map(e => e.closest('section').id)") == []
+    assert tab.troubles == []
 
 
 def test_lines_to_copy_stand_on_lines_of_their_own(robot: Robot, tmp_path: Path) -> None:
