@@ -44,6 +44,15 @@ def moved(
     return Log(time, columns)
 
 
+def without_rows(log: Log, *rows: tuple[int, int]) -> Log:
+    """Return a log that has lost its rows start <= row < stop."""
+    kept = np.ones(len(log), dtype=bool)
+    for start, stop in rows:
+        kept[start:stop] = False
+    columns = {name: values[kept] for name, values in log.columns.items()}
+    return Log(log.time[kept], columns, log.source)
+
+
 def swing(robot: Robot, seed: int, phase: float = 0.0, seconds: float = 6.0) -> Log:
     """Return a log of the fixed leg on two sines per joint."""
     rates = np.array([[2.3, 5.1], [3.1, 6.7]])

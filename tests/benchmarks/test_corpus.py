@@ -52,20 +52,16 @@ def test_a_stepped_plant_is_late_by_what_its_truth_says() -> None:
 
 
 def test_a_wrong_zero_of_the_first_joint_is_a_tilted_gravity() -> None:
-    cause = truth_of(case_of(Flaw("position_offset", "j1", {"offset": 0.05}))).causes[0]
-    assert "gravity_direction" in cause.stand_ins
-    cause = truth_of(case_of(Flaw("position_offset", "j2", {"offset": 0.05}))).causes[0]
-    assert "gravity_direction" not in cause.stand_ins
+    for joint, tilted in (("j1", True), ("j2", False)):
+        cause = truth_of(case_of(Flaw("position_offset", joint, {"offset": 0.05}))).causes[0]
+        assert ("gravity_direction" in cause.stand_ins) == tilted
 
 
 def test_a_shifted_center_of_mass_is_a_wrong_zero_with_more_parameters() -> None:
     """In case 331 neither direction of the shift does alone."""
     cause = truth_of(draw_case(331)).causes[0]
-    assert (cause.effect, cause.stand_ins, cause.equals) == (
-        "position_offset",
-        (),
-        ("center_of_mass",),
-    )
+    assert (cause.effect, cause.stand_ins) == ("position_offset", ())
+    assert cause.equals == ("center_of_mass",)
     cause = truth_of(case_of(Flaw("payload_mass", "tip", {"mass": 0.2}))).causes[0]
     # A mass on a link is one of the ways in which its drawing can be wrong.
     assert (cause.stand_ins, cause.equals) == ((), ("link_inertia",))

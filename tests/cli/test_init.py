@@ -21,19 +21,8 @@ from wbc.identification.readings.first_guess import guess_ratios
 from wbc.measurement import Log, load_log, save_log
 from wbc.samples import sample_logs
 
-PENDULUM = """
-<robot name="pendulum">
-  <link name="world"/>
-  <link name="arm">
-    <inertial><origin xyz="0 0 -0.4338"/><mass value="0.675"/>
-      <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.001"/></inertial>
-  </link>
-  <joint name="pivot" type="revolute">
-    <parent link="world"/><child link="arm"/><axis xyz="0 1 0"/>
-    <limit lower="-20" upper="20" effort="10" velocity="50"/>
-  </joint>
-</robot>
-"""
+OURS = (ROOT / "robots" / "simple_pendulum" / "simple_pendulum.urdf").read_text(encoding="utf-8")
+PENDULUM = OURS.replace("0 -1 0", "0 1 0").replace('joint name="pendulum"', 'joint name="pivot"')
 
 
 @pytest.mark.parametrize(

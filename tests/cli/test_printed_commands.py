@@ -89,9 +89,7 @@ def test_every_package_that_a_message_names_is_one_of_the_project() -> None:
     named = set(re.findall(r"pip install '?([\w\[\]{}.()', -]+?)[.'\"]", text))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    wanted = {
-        re.split(r"[>=\[]", package)[0] for packages in extras.values() for package in packages
-    }
+    wanted = {re.split(r"[>=\[]", package)[0] for one in extras.values() for package in one}
     pinned = (ROOT / "constraints.txt").read_text()
     for name in named:
         if extra := re.fullmatch(r"wbc\[(\w+)\]", name):

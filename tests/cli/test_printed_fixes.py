@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -34,24 +35,8 @@ FIXES = [
     tuple(line.split("\t"))
     for line in Path(__file__).with_name("printed_fixes.tsv").read_text("utf-8").splitlines()
 ]
-_MAPS = {
-    "columns_wrong": "columns = 1",
-    "columns_right": 'columns."hip.position" = "q1"',
-    "unnamed": 'columns."hip.position" = "x9"',
-    "entry_wrong": 'columns."hip.position" = 1',
-    "entry_right": 'columns."hip.position" = { from = "q1", unit = "rad" }',
-    "rows_wrong": "rows = 1",
-    "rows_right": 'rows.split = "part"',
-    "time_wrong": "time = 1",
-    "time_right": 'time.from = "t"',
-    "twice": '[columns]\n"hip.position" = "q1"\n[columns]\n',
-}
-_ROBOT = """
-name = "leg"
-model = "{model}"
-{lock}
-{gears}
-"""
+_MODEL = f'name = "leg"\nmodel = "{(ROOT / "robots/planar_leg/planar_leg.urdf").as_posix()}"\n'
+_LOCK = "lock = ['base_x', 'base_z', 'base_pitch']\n"
 _GEARS = "".join(
     f"""
     [gears.{joint}]
@@ -60,63 +45,56 @@ _GEARS = "".join(
     """
     for joint in ("hip", "knee")
 )
-_LOCK = "lock = ['base_x', 'base_z', 'base_pitch']"
 _FOUND = {"effect": "coulomb_friction", "where": "hip", "parameters": {"level": 0.7}}
 _RIVAL = {"effect": "viscous_friction", "where": "hip", "parameters": {"coefficient": 0.4}}
-
-
-def _write_logs(log: Log) -> None:
-    text = save_log(log, "run.csv").read_text(encoding="utf-8")
-    Path("clockless.csv").write_text(text.replace("time", "row", 1), encoding="utf-8")
-    for name in ("q1", "x9"):
-        Path(f"{name}.csv").write_text(text.replace("hip.position", name), encoding="utf-8")
-    floored = log.time.astype(int)
-    table = pa.table({"time": floored, **log.columns})
-    pq.write_table(table, "floored.parquet")
-    Path("t.csv").write_text(re.sub("^time", "t", text), encoding="utf-8")
-    half = ["a"] * (len(log) // 2) + ["b"] * (len(log) - len(log) // 2)
-    pq.write_table(pa.table({"time": log.time, **log.columns, "part": half}), "runs.parquet")
-
-
-def _write_robots() -> None:
-    model = (ROOT / "robots" / "planar_leg" / "planar_leg.urdf").as_posix()
-    for name, lock, gears in (
-        ("geared", _LOCK, _GEARS),
-        ("wrong", f"gears = 1\n{_LOCK}", ""),
-        ("bare", _LOCK, ""),
-        ("loose", "", _GEARS),
-    ):
-        text = _ROBOT.format(model=model, lock=lock, gears=gears)
-        Path(f"{name}.toml").write_text(text, encoding="utf-8")
-
-
-def _write_tables() -> None:
-    for name, text in _MAPS.items():
-        Path(f"{name}.toml").write_text(f"{text}\n", encoding="utf-8")
-    ranked = {
-        "added": [["viscous_friction", "hip"]],
-        "removed": [["coulomb_friction", "hip"]],
-        "standing": "not distinguishable",
-        "effects": [_RIVAL],
-    }
-    for name, content in (
-        ("list", []),
-        ("lacks", {"effects": [{"effect": "coulomb_friction"}]}),
-        ("other", {"robot": "leg"}),
-        ("none", {"verdict": "none", "effects": []}),
-        ("alone", {"verdict": "named", "effects": [_FOUND], "ranking": []}),
-        ("found", {"verdict": "ambiguous", "effects": [_FOUND], "ranking": [ranked]}),
-    ):
-        Path(f"{name}.json").write_text(json.dumps(content), encoding="utf-8")
+_RANKED = {
+    "added": [["viscous_friction", "hip"]],
+    "removed": [["coulomb_friction", "hip"]],
+    "standing": "not distinguishable",
+    "effects": [_RIVAL],
+}
+FILES = {
+    "columns_wrong.toml": "columns = 1",
+    "columns_right.toml": 'columns."hip.position" = "q1"',
+    "unnamed.toml": 'columns."hip.position" = "x9"',
+    "entry_wrong.toml": 'columns."hip.position" = 1',
+    "entry_right.toml": 'columns."hip.position" = { from = "q1", unit = "rad" }',
+    "rows_wrong.toml": "rows = 1",
+    "rows_right.toml": 'rows.split = "part"',
+    "time_wrong.toml": "time = 1",
+    "time_right.toml": 'time.from = "t"',
+    "twice.toml": '[columns]\n"hip.position" = "q1"\n[columns]\n',
+    "geared.toml": _MODEL + _LOCK + _GEARS,
+    "wrong.toml": _MODEL + "gears = 1\n" + _LOCK,
+    "bare.toml": _MODEL + _LOCK,
+    "loose.toml": _MODEL + _GEARS,
+    "list.json": [],
+    "lacks.json": {"effects": [{"effect": "coulomb_friction"}]},
+    "other.json": {"robot": "leg"},
+    "none.json": {"verdict": "none", "effects": []},
+    "alone.json": {"verdict": "named", "effects": [_FOUND], "ranking": []},
+    "found.json": {"verdict": "ambiguous", "effects": [_FOUND], "ranking": [_RANKED]},
+}
 
 
 @pytest.fixture
 def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    _write_logs(excited_log((CoulombFriction("hip", 0.7),), duration=2.0))
-    _write_robots()
-    _write_tables()
     Path("folder").mkdir()
+    for name, content in FILES.items():
+        Path(name).write_text(content if isinstance(content, str) else json.dumps(content))
+    log = excited_log((CoulombFriction("hip", 0.7),), duration=2.0)
+    text = save_log(log, "run.csv").read_text()
+    for name, old, new in (
+        ("clockless.csv", "time", "row"),
+        ("q1.csv", "hip.position", "q1"),
+        ("x9.csv", "hip.position", "x9"),
+        ("t.csv", "time", "t"),
+    ):
+        Path(name).write_text(text.replace(old, new, 1))
+    columns, first = {"time": log.time, **log.columns}, log.time < log.time[len(log) // 2]
+    pq.write_table(pa.table({**columns, "time": log.time.astype(int)}), "floored.parquet")
+    pq.write_table(pa.table({**columns, "part": np.where(first, "a", "b")}), "runs.parquet")
     return tmp_path
 
 
@@ -133,6 +111,7 @@ def test_what_a_message_asks_for_is_accepted(
     for command in before:
         told(*words_of(command))
     said = told(*words_of(refused), code=2)
+    assert said.startswith("wbc: ")  # and nothing before it on the standard output
     pattern = ".*".join(re.escape(part) for part in words.split("{}"))
     assert re.search(pattern, said), said
     assert main(words_of(asked)) != 2

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from io import StringIO
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from tests.cli.conftest import Told
 from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.models import print_diagnosis
@@ -25,18 +25,15 @@ from wbc.identification import (
     Support,
 )
 from wbc.identification.open_loop import OpenLoop
-from wbc.measurement import Log
-from wbc.robot import Robot
+
+LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 
 def finding(joint: str) -> Finding:
-    return Finding(
-        CoulombFriction(joint, 0.5),
-        {"level": Estimate(0.5012, "N m", 0.48, 0.52)},
-        Support(0.9, 1.0, 0.0, 0.0, explained=True),
-        (Alternative("viscous_friction", joint),),
-        (f"level is hardly identifiable at {joint}: 0.1 to 9 N m; move it faster and further",),
-    )
+    effect, level = CoulombFriction(joint, 0.5), Estimate(0.5012, "N m", 0.48, 0.52)
+    support, rivals = Support(0.9, 1.0, 0.0, 0.0, explained=True), ("viscous_friction", joint)
+    said = f"level is hardly identifiable at {joint}: 0.1 to 9 N m; move it faster and further"
+    return Finding(effect, {"level": level}, support, (Alternative(*rivals),), (said,))
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +81,9 @@ def test_the_answer_comes_first_and_fits_a_screen(long_answer: Diagnosis) -> Non
 
 
 def test_quiet_commands_print_the_answer_alone(
-    rubbing: list[str], capsys: pytest.CaptureFixture[str]
+    rubbing: list[str], told: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    robot = ["--robot", "planar_leg_fixed", "--lossless"]
-    assert main(["compare", *rubbing, *robot, "--quiet"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+    shown = told("compare", *rubbing, *LEG, "--quiet")
     assert shown.startswith("The model misses these logs by 0.6")
     assert "N m at hip" in shown
     assert "where it fails" not in shown
@@ -136,16 +131,13 @@ def test_commands_answer_before_they_simulate(
 ) -> None:
     """The first simulation waits a minute for the compiler."""
 
-    class SimulatingError(Exception):
-        pass
-
-    def stop(robot: Robot, logs: Sequence[Log], *, until: float) -> OpenLoop:
-        raise SimulatingError
+    def stop(*_: object, until: float) -> OpenLoop:
+        raise LookupError
 
     monkeypatch.setattr("wbc.cli.models.open_loop", stop)
-    asked = [command, *rubbing, "--robot", "planar_leg_fixed", "--lossless"]
+    asked = [command, *rubbing, *LEG]
     asked += ["--add", "coulomb_friction"] if command == "diagnose" else []
-    with pytest.raises(SimulatingError):
+    with pytest.raises(LookupError):
         main(asked)
     said = capsys.readouterr().out
     assert "hip" in said and "0.7" in said if command == "diagnose" else "hip" in said

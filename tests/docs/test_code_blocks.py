@@ -120,21 +120,18 @@ def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
     names = {".position": "_angle", ".velocity": "_speed", ".rotor_torque": "_torque"}
     for k, log in enumerate(record_with(leg, [CoulombFriction("hip", 0.5)], duration=3.0)):
         torques = {c: 20.0 * log.column(c) for c in log.names if c.endswith("rotor_torque")}
-        path = save_log(log.with_columns(torques), f"run{k}.csv")
-        head, _, rows = path.read_text().partition("\n")
+        text = save_log(log.with_columns(torques), f"run{k}.csv").read_text()
         for ours, theirs in names.items():
-            head = head.replace(ours, theirs)
-        path.write_text(f"{head}\n{rows}")
+            text = text.replace(ours, theirs)
+        Path(f"run{k}.csv").write_text(text)
     after_demo, init, check, diagnose, play = commands_of("README.md")
     assert "out/run*.csv" in after_demo  # what `make demo` leaves; the test of the demo names it
     run_commands(init)
     robot = Path("robot.toml").read_text()
     assert robot.count("guess: not in the model file") == 4
     ratio = 'gear_ratio = { value = 20.0, unit = "1", source = "data sheet" }'
-    robot = re.sub(r"gear_ratio = .*", ratio, robot).replace(
-        "{ value = 0.0,", "{ value = 6.66667e-5,"
-    )
-    Path("robot.toml").write_text(robot)
+    robot = re.sub(r"gear_ratio = .*", ratio, robot)
+    Path("robot.toml").write_text(robot.replace("{ value = 0.0,", "{ value = 6.66667e-5,"))
     run_commands(check)
     assert "these logs can be used" in capsys.readouterr().out
     run_commands(diagnose)

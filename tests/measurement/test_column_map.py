@@ -16,10 +16,10 @@ from wbc.measurement.column_map import read_table
 from wbc.measurement.findings import lines
 
 
-def _write(tmp_path: Path, text: str, rows: str) -> tuple[Path, Path]:
-    (tmp_path / "map.toml").write_text(text)
-    (tmp_path / "log.csv").write_text(rows)
-    return tmp_path / "log.csv", tmp_path / "map.toml"
+def _write(folder: Path, text: str, rows: str) -> tuple[Path, Path]:
+    (folder / "map.toml").write_text(text)
+    (folder / "log.csv").write_text(rows)
+    return folder / "log.csv", folder / "map.toml"
 
 
 MAP = """
@@ -122,9 +122,9 @@ def test_unsigned_encoders_are_unwrapped(tmp_path: Path) -> None:
     time = np.arange(500) * 0.01
     counts = np.round(4096 * (0.4 + 1.3 * np.sin(time)))
     np.savez(tmp_path / "log.npz", time=time, enc=counts % 4096)
-    text = '[columns]\n"a.position" = { from = "enc", scale = 0.5, unwrap = 4096 }\n'
-    (tmp_path / "map.toml").write_text(text)
-    log = load_log(tmp_path / "log.npz", tmp_path / "map.toml")
+    entry = {"from": "enc", "scale": 0.5, "unwrap": 4096}
+    columns = parse_column_map({"columns": {"a.position": entry}})
+    log = load_log(tmp_path / "log.npz", columns)
     np.testing.assert_array_equal(log.column("a.position"), 0.5 * counts)
 
 

@@ -68,6 +68,9 @@ def until_the_end(torque: np.ndarray) -> np.ndarray:
     return np.append(np.clip(torque[:-2], -1.0, 0.7), [0.0, 0.7])
 
 
+# Even while the joint stands still.
+DUTY = np.where(T > 3.0, 1.0, 0.2 * np.sin(T))
+AT_FULL_DUTY = {"a.position": np.minimum(T, 3.0), "a.duty": DUTY}
 # What is wrong, its kind, and what the finding says (its text and column).
 WRONG: dict[str, tuple[Change, str, str]] = {
     "a position is stuck": (held("hip.position", 700, 800), "stuck", "1.400 s"),
@@ -86,15 +89,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
     "few rows": (lambda s: s[:50], "short", ""),
     "clipped": (with_("hip.rotor_torque", lambda u: np.clip(u, -0.7, 0.7)), "saturation", "49.7 %"),
     "at last": (with_("hip.rotor_torque", until_the_end), "saturation", ""),
-    # Even while the joint stands still.
-    "full duty": (
-        lambda s: Log(
-            s.time,
-            {"a.position": np.minimum(T, 3.0), "a.duty": np.where(T > 3.0, 1.0, 0.2 * np.sin(T))},
-        ),
-        "saturation",
-        "",
-    ),
+    "full duty": (lambda s: Log(s.time, AT_FULL_DUTY), "saturation", ""),
 }
 
 

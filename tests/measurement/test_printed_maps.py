@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.columns import Columns, read_columns, write_columns
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
@@ -24,18 +25,11 @@ from wbc.measurement.guess import guess_names
 from wbc.robot import Motion
 
 RATIOS = {"hip": 20.0, "knee": 20.0}
-Columns = dict[str, np.ndarray]
 
 
 def printed_maps(message: str) -> list[str]:
     """Return the maps in a message: the indented lines below each mention of one."""
     return re.findall(r"\(--columns MAP\.toml\):\n((?: {4}.*(?:\n|$))+)", message)
-
-
-def write(columns: Columns, path: Path) -> Path:
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    return path
 
 
 def renamed(old: str, new: str) -> Callable[[Columns], Columns]:
@@ -78,8 +72,7 @@ def in_degrees(columns: Columns) -> Columns:
 def in_degrees_beside_noise(columns: Columns) -> Columns:
     """Drives that report noise alone: the torque does not tell degrees."""
     noise = np.random.default_rng(0).normal(0.0, 0.3, (2, len(columns["time"])))
-    torques = dict(zip(("hip.rotor_torque", "knee.rotor_torque"), noise, strict=True))
-    return {**in_degrees(columns), **torques}
+    return {**in_degrees(columns), "hip.rotor_torque": noise[0], "knee.rotor_torque": noise[1]}
 
 
 def told(action: Callable[[], Any]) -> str:
@@ -94,8 +87,8 @@ def reading(path: Path) -> str:
 
 
 def from_arrays(path: Path) -> str:
-    table = np.genfromtxt(path, delimiter=",", names=True, deletechars="")
-    return told(lambda: Log(table["time"], {n: table[n] for n in table.dtype.names[1:]}))
+    columns = read_columns(path)
+    return told(lambda: Log(columns.pop("time"), columns))
 
 
 def finding(kind: str, *, turning: bool = False) -> Callable[[Path], str]:
@@ -204,7 +197,7 @@ def test_a_printed_map_mends_what_it_was_printed_for(
     name: str, right: Columns, tmp_path: Path
 ) -> None:
     case = CASES[name]
-    path = write(case.change(right), tmp_path / "run.csv")
+    path = write_columns(case.change(right), tmp_path / "run.csv")
     maps = printed_maps(case.said(path))
     assert maps, case.said(path)
     for k, text in enumerate(maps):

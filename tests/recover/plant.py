@@ -199,10 +199,8 @@ class Flaws:
         h = -LENGTH * first2 * s
         gravity1 = (MASS * half + m2 * LENGTH) * GRAVITY * np.sin(q1)
         gravity2 = first2 * GRAVITY * np.sin(q1 + q2)
-        bias = np.stack(
-            [h * (2.0 * v1 * v2 + v2**2) + gravity1 + gravity2, -h * v1**2 + gravity2], -1
-        )
-        return mass, bias
+        first = h * (2.0 * v1 * v2 + v2**2) + gravity1 + gravity2
+        return mass, np.stack([first, -h * v1**2 + gravity2], -1)
 
 
 def reference(lane: Lane) -> Callable[..., tuple[np.ndarray, np.ndarray]]:

@@ -47,12 +47,10 @@ def arm(
 ) -> tuple[Robot, list[Log], Machine]:
     """Return a robot whose drawing is wrong, logs of the true one, and the true one."""
     random = np.random.default_rng(seed)
-    true = draw_machine(random, "arm6")
+    true = drawn = draw_machine(random, "arm6")
     sensors = Sensors(rate=250.0, position=3e-5, bits=16, velocity=3e-3, torque=0.005, force=0.5)
-    runs = tuple(
-        Excitation(kind, 100 * seed + k, 4.0, 100 * seed + k) for k, kind in enumerate(RUNS)
-    )
-    drawn = true
+    seeds = 100 * seed, 100 * seed + 1
+    runs = tuple(Excitation(kind, s, 4.0, s) for kind, s in zip(RUNS, seeds, strict=True))
     for k in links:
         drawn = drawn.with_link(k, misdrawn(true.links[k], random, size))
     noise = Signatures(true, runs, sensors).torque_noise
@@ -72,11 +70,8 @@ def test_one_wrong_link_is_named_with_its_numbers_and_nothing_else() -> None:
     (finding,) = diagnosis.findings
     assert finding.probability > 0.9
     link = true.links[2]
-    truth = {
-        "mass": link.mass,
-        **dict(zip(("center_x", "center_y", "center_z"), link.com, strict=True)),
-    }
-    moments = np.sort(np.linalg.eigvalsh(link.inertia))
+    moments = np.linalg.eigvalsh(link.inertia)
+    truth = {"mass": link.mass} | {f"center_{x}": c for x, c in zip("xyz", link.com, strict=True)}
     truth |= {f"principal_inertia_{k}": value for k, value in enumerate(moments, start=1)}
     told = finding.quantities
     assert {"mass", "center_x", "center_y"} <= told.keys()

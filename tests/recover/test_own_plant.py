@@ -45,16 +45,11 @@ CASES: Cases = {
     "centre of mass": ({"shin_shift": 0.02}, {"center_of_mass@shin": {"z": -0.02}}),
     "current limit": ({"current_limit": (8.0, np.inf)}, {"current_limit@hip": {"limit": 8.0}}),
 }
+WAY = {"forward_efficiency": 0.8, "backward_efficiency": 0.75, "length": 0.03}
 LOSSES: Cases = {
     "losses over a way": (
         {"eta_f": (1.0, 0.8), "eta_b": (1.0, 0.75), "bent_length": (0.0, 0.03)},
-        {
-            "load_presliding@knee": {
-                "forward_efficiency": 0.8,
-                "backward_efficiency": 0.75,
-                "length": 0.03,
-            }
-        },
+        {"load_presliding@knee": WAY},
     ),
     "losses near rest": (
         {"slow_share": (0.0, 0.3), "slow_speed": 0.8},
@@ -176,10 +171,10 @@ def test_the_error_falls_with_every_cause_added() -> None:
 def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
     follows: bool, name: str, values: dict[str, float]
 ) -> None:
-    runs = [dict(table) for table in tables()[f"follows {follows}"]]
-    for table, share in zip(runs, (1.0 - 0.02 * runs[0]["time"], 0.85), strict=True):
-        table["knee.voltage"] = table["hip.voltage"] = 48.0 * share * np.ones(table["time"].size)
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(runs))
+    logs = logs_of(tables()[f"follows {follows}"])
+    for k, share in enumerate((1.0 - 0.02 * logs[0].time, 0.85 * np.ones(len(logs[1])))):
+        logs[k] = logs[k].with_columns({f"{j}.voltage": 48.0 * share for j in ("hip", "knee")})
+    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
     assert found.key == (name, "knee")

@@ -58,14 +58,9 @@ def swung(robot: Robot, effect: Effect, seed: int, duration: float = 8.0) -> Log
     torque = np.array([command(t, state) for t, state in zip(times, path, strict=True)])
     seen = path[:, :2] + noise.normal(0.0, 2e-5, (times.size, 2))
     seen[:, 1] += values.get("offset", 0.0)
-    return Log(
-        times,
-        {
-            "shoulder.position": seen[:, 0],
-            "pivot.position": seen[:, 1],
-            "shoulder.motor_torque": torque + noise.normal(0.0, 5e-3, times.size),
-        },
-    )
+    columns = {"shoulder.position": seen[:, 0], "pivot.position": seen[:, 1]}
+    columns["shoulder.motor_torque"] = torque + noise.normal(0.0, 5e-3, times.size)
+    return Log(times, columns)
 
 
 def test_a_passive_joint_is_a_place_and_a_base_is_none(hanging: Robot) -> None:

@@ -8,13 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.outside import ROOT
 from wbc import load_robot
-from wbc.effects import (
-    EFFECTS,
-    CoulombFriction,
-    PayloadMass,
-    TransmissionEfficiency,
-)
+from wbc.effects import EFFECTS, PayloadMass, TransmissionEfficiency
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.classic import ClassicFit, identify, link_names
@@ -56,14 +52,10 @@ def test_a_wrong_mass_and_a_lossy_gear_are_named_each_on_its_side(sensed: list[L
         assert found.probability > 0.95
         for name, value in truth.values.items():
             assert found.parameters[name].value == pytest.approx(value, rel=0.01)
-    other = {f.effect.key: f for f in without.findings}
-
-    def width(finding, name: str) -> float:
-        return finding.parameters[name].high - finding.parameters[name].low
-
-    mass = width(findings[HEAVY.key], "mass"), width(other[HEAVY.key], "mass")
-    print("width of the mass with and without a sensor", *mass)
-    assert mass[0] < 0.8 * mass[1]
+    # A sensor tells the mass better.
+    (other,) = (f for f in without.findings if f.effect.key == HEAVY.key)
+    seen, unseen = (f.parameters["mass"] for f in (findings[HEAVY.key], other))
+    assert seen.high - seen.low < 0.8 * (unseen.high - unseen.low)
     names = [output.output for output in with_sensor.outputs]
     assert names == ["hip", "knee", "hip (link side)", "knee (link side)"]
 
@@ -72,13 +64,13 @@ def test_the_classic_fit_reads_the_links_from_the_sensor(sensed: list[Log]) -> N
     with_sensor, without = identify(LEG, sensed), identify(LEG, blind(sensed))
     assert with_sensor.joints == ("hip", "knee", "hip (link side)", "knee (link side)")
 
+    robots = LEG, LEG.with_effects(HEAVY)
+    moments = [value for robot in robots for n, _, value in link_names(robot) if n == "mz shin"]
+
     def off(fit: ClassicFit) -> float:
         """Return how far the shin's greatest moment is from the truth, as a share."""
-        truth = {n: v for n, _, v in link_names(LEG.with_effects(HEAVY))}
-        drawn = {n: v for n, _, v in link_names(LEG)}
         (found,) = [p for p in fit.parameters if p.name == "mz shin"]
-        change = truth["mz shin"] - drawn["mz shin"]
-        return abs((found.value - found.given) / change - 1.0)
+        return abs((found.value - found.given) / (moments[1] - moments[0]) - 1.0)
 
     # The knee's gear loses a fifth, and a fit of perfect gears puts a part of it into the shin.
     assert off(with_sensor) < 0.01
@@ -87,8 +79,8 @@ def test_the_classic_fit_reads_the_links_from_the_sensor(sensed: list[Log]) -> N
 
 
 def test_dry_friction_is_told_by_its_side_of_the_sensor() -> None:
-    rotor = EFFECTS["rotor_coulomb_friction"]
-    for hidden in (CoulombFriction("hip", 0.4), rotor.at("hip", {"level": 0.4})):
+    for name in ("coulomb_friction", "rotor_coulomb_friction"):
+        hidden = EFFECTS[name].at("hip", {"level": 0.4})
         real = LEG.with_effects(hidden)
         logs = [SENSING.measure(real, record_run(real, LEG, k, 3.0), k) for k in (7, 8)]
         found = diagnose(LEG, logs, KINDS)
@@ -117,7 +109,7 @@ torque_sensor = true
 
 
 def test_a_robot_that_only_has_the_sensor_needs_no_ratio(sensed: list[Log], tmp_path: Path) -> None:
-    model = Path(__file__).parents[2] / "robots" / "planar_leg" / "planar_leg.urdf"
+    model = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
     (tmp_path / "robot.toml").write_text(SENSOR_ONLY.format(model=model))
     robot = load_robot(tmp_path / "robot.toml")
     logs = [log.select(n for n in log.names if "rotor_torque" not in n) for log in sensed]

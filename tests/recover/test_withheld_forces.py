@@ -40,16 +40,17 @@ def biped_with(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> tuple[R
     return robot_of(case), logs_of(record_cases([(case, runs)])[0])
 
 
+Biped = tuple[Robot, list[Log]]
+
+
 @pytest.fixture(scope="module")
-def biped() -> tuple[Robot, list[Log]]:
+def biped() -> Biped:
     """Return two legs with a lossy knee."""
     flaw = Flaw("transmission_efficiency", "knee_f", KNEE)
     return biped_with(flaw, kinds=("multisine", "fast"))
 
 
-def test_the_losses_of_a_knee_are_named_without_force_sensors(
-    biped: tuple[Robot, list[Log]],
-) -> None:
+def test_the_losses_of_a_knee_are_named_without_force_sensors(biped: Biped) -> None:
     robot, logs = biped
     withheld = [without_forces(log) for log in logs]
     assert not any(log.contacts for log in withheld)
@@ -65,7 +66,7 @@ def test_the_losses_of_a_knee_are_named_without_force_sensors(
     assert "base_z" in said
 
 
-def test_a_robot_that_stands_needs_no_flags(biped: tuple[Robot, list[Log]]) -> None:
+def test_a_robot_that_stands_needs_no_flags(biped: Biped) -> None:
     robot, logs = biped
     with_flags, without = (
         compare(robot, [without_forces(log, flags=flags) for log in logs])
@@ -94,9 +95,8 @@ def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: i
     pushed = contact_torque(robot, record.motion.position, forces)
     carried = -(pushed[:, robot.actuated] @ gears.topology) / gears.gear_ratio
     behind = (carried * gears.gear_ratio)[:, robot.sensed]
-    moved = replace(
-        record.believing(robot), torque=record.torque + carried, sensed=record.sensed + behind
-    )
+    torques = {"torque": record.torque + carried, "sensed": record.sensed + behind}
+    moved = replace(record.believing(robot), **torques)
     # What the base needs holds the forces, too, as if it had moved under them.
     links = record.links.copy()
     links[:, robot.unactuated] += pushed[:, robot.unactuated]
@@ -106,17 +106,16 @@ def test_no_force_at_an_active_foot_changes_what_is_judged(feet: int, sensors: i
     assert np.abs(before).max() > 0.1  # gravity and inertia are not all hidden
 
 
-def test_without_flags_a_foot_that_moves_needs_them(biped: tuple[Robot, list[Log]]) -> None:
+def test_without_flags_a_foot_that_moves_needs_them(biped: Biped) -> None:
     robot, logs = biped
     log = without_forces(logs[0], flags=False)
-    walking = log.with_columns(
-        {"base_x.position": log.column("base_x.position") + 0.1 * (log.time - log.time[0])}
-    )
+    ahead = log.column("base_x.position") + 0.1 * (log.time - log.time[0])
+    walking = log.with_columns({"base_x.position": ahead})
     with pytest.raises(IdentificationError, match=r"<contact>\.active.*foot_[fh]' moves by 0\."):
         diagnose(robot, [walking])
 
 
-def test_rows_near_a_change_of_a_flag_are_not_judged(biped: tuple[Robot, list[Log]]) -> None:
+def test_rows_near_a_change_of_a_flag_are_not_judged(biped: Biped) -> None:
     robot, logs = biped
     log = without_forces(logs[0], flags=True)
     lifted = np.where(log.time < log.time[len(log) // 2], 1.0, 0.0)

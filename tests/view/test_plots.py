@@ -28,6 +28,12 @@ from wbc.view.plots import (
 )
 
 
+@pytest.fixture(scope="module")
+def pose(leg: Robot) -> np.ndarray:
+    """The pose of the paper."""
+    return leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+
+
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
     leg: Robot, squat: Log
 ) -> None:
@@ -42,14 +48,13 @@ def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
     np.testing.assert_allclose(height[0].get_ydata(), expected, atol=1e-9)
 
 
-def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log) -> None:
-    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
+def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log, pose: np.ndarray) -> None:
     for theme in (LIGHT, DARK):
         figures = [
             standing_figure(leg, {"run": squat}, theme=theme),
             power_figure(leg, squat, theme),
             energy_figure(leg, squat, theme),
-            leg_figure(leg, q, "foot", theme),
+            leg_figure(leg, pose, "foot", theme),
         ]
         for figure in figures:
             for axes in figure.axes:
@@ -76,9 +81,10 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
     assert np.abs(found["unexplained"]).max() < 2e-3 * np.abs(found["work of the motors"]).max()
 
 
-def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> None:
-    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
-    figure = leg_figure(leg, q, "foot")
+def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(
+    leg: Robot, pose: np.ndarray
+) -> None:
+    figure = leg_figure(leg, pose, "foot")
     figure.draw_without_rendering()
     boxes = []
     for axes in figure.axes:
@@ -94,18 +100,18 @@ def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(leg: Robot) -> N
         assert not a.overlaps(b), f"{one!r} on {other!r}"
 
 
-def test_the_pose_is_the_leg_and_not_the_joints_of_its_base(leg: Robot) -> None:
-    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
-    chain = leg_figure(leg, q, "foot").axes[0].get_lines()[0].get_xydata()
+def test_the_pose_is_the_leg_and_not_the_joints_of_its_base(leg: Robot, pose: np.ndarray) -> None:
+    chain = leg_figure(leg, pose, "foot").axes[0].get_lines()[0].get_xydata()
     np.testing.assert_allclose(chain, [[0, 0], [0.2, 0.34641], [0, 0.69282]], atol=1e-5)
 
 
-def test_the_polygon_that_is_drawn_is_the_one_that_is_printed(leg: Robot) -> None:
+def test_the_polygon_that_is_drawn_is_the_one_that_is_printed(leg: Robot, pose: np.ndarray) -> None:
     """Same signs: a foot about to move up lifts 70 N upwards and holds 175 N downwards."""
-    q = leg.configuration(base_z=0.69282, hip=-np.pi / 6, knee=np.pi / 3)
-    panel = leg_figure(leg, q, "foot").axes[2]
+    panel = leg_figure(leg, pose, "foot").axes[2]
     drawn = {p.get_label(): p.get_xy()[:-1] for p in panel.patches}
-    (printed,) = [m.value for m in summary(leg, q, "foot") if m.name == "force polygon, moving up"]
+    (printed,) = [
+        m.value for m in summary(leg, pose, "foot") if m.name == "force polygon, moving up"
+    ]
     np.testing.assert_allclose(drawn["combined, about to move along z"], printed)
     ends = zip(printed, np.roll(printed, -1, axis=0), strict=True)
     straight = [a[1] - a[0] * (b[1] - a[1]) / (b[0] - a[0]) for a, b in ends if a[0] * b[0] < 0.0]

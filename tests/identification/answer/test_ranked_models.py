@@ -124,10 +124,9 @@ def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: P
     text = (ROOT / "robots" / "go2" / "robot.toml").read_text()
     head, *gears = re.split(r"(?=^\[gears\.)", text, flags=re.MULTILINE)
     others = [re.findall(r"\w+", gear)[1] for gear in gears if "[gears.FL" not in gear]
-    leg = tmp_path / "leg.toml"
     own = "".join(gear for gear in gears if "[gears.FL" in gear)
-    leg.write_text(f"{head}lock = {others}\n\n{own}")
-    robot = load_robot(str(leg)).lossless()
+    (tmp_path / "leg.toml").write_text(f"{head}lock = {others}\n\n{own}")
+    robot = load_robot(tmp_path / "leg.toml").lossless()
     columns = ROOT / "robots" / "go2" / "columns.toml"
     logs = load_logs([outside("go2_position_control/go2_air.parquet")], columns)
     names = """coulomb_friction viscous_friction stribeck_friction load_friction torque_offset

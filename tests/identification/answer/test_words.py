@@ -208,9 +208,9 @@ def test_drives_that_report_only_noise_come_first(verdict: Verdict) -> None:
 
 
 def test_a_sliding_joint_is_answered_in_newtons_and_metres() -> None:
-    robot = load_robot("emps").without_effects()
+    robot, time = load_robot("emps").without_effects(), np.arange(0.0, 6.0, 1e-3)
     waves = [[(0.05 / rate, rate, rate) for rate in (2.0, 5.0, 9.0)]]
-    rubbing, time = robot.with_effect(CoulombFriction("slide", 20.0)), np.arange(0.0, 6.0, 1e-3)
+    rubbing = robot.with_effect(CoulombFriction("slide", 20.0))
     logs = [moved(rubbing, time, waves, (0.0, 0.0, 0.05), seed) for seed in (0, 1)]
     sliding = diagnose(robot, logs, [CoulombFriction, ViscousFriction])
     (friction,) = [f for f in sliding.findings if f.effect.name == "coulomb_friction"]

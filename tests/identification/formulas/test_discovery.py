@@ -35,8 +35,6 @@ from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
 from wbc.robot import Robot
 
-RATE = 250.0  # [Hz]
-
 
 class Moving(NamedTuple):
     """One run: (N, 2) arrays of hip and knee, and the torque that the links ask of them."""
@@ -51,19 +49,14 @@ Torque = Callable[[Moving], tuple[np.ndarray | float, np.ndarray | float]]
 
 
 def logs(
-    torque: Torque,
-    seeds: tuple[int, ...] = (1, 2),
-    duration: float = 6.0,
-    size: float = 1.0,
-    noise: float = 1.0,
+    torque: Torque, seeds: tuple[int, ...] = (1, 2), size: float = 1.0, noise: float = 1.0
 ) -> list[Log]:
     """Return one log per seed of a leg on whose hip and knee `torque` acts."""
-    return [_log(torque, seed, duration, size, noise) for seed in seeds]
+    return [_log(torque, seed, size, noise) for seed in seeds]
 
 
-def _log(torque: Torque, seed: int, duration: float, size: float, noise: float) -> Log:
-    random = np.random.default_rng(seed)
-    time = np.arange(round(RATE * duration)) / RATE
+def _log(torque: Torque, seed: int, size: float, noise: float) -> Log:
+    random, time = np.random.default_rng(seed), np.arange(0.0, 6.0, 0.004)
     frequency = 2.0 * np.pi * random.uniform(0.1, 1.5, (2, 5, 1))
     height = size * 0.35 * random.uniform(0.5, 1.0, (2, 5, 1)) / (0.4 + frequency / (2.0 * np.pi))
     angle = frequency * time + random.uniform(0.0, 2.0 * np.pi, (2, 5, 1))
@@ -99,10 +92,7 @@ HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
         {"knee": {"sin(2 q_hip)": -0.9}},
     ),
     "cubic drag, and a bearing that the other joint's load presses": (
-        lambda r: (
-            -0.05 * r.v[:, 0] ** 3,
-            -0.08 * np.abs(r.load[:, 0]) * np.sign(r.v[:, 1]),
-        ),
+        lambda r: (-0.05 * r.v[:, 0] ** 3, -0.08 * np.abs(r.load[:, 0]) * np.sign(r.v[:, 1])),
         {"hip": {"v_hip^3": -0.05}, "knee": {"|load_hip| * sign(v_knee)": -0.08}},
     ),
     "friction that grows with position, and drag of the other joint": (
@@ -159,12 +149,12 @@ def test_nothing_is_proposed_where_nothing_is_missing(
     assert "No formula found" in found.summary
 
 
-def saturating(run: Moving) -> tuple[float, np.ndarray]:
-    """Friction that rises like an arctangent: no product of the library, but near some."""
-    return 0.0, -0.6 * np.arctan(run.v[:, 1] / 0.6)
-
-
 def test_a_law_outside_the_library_is_approximated_and_holds_on_other_logs(robot: Robot) -> None:
+    """Friction that rises like an arctangent: no product of the library, but near some."""
+
+    def saturating(run: Moving) -> tuple[float, np.ndarray]:
+        return 0.0, -0.6 * np.arctan(run.v[:, 1] / 0.6)
+
     found = discover(robot, logs(saturating))
     assert found.proposals
     assert {p.effect.where for p in found.proposals} == {"knee"}
@@ -267,30 +257,22 @@ def test_a_practice_log_of_a_standing_leg_that_lacks_nothing() -> None:
     assert discover(leg, load_logs([outside("practice_leg/float00a.csv")])).outcome == "none"
 
 
-def part(log: Log, first: float, last: float) -> Log:
-    """Return the stretch of a log between two shares of its length."""
-    rows = slice(int(first * len(log.time)), int(last * len(log.time)))
-    return Log(log.time[rows], {name: values[rows] for name, values in log.columns.items()})
-
-
 def test_a_ball_screw_rubs_less_in_one_direction() -> None:
     """The published identification has viscous, Coulomb friction and offset; more is there."""
     columns = ROOT / "robots" / "emps" / "columns.toml"
     (log,) = load_logs([outside("emps/emps_estimation.parquet")], columns)
     slide = load_robot("emps")
-    published = slide.with_effects(
-        ViscousFriction("slide", 203.5034),
-        CoulombFriction("slide", 20.3935),
-        TorqueOffset("slide", 3.1648),
-    )
-    found = discover(slide, [part(log, 0.0, 0.6)])
+    rubs = ViscousFriction("slide", 203.5034), CoulombFriction("slide", 20.3935)
+    published = slide.with_effects(*rubs, TorqueOffset("slide", 3.1648))
+    end = int(0.6 * len(log))
+    found = discover(slide, [log[:end]])
     (proposal,) = found.proposals
     values = proposal.effect.values
     assert values["v_slide"] == pytest.approx(-203.5, rel=0.05)
     assert values["sign(v_slide)"] == pytest.approx(-20.4, rel=0.05)
     assert 20.0 < values["|v_slide|"] < 60.0
     assert proposal.coefficients["|v_slide|"].unit == "N s/m"
-    unseen = [part(log, 0.6, 1.0)]
+    unseen = [log[end:]]
     assert compare(found.robot, unseen).error < 0.75 * compare(published, unseen).error
 
 

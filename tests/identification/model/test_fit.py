@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 
 from tests.moved import moved
-from wbc import Robot, load_robot
+from wbc import load_robot
 from wbc.arrays import FloatArray
-from wbc.effects import (
-    Backlash,
-    CenterOfMass,
-    CoulombFriction,
-    JointCompliance,
-    ViscousFriction,
-)
+from wbc.effects import Backlash, CenterOfMass, CoulombFriction, JointCompliance, ViscousFriction
 from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -24,26 +18,20 @@ from wbc.measurement import Log
 from wbc.robot import Parameter
 from wbc.sim.excitation import record_with
 
+LEG = load_robot("planar_leg_fixed").lossless()
+
 
 @pytest.fixture(scope="module")
-def leg() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
-
-
-def _falling(leg: Robot, seconds: float) -> list[Log]:
-    """Return a log of a leg that stands on its head, which a soft gear cannot hold."""
+def falling() -> list[Log]:
+    """A log of a leg that stands on its head, which a soft gear cannot hold."""
     slow, fast = 2.0 * np.pi * np.array([0.5, 0.7])
     waves = [[(np.pi, 0.0, 0.5 * np.pi), (0.3, slow, 0.0)], [(0.0, 0.0, 0.0), (0.3, fast, 0.0)]]
-    return [moved(leg, np.arange(0.0, seconds, 0.01), waves, (1e-5, 1e-3, 5e-4))]
+    return [moved(LEG, np.arange(0.0, 20.0, 0.01), waves, (1e-5, 1e-3, 5e-4))]
 
 
-def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
-    problem = EstimationProblem.from_logs(leg, _falling(leg, 20.0))
-    for start in (
-        [JointCompliance("hip", 1.0, 0.0)],
-        [JointCompliance("hip", 1.0, 0.0), ViscousFriction("hip", 0.1)],
-        [Backlash("hip", 0.01, 1.0, 0.0)],
-    ):
+def test_a_link_that_flies_off_loses_and_ends_nothing(falling: list[Log]) -> None:
+    problem, soft = EstimationProblem.from_logs(LEG, falling), JointCompliance("hip", 1.0, 0.0)
+    for start in ([soft], [soft, ViscousFriction("hip", 0.1)], [Backlash("hip", 0.01, 1.0, 0.0)]):
         fit = problem.fit(start)
         assert "flies off" in fit.failed
         assert "'hip'" in fit.failed
@@ -52,19 +40,16 @@ def test_a_link_that_flies_off_loses_and_ends_nothing(leg: Robot) -> None:
     assert not problem.fit([JointCompliance("hip", 5000.0, 10.0)]).failed
 
 
-def test_a_diagnosis_survives_gears_that_hold_nothing(leg: Robot) -> None:
-    found = diagnose(
-        leg, _falling(leg, 5.0), candidates=[JointCompliance, Backlash, ViscousFriction]
-    )
+def test_a_diagnosis_survives_gears_that_hold_nothing(falling: list[Log]) -> None:
+    short = [log.between(0.0, 5.0) for log in falling]
+    found = diagnose(LEG, short, [JointCompliance, Backlash, ViscousFriction])
     assert np.isfinite(found.error.after)
 
 
-LEG = load_robot("planar_leg_fixed")
-
-
 def test_a_number_that_these_motions_cannot_show_is_not_told() -> None:
-    logs = record_with(LEG, [CenterOfMass("shin", 0.0, 0.0, 0.05)], duration=3.0)
-    (finding,) = diagnose(LEG, logs).findings
+    robot = load_robot("planar_leg_fixed")
+    logs = record_with(robot, [CenterOfMass("shin", 0.0, 0.0, 0.05)], duration=3.0)
+    (finding,) = diagnose(robot, logs).findings
     assert finding.effect.name == "center_of_mass"
     assert "y" in finding.parameters
     assert set(finding.numbers) == {"x", "z"}

@@ -16,7 +16,7 @@ from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
 from wbc.identification.readings.robot_checks import told_by_rows
-from wbc.measurement import Log, load_logs, mended, together
+from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
 from wbc.robot.library import robots_directory
 from wbc.sim.excitation import record_with
@@ -113,23 +113,15 @@ def test_wrong_torque_constants_are_no_wrong_side(leg: tuple[Log, ...], factor: 
 
 _TORQUES = ("shoulder.motor_torque", "elbow.motor_torque")
 _ROTORS, _MOTORS = (tuple(f"{j}.{q}_torque" for j in ("hip", "knee")) for q in ("rotor", "motor"))
+_C1, _BOTH = "double_pendulum_c1", "of shoulder and elbow are exchanged"
+_TURNS = "yaw.position, shoulder.position and elbow.position hold turns"
 MISTAKES = [
     # A slide without gravity: friction of any size explained a thousand times the force.
     ("emps", {"slide.motor_torque": {"scale": 1000}}, "error", "slide.motor_torque holds mN"),
     # One log alone does not ask for it.
-    (
-        "double_pendulum_c1",
-        {a: {"from": b} for a, b in (_TORQUES, _TORQUES[::-1])},
-        "error",
-        "the torques of shoulder and elbow are exchanged",
-    ),
+    (_C1, {a: {"from": b} for a, b in (_TORQUES, _TORQUES[::-1])}, "error", f"the torques {_BOTH}"),
     # Rivals explain such a torque without the links.
-    (
-        "double_pendulum_c1",
-        {"elbow.motor_torque": {"sign": -1}},
-        "error",
-        "the sign of elbow.motor_torque is reversed",
-    ),
+    (_C1, {_TORQUES[1]: {"sign": -1}}, "error", f"the sign of {_TORQUES[1]} is reversed"),
     ("arm", {"shoulder.position": {"offset": 0.5 * np.pi}}, "error", "the zero of shoulder.pos"),
     ("arm", {"shoulder.position": {"offset": np.pi}}, "error", "the zero of shoulder.position is"),
     # Behind the last joint a link that is turned needs the same torque.
@@ -141,21 +133,11 @@ MISTAKES = [
     ),
     ("leg", {_ROTORS[1]: {"scale": 20}}, "error", f"after the reduction as {_ROTORS[1]}"),
     *(
-        (
-            "leg",
-            {m: {"from": r, "scale": s} for m, r in zip(_MOTORS, _ROTORS, strict=True)},
-            "error",
-            says,
-        )
-        for s, says in ((1.0, "before the reduction"), (400.0, "once too often"))
+        ("leg", {m: {"from": m.replace("motor", "rotor"), "scale": s} for m in _MOTORS}, "error", t)
+        for s, t in ((1.0, "before the reduction"), (400.0, "once too often"))
     ),
     # As moteus and ODrive report them: that the torques were 6.3 times the need was all.
-    (
-        "arm",
-        {f"{joint}.position": {"scale": 0.5 / np.pi} for joint in JOINTS},
-        "error",
-        "yaw.position, shoulder.position and elbow.position hold turns",
-    ),
+    ("arm", {f"{j}.position": {"scale": 0.5 / np.pi} for j in JOINTS}, "error", _TURNS),
 ]
 
 
@@ -255,13 +237,13 @@ def test_fewer_samples_than_coefficients_tell_no_scale(tmp_path: Path) -> None:
     """One smooth run of the KUKA: its torques were called .21 times what the links need."""
     robot = load_robot(outside("strangers/01_kuka_sign/robot.toml"))
     kinds = {"position": "positions", "velocity": "velocities", "motor_torque": "torques"}
-    lines = [
-        f'columns."lwr_{k}_joint.{ours}" = "{theirs}_{k}"'
+    columns = {
+        f"lwr_{k}_joint.{ours}": {"from": f"{theirs}_{k}"}
         for ours, theirs in kinds.items()
         for k in range(7)
-    ]
-    (tmp_path / "map.toml").write_text("\n".join(['time.from = "times"', *lines]))
-    logs = load_logs([outside("kuka_lwr4/lwr3.npz")], tmp_path / "map.toml")
+    }
+    names = write_map(tmp_path / "map.toml", {"time": {"from": "times"}, "columns": columns})
+    logs = load_logs([outside("kuka_lwr4/lwr3.npz")], names)
     assert find_suspicions(logs, robot) == [[]]
 
 
@@ -351,10 +333,8 @@ def test_a_torque_that_nobody_understands_is_refused(arm: tuple[Robot, tuple[Log
     """A column of noise: no reading mends it, and the check approved it."""
     robot, logs = arm
     random, name = np.random.default_rng(0), "elbow.motor_torque"
-    wrong = [
-        log.with_columns({name: random.normal(0.0, log.column(name).std(), len(log))})
-        for log in logs
-    ]
+    noise = [random.normal(0.0, log.column(name).std(), len(log)) for log in logs]
+    wrong = [log.with_columns({name: n}) for log, n in zip(logs, noise, strict=True)]
     (finding,) = find_suspicions(wrong, robot)[0]
     assert (finding.kind, finding.severity) == ("torque_foreign", "error")
     assert "torque of elbow" in finding.text
@@ -368,7 +348,7 @@ def test_what_logs_show_with_other_numbers_is_mended_once() -> None:
     logs = practice("case00", "ac")
     sizes = ({"hip": -1.0, "knee": -1.0}, {"hip": -1.001})
     wrong = [
-        log.with_columns({f"{j}.velocity": s * log.column(f"{j}.velocity") for j, s in own.items()})
+        mended(log, {"columns": {f"{joint}.velocity": {"scale": s} for joint, s in own.items()}})
         for log, own in zip(logs, sizes, strict=True)
     ]
     with pytest.raises(SuspiciousLogError) as caught:
@@ -415,9 +395,8 @@ def test_a_joint_that_friction_moves_hides_no_mistake_of_another(joint: str) -> 
     A reversed position was called a reversed current, or a torque that follows nothing.
     """
     robot, (log,) = recorded("tiago")
-    columns = {
-        n: {"sign": -1} for n in log.names if n in (f"{joint}.position", f"{joint}.velocity")
-    }
+    turned = {f"{joint}.position", f"{joint}.velocity"}
+    columns = {name: {"sign": -1} for name in turned & set(log.names)}
     ((finding,),) = find_suspicions([mended(log, {"columns": columns})], robot)
     assert f"the sign of {joint}.position is reversed" in finding.text
     if finding.severity == "error":

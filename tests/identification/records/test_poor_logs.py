@@ -34,15 +34,9 @@ JOINTS = ("hip", "knee")
 
 
 @pytest.fixture(scope="module")
-def runs() -> list[Log]:
-    """Two runs of a leg whose hip rubs, and one of a leg whose hip rubs more."""
-    names = "rubbing hip", "rubbing hip, moved otherwise", "hip that rubs more"
-    return [recorded()[name] for name in names]
-
-
-@pytest.fixture
-def friction(runs: list[Log]) -> list[Log]:
-    return runs[:2]
+def friction() -> list[Log]:
+    """Two runs of a leg whose hip rubs."""
+    return [recorded()[name] for name in ("rubbing hip", "rubbing hip, moved otherwise")]
 
 
 def _still(angle: float) -> tuple[float, float, float]:
@@ -59,9 +53,7 @@ def test_where_nothing_moves_nothing_is_named_and_the_log_is_stopped(error: floa
 
 
 @pytest.mark.parametrize("noise", [(2e-5, 3e-3), (1e-5, 1e-3)])
-def test_a_joint_that_holds_still_does_not_rub_against_its_noise(
-    noise: tuple[float, float],
-) -> None:
+def test_a_joint_that_holds_still_does_not_rub_against_its_noise(noise: tuple) -> None:
     """Between the limits of its friction a held joint may carry any torque, here none."""
     waves = [[_still(0.6), (0.0, 5.0, 0.0)], [_still(-0.3), (0.6, 5.0, 0.0)]]
     log = moved(ROBOT, 0.004 * np.arange(1500), waves, (*noise, 2e-3), seed=1)
@@ -84,15 +76,11 @@ def test_drives_that_report_only_noise_are_named_first(friction: list[Log]) -> N
     assert diagnosis.warnings[-1].startswith("hip, knee: no drive reports more than noise")
 
 
-def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
-    friction: list[Log],
-) -> None:
-    random = np.random.default_rng(5)
-    deaf = []
+def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(friction: list[Log]) -> None:
+    random, name, deaf = np.random.default_rng(5), "knee.rotor_torque", []
     for log in friction:
-        noise = random.standard_normal(len(log))
-        needed = log.column("knee.rotor_torque").std()
-        deaf.append(log.with_columns({"knee.rotor_torque": 4.0 * needed * noise}))
+        noise = 4.0 * log.column(name).std() * random.standard_normal(len(log))
+        deaf.append(log.with_columns({name: noise}))
     problem = EstimationProblem.from_logs(ROBOT, deaf)
     reported = np.concatenate([reported_torque(record)[:, 1] for record in problem.records])
     assert np.std(reported) > 0.5 * np.std(reported - problem.residual[:, 1])
@@ -103,13 +91,12 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 
 
-def test_logs_of_two_machines_are_seen_to_disagree(runs: list[Log]) -> None:
-    diagnosis = diagnose(ROBOT, [runs[0], runs[2]], [CoulombFriction])
-    texts = [text for finding in diagnosis.findings for text in finding.warnings]
-    assert any("the logs disagree on level" in text for text in texts)
-    agreeing = diagnose(ROBOT, runs[:2], [CoulombFriction])
-    texts = [text for finding in agreeing.findings for text in finding.warnings]
-    assert not any("disagree" in text for text in texts)
+def test_logs_of_two_machines_are_seen_to_disagree(friction: list[Log]) -> None:
+    other = [friction[0], recorded()["hip that rubs more"]]
+    for logs, disagree in ((other, True), (friction, False)):
+        found = diagnose(ROBOT, logs, [CoulombFriction]).findings
+        texts = [text for finding in found for text in finding.warnings]
+        assert any("the logs disagree on level" in text for text in texts) == disagree
 
 
 def test_a_flying_robot_needs_no_contact_forces() -> None:
@@ -270,18 +257,19 @@ def test_where_a_joint_rests_long_is_no_period(seed: int) -> None:
     assert strongest_orders([position], [torque])[0] == pytest.approx(5.0, abs=0.3)
 
 
-def test_logs_that_say_nothing_are_refused(runs: list[Log]) -> None:
+def test_logs_that_say_nothing_are_refused(friction: list[Log]) -> None:
+    log = friction[0]
     with pytest.raises(IdentificationError, match="no log"):
         diagnose(ROBOT, [])
     with pytest.raises(IdentificationError, match="too short"):
-        diagnose(ROBOT, [runs[0].between(0.0, 0.3)])
-    without = runs[0].select([n for n in runs[0].names if "torque" not in n])
+        diagnose(ROBOT, [log.between(0.0, 0.3)])
+    without = log.select([n for n in log.names if "torque" not in n])
     with pytest.raises(LogError, match="no torque of joint 'hip'"):
         compare(ROBOT, [without])
     free = load_robot("planar_leg").lossless()
-    base = {f"base_{axis}.position": np.zeros(len(runs[0])) for axis in ("x", "z", "pitch")}
+    base = {f"base_{axis}.position": np.zeros(len(log)) for axis in ("x", "z", "pitch")}
     with pytest.raises(IdentificationError, match="contact forces"):
-        compare(free, [runs[0].with_columns(base)])
+        compare(free, [log.with_columns(base)])
 
 
 def test_a_joint_at_rest_whose_sensors_flicker_is_accused_of_nothing(logs: list[Log]) -> None:

@@ -44,15 +44,13 @@ LOGS = 2  # of each of two machines
 Tables = list[dict[str, np.ndarray]]
 
 
+LANES = [Lane(flaws, k, noise=k) for flaws in ({}, LOSSES) for k in range(LOGS)]
+
+
 @pytest.fixture(scope="module")
 def tables() -> Tables:
     """Return runs of a machine as drawn, then of one that loses power and rubs."""
-    return simulate(_lanes(), duration=6.0, step=5e-4, rate=200.0)
-
-
-def _lanes() -> list[Lane]:
-    machines: list[dict[str, float | tuple[float, float]]] = [{}, LOSSES]
-    return [Lane(dict(flaws), k, noise=k) for flaws in machines for k in range(LOGS)]
+    return simulate(LANES, duration=6.0, step=5e-4, rate=200.0)
 
 
 def target_log(
@@ -70,7 +68,7 @@ def target_log(
 
 @pytest.fixture(scope="module")
 def logs(tables: Tables) -> list[Log]:
-    return [target_log(lane, table) for lane, table in zip(_lanes(), tables, strict=True)]
+    return [target_log(lane, table) for lane, table in zip(LANES, tables, strict=True)]
 
 
 def test_targets_and_gains_make_the_torque_that_the_drive_was_told(
@@ -90,17 +88,12 @@ def test_targets_and_gains_make_the_torque_that_the_drive_was_told(
 
 def test_a_coupled_motor_follows_the_target_of_its_own_motion() -> None:
     gears = load_robot("parallelogram_leg").transmission
-    m = gears.size
-    kp = np.arange(1.0, m + 1.0)
-    gears = gears.replace(position_gain=kp)
-    time = np.linspace(0.0, 1.0, 5)
-    error = np.arange(1.0, m + 1.0) * 0.1
+    kp = np.arange(1.0, gears.size + 1.0)
+    gears, error = gears.replace(position_gain=kp), 0.1 * kp
     columns = {f"{joint}.position": np.zeros(5) for joint in gears.joints}
-    columns |= {
-        f"{joint}.target_position": np.full(5, e)
-        for joint, e in zip(gears.joints, error, strict=True)
-    }
-    made = rotor_torques(Log(time, columns), gears)[0]
+    for joint, wanted in zip(gears.joints, error, strict=True):
+        columns[f"{joint}.target_position"] = np.full(5, wanted)
+    made = rotor_torques(Log(np.linspace(0.0, 1.0, 5), columns), gears)[0]
     # Virtual work: the springs kp at the motors' outputs store 1/2 kp (D^-1 e)^2.
     psi = np.linalg.solve(gears.topology, error)
     np.testing.assert_allclose(made * gears.gear_ratio, kp * psi)
@@ -122,7 +115,7 @@ def test_true_gains_leave_noise_only_and_wrong_ones_are_a_wrong_scale(logs: list
 
 def test_drives_that_are_not_late_alike_are_late_and_nothing_else(tables: Tables) -> None:
     """Rotor inertias of what the times miss were certain beside the two delays."""
-    log = target_log(_lanes()[0], tables[0], late=(0.004, 0.0046))
+    log = target_log(LANES[0], tables[0], late=(0.004, 0.0046))
     found = diagnose(with_gains(), [log])
     assert {f.effect.name for f in found.findings if f.certain} <= {"actuation_delay"}
 
@@ -169,9 +162,8 @@ def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> N
 def test_init_asks_for_gains_where_the_files_hold_targets(
     tmp_path: Path, logs: list[Log], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = logs[0].with_columns({})
     names = [f"{joint}.{kind}" for joint in JOINTS for kind in ("position", "goal_position")]
-    save_log(log.select(names), tmp_path / "run.csv")
+    save_log(logs[0].select(names), tmp_path / "run.csv")
     text = (robots_directory() / "planar_leg_fixed" / "robot.toml").read_text(encoding="utf-8")
     model = robots_directory() / "planar_leg_fixed" / tomllib.loads(text)["model"]
     out = tmp_path / "leg"

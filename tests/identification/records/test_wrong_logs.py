@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.moved import without_rows
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.readings import SuspiciousLogError
@@ -24,15 +25,8 @@ def runs() -> list[Log]:
     return [replace(log, source=LogSource(path=f"run{k}.csv")) for k, log in enumerate(logs)]
 
 
-def _without(log: Log, start: float, stop: float) -> Log:
-    """Return a log without the samples of start <= time < stop [s]."""
-    kept = (log.time < start) | (log.time >= stop)
-    columns = {name: values[kept] for name, values in log.columns.items()}
-    return Log(log.time[kept], columns, log.source)
-
-
 def test_a_hole_in_a_log_hides_no_cause(runs: list[Log]) -> None:
-    holed = [_without(log, 1.8, 2.2) for log in runs]
+    holed = [without_rows(log, (901, 1101)) for log in runs]
     comparison, whole = compare(LEG, holed), compare(LEG, runs)
     assert len(comparison.series) == 4
     for seen, expected in zip(comparison.outputs, whole.outputs, strict=True):
@@ -47,7 +41,7 @@ def test_a_hole_in_a_log_hides_no_cause(runs: list[Log]) -> None:
 def test_honest_logs_are_compared_without_a_word(runs: list[Log]) -> None:
     uneven = np.random.default_rng(0).uniform(-0.4, 0.4, len(runs[0])) * 0.002
     jittery = Log(runs[0].time + uneven, runs[0].columns)
-    for logs in (runs, [jittery], [_without(runs[0], 2.0, 2.009)]):
+    for logs in (runs, [jittery], [without_rows(runs[0], (1000, 1005))]):
         assert compare(LEG, logs).warnings == ()
 
 

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from tests.moved import moved
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.identification.answer.shown import series_of
@@ -26,20 +27,8 @@ def robot() -> Robot:
 
 def swing(robot: Robot) -> Log:
     """Eight seconds of the fixed leg, exact motion and the torques `robot` needs for it."""
-    time = np.arange(0.0, 8.0, 2e-3)
-    rates = np.array([2.1, 3.3])
-    q, v, a = (
-        0.5 * rates**k * wave(rates * time[:, None])
-        for k, wave in ((0, np.sin), (1, np.cos), (2, lambda x: -np.sin(x)))
-    )
-    motion = Motion(q, v, a, time=time)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
-    columns = {}
-    for i, joint in enumerate(robot.joints):
-        columns[f"{joint}.position"] = q[:, i]
-        columns[f"{joint}.velocity"] = v[:, i]
-        columns[f"{joint}.rotor_torque"] = torque[:, i]
-    return Log(time, columns)
+    waves = [[(0.5, rate, 0.0)] for rate in (2.1, 3.3)]
+    return moved(robot, np.arange(0.0, 8.0, 2e-3), waves, noise=(0.0, 0.0, 0.0))
 
 
 def test_a_right_model_lies_on_the_measurement(robot: Robot) -> None:
@@ -55,8 +44,9 @@ def test_a_right_model_lies_on_the_measurement(robot: Robot) -> None:
 def test_a_model_without_friction_runs_ahead(robot: Robot) -> None:
     log = swing(robot.with_effect(ViscousFriction("knee", 0.4)))
     ghost = model_ghost(robot, log, np.full(2, 0.01))
-    position = np.interp(ghost.time, log.time, log.column("knee.position"))
-    speed = np.interp(ghost.time, log.time, log.column("knee.velocity"))
+    position, speed = (
+        np.interp(ghost.time, log.time, log.column(f"knee.{q}")) for q in ("position", "velocity")
+    )
     inner = (ghost.time > 1.0) & (ghost.time < 7.0)
     lead = (ghost.position[:, KNEE] - position)[inner]
     # The spring answers a slow push with the push itself, later: correlate over its delay.
@@ -76,8 +66,7 @@ def test_a_model_without_friction_runs_ahead(robot: Robot) -> None:
 def test_a_free_base_is_held_by_its_foot(leg: Robot, squat: Log) -> None:
     stance = squat.between(0.3, 2.0)
     names = ("base_x", "base_z", "base_pitch", "hip", "knee")
-    q = stance.stack("position", names)
-    v = stance.stack("velocity", names)
+    q, v = (stance.stack(quantity, names) for quantity in ("position", "velocity"))
     motion = Motion(q, v, np.gradient(v, stance.time, axis=0), time=stance.time)
     force = np.stack(
         [stance.column("foot.force.x"), 0.0 * stance.time, stance.column("foot.force.z")], axis=1
@@ -92,14 +81,11 @@ def test_a_free_base_is_held_by_its_foot(leg: Robot, squat: Log) -> None:
     log = stance.with_columns({"hip.rotor_torque": torque[:, 0], "knee.rotor_torque": torque[:, 1]})
     ghost = model_ghost(lossless, log)
     feet = [_foot(leg, row) for row in ghost.position[20:-20]]
-    moved = np.linalg.norm(
-        ghost.position[20:-20, 3:]
-        - np.stack([np.interp(ghost.time, log.time, q[:, i]) for i in (3, 4)], axis=1)[20:-20],
-        axis=1,
-    )
-    assert moved.max() > 0.01
+    measured = np.stack([np.interp(ghost.time, log.time, q[:, i]) for i in (3, 4)], axis=1)
+    shift = np.linalg.norm((ghost.position[:, 3:] - measured)[20:-20], axis=1).max()
+    assert shift > 0.01
     # First order: a shift of e leaves the foot off by about e^2 times a link.
-    assert np.abs(np.array(feet) - feet[0]).max() < max(1e-3, 0.8 * moved.max() ** 2)
+    assert np.abs(np.array(feet) - feet[0]).max() < max(1e-3, 0.8 * shift**2)
 
 
 def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -113,13 +99,10 @@ def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
     truth = robot.with_effect(missing)
     rng = np.random.default_rng(0)
     clean = swing(truth)
+    torques = [name for name in clean.names if "torque" in name]
     logs = [
         clean.with_columns(
-            {
-                n: clean.column(n) + 2e-3 * rng.standard_normal(len(clean))
-                for n in clean.names
-                if "torque" in n
-            }
+            {n: clean.column(n) + 2e-3 * rng.standard_normal(len(clean)) for n in torques}
         )
         for _ in range(2)
     ]

@@ -35,13 +35,18 @@ def floats(text: str, *shape: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_playback(
-        tmp_path_factory.mktemp("view") / "squat.html", leg, squat, marks={"squat": 0.7}
-    )
+    path = tmp_path_factory.mktemp("view") / "squat.html"
+    return write_playback(path, leg, squat, marks={"squat": 0.7})
 
 
-def test_every_frame_holds_the_placement_of_every_joint(page: Path, leg: Robot, squat: Log) -> None:
-    scene = scene_of(page)
+@pytest.fixture(scope="module")
+def scene(page: Path) -> dict:
+    return scene_of(page)
+
+
+def test_every_frame_holds_the_placement_of_every_joint(
+    scene: dict, leg: Robot, squat: Log
+) -> None:
     time = floats(scene["time"], -1)
     poses = floats(scene["robot"]["poses"], len(time), leg.model.njoints, 7)
     q = configuration(leg, squat)
@@ -50,27 +55,22 @@ def test_every_frame_holds_the_placement_of_every_joint(page: Path, leg: Robot, 
         row = int(np.argmin(np.abs(squat.time - time[frame])))
         pin.forwardKinematics(leg.model, data, q[row])
         for joint in range(leg.model.njoints):
-            np.testing.assert_allclose(
-                poses[frame, joint, :3], data.oMi[joint].translation, atol=1e-6
-            )
-            turn = pin.Quaternion(data.oMi[joint].rotation).coeffs()
-            assert abs(poses[frame, joint, 3:] @ turn) == pytest.approx(1.0, abs=1e-6)
+            place, pose = data.oMi[joint], poses[frame, joint]
+            np.testing.assert_allclose(pose[:3], place.translation, atol=1e-6)
+            turn = pin.Quaternion(place.rotation).coeffs()
+            assert abs(pose[3:] @ turn) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_impact_is_marked_and_its_force_is_not_skipped(page: Path, squat: Log) -> None:
-    scene = scene_of(page)
-    assert [mark["label"].split(",")[0].split(" at")[0] for mark in scene["marks"]] == [
-        "impact of foot",
-        "squat",
-    ]
+def test_the_impact_is_marked_and_its_force_is_not_skipped(scene: dict, squat: Log) -> None:
+    labels = [mark["label"].split(",")[0].split(" at")[0] for mark in scene["marks"]]
+    assert labels == ["impact of foot", "squat"]
     landing = squat.time[np.argmax(squat.column("foot.force.z") > 0.0)]
     assert scene["marks"][0]["time"] == pytest.approx(landing)
     force = floats(scene["contacts"][0]["force"], -1, 3)
     assert force[:, 2].max() == pytest.approx(squat.column("foot.force.z").max())
 
 
-def test_power_runs_forward_while_rising_and_backward_while_sinking(page: Path) -> None:
-    scene = scene_of(page)
+def test_power_runs_forward_while_rising_and_backward_while_sinking(scene: dict) -> None:
     time = floats(scene["time"], -1)
     knee = next(gear for gear in scene["gears"] if gear["name"] == "knee")
     mode = floats(knee["direction"], -1)

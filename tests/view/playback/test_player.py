@@ -164,10 +164,8 @@ def test_the_frame_button_finds_a_robot_that_went_away(
 ) -> None:
     """It framed the place where the motion began, and an empty window was left."""
     away = squat.column("base_x.position") + 5.0 * squat.time / squat.time[-1]
-    walk = write_playback(
-        tmp_path / "walk.html", leg, squat.with_columns({"base_x.position": away})
-    )
-    other = opened(walk, browser)
+    walk = squat.with_columns({"base_x.position": away})
+    other = opened(write_playback(tmp_path / "walk.html", leg, walk), browser)
     for followed in (True, False):
         other.get_by_label("follow").set_checked(followed)
         other.evaluate("player.seek(1.9)")

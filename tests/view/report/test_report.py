@@ -59,17 +59,11 @@ def logs(robot: Robot) -> list[Log]:
 def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
     effect = ViscousFriction("knee", COEFFICIENT)
     estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
+    support = Support(0.6, 1.0, 0.0, 0.0, explained=True)
+    rivals = (Alternative("coulomb_friction", "knee"),)
     return Diagnosis(
         verdict="ambiguous",
-        findings=(
-            Finding(
-                effect,
-                {"coefficient": estimate},
-                Support(0.6, 1.0, 0.0, 0.0, explained=True),
-                (Alternative("coulomb_friction", "knee"),),
-                ("careful",),
-            ),
-        ),
+        findings=(Finding(effect, {"coefficient": estimate}, support, rivals, ("careful",)),),
         next_experiment="Turn the knee at several constant speeds.",
         error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
         outputs=(OutputLevel("knee", "N m", 4.0, 0.1, 0.1, 0.1),),
@@ -88,9 +82,8 @@ def page(
 ) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
     strays = [open_loop(one, logs, horizons=(0.1, 0.5)) for one in (robot, diagnosis.robot)]
-    return write_report(
-        path, robot, logs, diagnosis, command="wbc diagnose a.csv", simulated=strays
-    )
+    how = {"command": "wbc diagnose a.csv", "simulated": strays}
+    return write_report(path, robot, logs, diagnosis, **how)
 
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
@@ -109,14 +102,12 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     )
     none = replace(diagnosis, verdict="none", findings=())
     assert verdict_sentence(none).startswith("Nothing is missing")
-    partial = replace(diagnosis, verdict="partial")
-    assert verdict_sentence(partial).startswith(
-        "Certainly missing in the model: viscous friction of"
-    )
+    partial, certain = replace(diagnosis, verdict="partial"), "Certainly missing in the model: "
+    assert verdict_sentence(partial).startswith(f"{certain}viscous friction of")
     assert "turn the knee at several constant speeds." in what_to_do(partial)
     unknown = replace(diagnosis, verdict="unknown")
     said = verdict_sentence(replace(unknown, remainder="knee: 0.3 N m left."))
-    assert said.startswith("Certainly missing in the model: viscous friction")
+    assert said.startswith(f"{certain}viscous friction")
     assert said.endswith("No known effect explains the rest: 0.10 N m are left at knee.")
     assert "No known effect" not in verdict_sentence(replace(unknown, remainder=""))
     empty = replace(unknown, findings=())
@@ -222,28 +213,15 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert page.stat().st_size < 10_000_000
     assert not re.search(r'<(script|link|img|iframe)[^>]+(src|href)="(?!data:)', text)
-    for part in (
-        "next",
-        "left",
-        "open-loop",
-        "effects",
-        "ambiguity",
-        "where",
-        "motion",
-        "signals",
-        "staircase",
-        "ranking",
-        "quality",
-        "provenance",
-    ):
+    answer, others = ("next", "left", "effects", "where"), ("open-loop", "ambiguity", "motion")
+    more = ("signals", "staircase", "ranking", "quality", "provenance")
+    for part in (*answer, *others, *more):
         assert f'id="{part}"' in text
     # Every word that the page needs is explained where it first stands.
     assert "its name is not certain" in text  # the verdict: ambiguous
     for word in ("Noise floor", "Attainable", "sure", "90&nbsp;% interval", "Odds"):
         assert f"<b>{word}</b>" in text
-    places = [
-        text.index(f'id="{part}"') for part in ("next", "left", "effects", "where", "ranking")
-    ]
+    places = [text.index(f'id="{part}"') for part in (*answer, "ranking")]
     assert places == sorted(places)  # the answer comes first, what else was tried after it
     for words in (
         "after 0.5\u00a0s",
@@ -374,17 +352,17 @@ def test_lines_to_copy_stand_on_lines_of_their_own(robot: Robot, tmp_path: Path)
     assert ".lines { white-space: pre-line; }" in page
 
 
-def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path) -> None:
-    leg = wbc.load_robot("planar_leg_fixed").lossless()
+def test_a_proposed_formula_stands_in_the_report_with_its_numbers(
+    robot: Robot, tmp_path: Path
+) -> None:
     hidden = CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})
-    logs = record_with(leg, [hidden], duration=2.0)
-    diagnosis = diagnose(leg, logs, [ViscousFriction])
-    discovery = discover(leg, logs, known=diagnosis.effects)
+    logs = record_with(robot, [hidden], duration=2.0)
+    diagnosis = diagnose(robot, logs, [ViscousFriction])
+    discovery = discover(robot, logs, known=diagnosis.effects)
     (proposal,) = discovery.proposals
-    page = write_report(tmp_path / "r.html", leg, logs, diagnosis, discovery=discovery)
+    page = write_report(tmp_path / "r.html", robot, logs, diagnosis, discovery=discovery)
     text = page.read_text(encoding="utf-8")
-    section = text[text.index('<section id="formulas">') :]
-    section = section[: section.index("</section>")]
+    section = text.partition('<section id="formulas">')[2].partition("</section>")[0]
     assert "sin(2 q_hip)" in section
     assert discovery.summary in section
     (estimate,) = proposal.coefficients.values()

@@ -67,18 +67,14 @@ def seen_of_hub(robot: Robot, joint: str) -> float:
         for item, _, number, placement in placed_geometry(robot, pin.GeometryType.VISUAL)
     ]
 
-    def free(point: np.ndarray) -> bool:
+    def gap(point: np.ndarray, body: coal.CollisionGeometry, where: pin.SE3) -> float:
         dot = coal.Transform3s(np.eye(3), place.act(hub.radius * point))
-        for body, where in bodies:
-            there = coal.Transform3s(where.rotation, where.translation)
-            found = coal.distance(
-                coal.Sphere(1e-5), dot, body, there, coal.DistanceRequest(), coal.DistanceResult()
-            )
-            if found <= 0.0:
-                return False
-        return True
+        there = coal.Transform3s(where.rotation, where.translation)
+        asked, answer = coal.DistanceRequest(), coal.DistanceResult()
+        return coal.distance(coal.Sphere(1e-5), dot, body, there, asked, answer)
 
-    return float(np.mean([free(point) for point in rim.reshape(-1, 3)]))
+    free = [all(gap(point, *body) > 0.0 for body in bodies) for point in rim.reshape(-1, 3)]
+    return float(np.mean(free))
 
 
 def test_no_link_hides_the_disc_of_a_joint() -> None:
@@ -104,15 +100,12 @@ def test_discs_of_parallel_joints_at_one_place_keep_apart() -> None:
     assert spans[0][1] < spans[1][0]
 
 
+STAIRS = Stairs(np.array([-5.0, 0.1, 0.4]), np.array([9.0, 0.0, 0.1, 0.25]))
+TILTED = Plane(np.array([0.1, -0.2, 1.0]), -0.2)
+
+
 @pytest.mark.parametrize(
-    "terrain",
-    [
-        Plane(),
-        Plane(height=0.3),
-        Plane.slope(0.25, 0.1),
-        Plane(np.array([0.1, -0.2, 1.0]), -0.2),
-        Stairs(np.array([-5.0, 0.1, 0.4]), np.array([9.0, 0.0, 0.1, 0.25])),
-    ],
+    "terrain", [Plane(), Plane(height=0.3), Plane.slope(0.25, 0.1), TILTED, STAIRS]
 )
 def test_points_on_the_drawn_surface_touch_the_ground(terrain: Terrain) -> None:
     center, rng = np.array([0.2, 0.1, 0.6]), np.random.default_rng(0)
