@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.dynamics import link_torque, rotor_torque
+from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import PayloadMass, load_robot
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
@@ -32,16 +34,30 @@ def moved(
     size, rate, phase = np.moveaxis(np.asarray(waves), -1, 0)[..., None]
     angle = rate * time + phase
     parts = (size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle))
-    motion = Motion(*(np.sum(part, axis=1).T for part in parts), time=time)
-    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion))
+    exact = exact_log(robot, Motion(*(np.sum(part, axis=1).T for part in parts), time=time))
     drawn = np.random.default_rng(seed).standard_normal((len(robot.joints), 3, len(time)))
     columns = {}
     for i, joint in enumerate(robot.joints):
-        for k, (name, values) in enumerate(
-            (("position", motion.position), ("velocity", motion.velocity), ("rotor_torque", torque))
-        ):
-            columns[f"{joint}.{name}"] = values[:, i] + noise[k] * drawn[i, k]
+        for k, quantity in enumerate(("position", "velocity", "rotor_torque")):
+            name = f"{joint}.{quantity}"
+            columns[name] = exact.column(name) + noise[k] * drawn[i, k]
     return Log(time, columns)
+
+
+def exact_log(robot: Robot, motion: Motion, forces: Mapping[str, np.ndarray] | None = None) -> Log:
+    """Return a log of a motion and the torques that the robot's drives need for it."""
+    pushed = contact_torque(robot, motion.position, forces) if forces else 0.0
+    torque, _ = rotor_torque(robot, motion, link_torque(robot, motion), pushed)
+    columns = {}
+    for quantity, joints, values in (
+        ("position", robot.single_joints, motion.position),
+        ("velocity", robot.single_joints, motion.velocity),
+        ("rotor_torque", robot.transmission.joints, torque),
+    ):
+        columns |= {f"{j}.{quantity}": v for j, v in zip(joints, values.T, strict=True)}
+    for contact, force in (forces or {}).items():
+        columns |= {f"{contact}.force.{x}": f for x, f in zip("xyz", force.T, strict=True)}
+    return Log(motion.time, columns)
 
 
 def without_rows(log: Log, *rows: tuple[int, int]) -> Log:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -30,13 +29,13 @@ unit = "N m"
 """
 
 
-def cause(name: str, **values: float) -> dict[str, Any]:
-    parameters = {n: {"value": v, "unit": "1"} for n, v in values.items()}
-    return {"effect": name, "where": ["knee"], "parameters": parameters}
-
-
 # What `wbc diagnose --json` of 0.1 wrote for the sample logs, shortened.
-GEAR = cause("transmission_efficiency", forward_efficiency=0.8, backward_efficiency=0.75)
+LOSSES = {"forward_efficiency": 0.8, "backward_efficiency": 0.75}
+GEAR = {
+    "effect": "transmission_efficiency",
+    "where": ["knee"],
+    "parameters": {name: {"value": value, "unit": "1"} for name, value in LOSSES.items()},
+}
 RIVAL = {"effect": "load_friction", "where": "knee", "parameters": {"coefficient": 0.219}}
 ROW = {
     "added": [{"effect": "load_friction", "where": "knee"}],

@@ -20,6 +20,7 @@ from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.trial import logs_of, robot_of
 from wbc.effects import EFFECTS
 from wbc.identification import compare, rank_robots
+from wbc.identification.model import estimation_problem
 
 SENSORS = Sensors(rate=250.0, position=2e-5, bits=18, velocity=3e-3, torque=0.005, force=0.3)
 
@@ -103,7 +104,11 @@ def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
     + [("wrist6", effect) for effect in AT_MOTORS]
     + [("biped", effect) for effect in ("load_friction", "payload_mass", "gravity_direction")],
 )
-def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(family: str, effect: str) -> None:
+def test_the_librarys_effect_is_the_plants_on_a_prescribed_motion(
+    family: str, effect: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Whether a column looks wrong is asked in closed loop, and takes two thirds of the time here.
+    monkeypatch.setattr(estimation_problem, "suspicions", lambda *_: [])
     machine = draw_machine(np.random.default_rng(3), family)
     assert_told(recorded(machine, (flaw_of(effect, machine),), ("multisine", "sweep")))
 

@@ -13,6 +13,7 @@ from wbc.effects import CoulombFriction
 from wbc.measurement import Log, save_log
 from wbc.robot import Effect
 
+LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 Told = Callable[..., str]
 
 

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import LEG, Told
 from wbc.cli import main
 from wbc.measurement import Log, save_log
 
-LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 BAD = [
     # logs
     ("compare nowhere.csv LEG", "no log at 'nowhere.csv'"),

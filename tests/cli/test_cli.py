@@ -10,6 +10,7 @@ from math import inf
 
 import pytest
 
+from tests.cli.conftest import LEG
 from wbc.cli import main, models
 from wbc.effects import EFFECTS
 from wbc.errors import WbcError
@@ -17,7 +18,6 @@ from wbc.measurement import save_log
 from wbc.samples import sample_paths
 
 COMMANDS = ["compare", "diagnose", "check", "play", "metrics", "design", "experiment", "list"]
-LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 
 def test_diagnose_names_the_effect_and_saves_a_robot_that_explains_the_logs(
@@ -162,10 +162,6 @@ def loaded(*commands: list[str]) -> list[str]:
     return told(_RUN.replace("COMMANDS", repr(commands)))[1:]
 
 
-def test_help_loads_neither_plant_nor_controller() -> None:
-    assert loaded(["--help"], ["diagnose", "--help"], ["design", "--help"]) == []
-
-
 def test_the_list_of_commands_loads_none_of_them() -> None:
     """`wbc --help` took 2.6 s: it imported what every command needs."""
     found = told("import sys, wbc.cli.options as o; o.build_parser(); print(*sys.modules)")
@@ -176,10 +172,10 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
 
 def test_an_answer_does_not_wait_for_the_compiler() -> None:
     """The open-loop error, which needs the plant, follows the answer; a check needs none."""
-    paths = [str(path) for path in sample_paths()]
-    robot = ["--robot", "planar_leg_fixed", "--lossless", "--quiet"]
+    paths, robot = list(map(str, sample_paths())), [*LEG, "--quiet"]
+    helps = [["--help"], ["diagnose", "--help"], ["design", "--help"]]
     answer = ["diagnose", "--add", "coulomb_friction", *paths, *robot]
-    assert loaded(["list", "effects"], ["check", paths[0], *robot], answer) == []
+    assert loaded(*helps, ["list", "effects"], ["check", paths[0], *robot], answer) == []
 
 
 def test_a_simulation_is_loaded_when_it_is_used_by_a_name_that_no_module_hides() -> None:

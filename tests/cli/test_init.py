@@ -25,30 +25,27 @@ OURS = (ROOT / "robots" / "simple_pendulum" / "simple_pendulum.urdf").read_text(
 PENDULUM = OURS.replace("0 -1 0", "0 1 0").replace('joint name="pendulum"', 'joint name="pivot"')
 
 
+DOUBLE = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory_00"
+
+
 @pytest.mark.parametrize(
-    ("model", "log", "part", "joints"),
+    ("model", "log", "joints"),
     [
-        (
-            "double_pendulum/double_pendulum.urdf",
-            "dfki_double_pendulum/double_pendulum.parquet",
-            "#A.0/trajectory_00",
-            ("shoulder", "elbow"),
-        ),
-        ("emps/emps.urdf", "emps/emps_estimation.parquet", "", ("slide",)),
-        ("", "simple_pendulum/direct_collocation.parquet", "", ("pivot",)),
+        ("double_pendulum", DOUBLE, ("shoulder", "elbow")),
+        ("emps", "emps/emps_estimation.parquet", ("slide",)),
+        ("", "simple_pendulum/direct_collocation.parquet", ("pivot",)),
     ],
 )
 def test_a_strangers_files_become_a_verdict(
     model: str,
     log: str,
-    part: str,
     joints: tuple[str, ...],
     told: Told,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path = str(outside(log))
-    given = ROOT / "robots" / model if model else tmp_path / "pendulum.urdf"
+    path, mark, part = str(outside(log)).partition("#")
+    given = ROOT / "robots" / model / f"{model}.urdf" if model else tmp_path / "pendulum.urdf"
     if not model:
         given.write_text(PENDULUM)
     said = told("init", given, path, "--out", tmp_path)
@@ -57,7 +54,7 @@ def test_a_strangers_files_become_a_verdict(
     assert "guess: " in columns.read_text()
     assert "guess: not in the model file" in robot.read_text()
     assert load_robot(robot).transmission.joints == joints
-    read = [f"{path}{part}", "--robot", str(robot), "--columns", str(columns)]
+    read = [f"{path}{mark}{part}", "--robot", str(robot), "--columns", str(columns)]
     assert f"look up in {robot}: gears." in said
     assert "still guesses of `wbc init`" in told("check", *read)
     # One of the three with every effect there is, as a stranger would, and all of its answer.

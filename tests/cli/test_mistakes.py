@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import LEG, Told
 from tests.columns import Columns, write_columns
 from tests.outside import ROOT, outside
 from wbc import load_robot
@@ -25,7 +25,6 @@ from wbc.measurement import Log, load_log, load_logs, mended, save_log, together
 from wbc.robot import Robot
 from wbc.samples import sample_logs
 
-LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 RATIOS = {"hip": 20.0, "knee": 20.0}
 
 

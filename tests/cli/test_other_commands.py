@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import LEG, Told
 from tests.recover.test_torque_sensors import BENCH, URDF, bench_log, without_positions
 from wbc import load_robot
 from wbc.cli import main
@@ -81,8 +81,7 @@ def test_it_prints_whole_numbers_within_eighty_columns_and_writes_them(
     monkeypatch.setenv("COLUMNS", "80")
     logs = [str(save_log(log, tmp_path / f"run{k}.csv")) for k, log in enumerate(sample_logs())]
     out = tmp_path / "parameters.json"
-    robot = ["--robot", "planar_leg_fixed", "--lossless"]
-    assert main(["identify", *logs, *robot, "--json", str(out)]) == 0
+    assert main(["identify", *logs, *LEG, "--json", str(out)]) == 0
     shown = capsys.readouterr().out.splitlines()
     assert max(map(len, shown)) <= 80
     (friction,) = (line for line in shown if line.strip().startswith("coulomb_friction at hip"))

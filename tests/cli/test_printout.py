@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import LEG, Told
 from wbc import load_robot
 from wbc.cli import main
 from wbc.cli.models import print_diagnosis
@@ -25,8 +25,6 @@ from wbc.identification import (
     Support,
 )
 from wbc.identification.open_loop import OpenLoop
-
-LEG = ["--robot", "planar_leg_fixed", "--lossless"]
 
 
 def finding(joint: str) -> Finding:

@@ -58,8 +58,7 @@ SHOWN = re.compile(r"!\[([^\]]*)\]\((?:docs/|(?:\.\./)*)images/([^)]+)\)")
 
 def shown() -> dict[str, str]:
     """Return file name -> what the page says that it shows."""
-    docs = ROOT / "docs"
-    pages = [ROOT / "README.md", *docs.rglob("*.md")]
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     return {name: text for page in pages for text, name in SHOWN.findall(page.read_text("utf-8"))}
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.columns import write_columns
 from tests.moved import swing
 from wbc import load_robot
 from wbc.effects import (
@@ -18,7 +19,7 @@ from wbc.effects import (
     TransmissionEfficiency,
     ViscousFriction,
 )
-from wbc.identification import Diagnosis, compare, diagnose
+from wbc.identification import compare, diagnose
 from wbc.measurement import Log, load_logs
 from wbc.robot import Effect
 
@@ -28,18 +29,16 @@ KINDS: list[type[Effect]] = [CoulombFriction, ViscousFriction, TransmissionEffic
 RUNS = tuple(swing(LEG.with_effects(*HIDDEN), k, float(k), seconds=4.0) for k in (1, 2, 3))
 
 
-def numbers(diagnosis: Diagnosis) -> dict[tuple[str, str, str], float]:
-    return {
-        (*f.effect.key, name): e.value for f in diagnosis.findings for name, e in f.numbers.items()
-    }
+Numbers = dict[tuple[str, str, str], float]
 
 
-def answer(logs: Sequence[Log]) -> dict[tuple[str, str, str], float]:
-    return numbers(diagnose(LEG, logs, KINDS))
+def answer(logs: Sequence[Log]) -> Numbers:
+    found = diagnose(LEG, logs, KINDS).findings
+    return {(*f.effect.key, name): e.value for f in found for name, e in f.numbers.items()}
 
 
 @cache
-def usual() -> dict[tuple[str, str, str], float]:
+def usual() -> Numbers:
     """Return the answer to the runs as they are, which the tests hold theirs beside."""
     return answer(RUNS)
 
@@ -84,11 +83,9 @@ def test_repeats_never_lower_the_noise_floor() -> None:
 
 def test_repeats_are_paired_by_time_not_by_a_count_of_rows() -> None:
     """A repeat with one row less was no repeat: its scatter said nothing of the noise."""
-    first, shifted = RUNS[0], {}
-    for joint in LEG.transmission.joints:
-        torque = first.column(f"{joint}.rotor_torque")
-        shifted[f"{joint}.rotor_torque"] = torque + 0.05 * np.sin(2.0 * first.time)
-    again = first.with_columns(shifted)
+    first, names = RUNS[0], [f"{joint}.rotor_torque" for joint in LEG.transmission.joints]
+    wave = 0.05 * np.sin(2.0 * first.time)
+    again = first.with_columns({name: first.column(name) + wave for name in names})
     whole = compare(LEG, [first, again, RUNS[1]])
     shorter = compare(LEG, [first, again[:-3], RUNS[1]])
     for one, other in zip(whole.outputs, shorter.outputs, strict=True):
@@ -110,17 +107,16 @@ def test_a_joint_that_carries_next_to_nothing_gets_no_statement() -> None:
 def test_units_and_the_side_of_the_gear_change_nothing(tmp_path: Path) -> None:
     """Degrees, and millinewton metres behind the gear, told by a map."""
     units = {"position": ("deg", 180.0 / np.pi), "velocity": ("deg/s", 180.0 / np.pi)}
-    lines, factors = ["[columns]"], {}
-    for joint, ratio in zip(LEG.transmission.joints, LEG.transmission.gear_ratio, strict=True):
-        for name, (unit, factor) in (units | {"rotor_torque": ("mN m", 1e3 * ratio)}).items():
-            factors[f"{joint}.{name}"] = factor
-            ours = f"{joint}.{name}".replace("rotor", "motor")
-            lines.append(f'"{ours}" = {{ from = "{joint}_{name}", unit = "{unit}" }}')
-    columns, files = tmp_path / "columns.toml", []
-    columns.write_text("\n".join(lines))
+    units["rotor_torque"] = ("mN m", 1e3 * LEG.transmission.gear_ratio[0])  # of both gears
+    lines, files = ["[columns]"], []
+    for name in RUNS[0].names:
+        ours, unit = name.replace("rotor", "motor"), units[name.partition(".")[2]][0]
+        lines.append(f'"{ours}" = {{ from = "{name.replace(".", "_")}", unit = "{unit}" }}')
+    (tmp_path / "columns.toml").write_text("\n".join(lines))
     for k, log in enumerate(RUNS):
-        values = [log.time, *(factor * log.column(name) for name, factor in factors.items())]
-        files.append(tmp_path / f"run{k}.csv")
-        names = ",".join(["time", *(name.replace(".", "_") for name in factors)])
-        np.savetxt(files[-1], np.stack(values, axis=1), "%.15g", ",", header=names, comments="")
-    assert answer(load_logs(files, columns)) == pytest.approx(usual(), rel=1e-6)
+        theirs = {"time": log.time}
+        for name, values in log.columns.items():
+            theirs[name.replace(".", "_")] = units[name.partition(".")[2]][1] * values
+        files.append(write_columns(theirs, tmp_path / f"run{k}.csv"))
+    found = answer(load_logs(files, tmp_path / "columns.toml"))
+    assert found == pytest.approx(usual(), rel=1e-6)

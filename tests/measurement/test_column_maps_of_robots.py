@@ -22,16 +22,11 @@ def _map(robot: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("robot", "design", "count"),
-    [
-        ("double_pendulum", "A.0", 8),
-        ("double_pendulum_c0", "C.0", 7),
-        ("double_pendulum_c1", "C.1", 12),
-    ],
+    ("robot", "design", "count"), [("", "A.0", 8), ("_c0", "C.0", 7), ("_c1", "C.1", 12)]
 )
 def test_double_pendulum_logs_are_split_by_design(robot: str, design: str, count: int) -> None:
     path = outside(PENDULUM)
-    logs = load_logs([path], _map(robot))
+    logs = load_logs([path], _map(f"double_pendulum{robot}"))
     assert len(logs) == count
     assert all(log.source.part.startswith(design + "/") for log in logs)
     table = pq.read_table(path, filters=[("log", "==", logs[0].source.part)])

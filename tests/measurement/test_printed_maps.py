@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.columns import Columns, read_columns, write_columns
-from wbc.dynamics import link_torque, rotor_torque
+from tests.moved import exact_log
 from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
@@ -186,10 +186,10 @@ def right(swing: Log) -> Columns:
     """The swing with the torque that the leg needs for it, so that wrong torques show."""
     robot = load_robot("planar_leg_fixed").lossless()
     q, v = (swing.stack(quantity, list(RATIOS)) for quantity in ("position", "velocity"))
-    motion = Motion(q, v, np.gradient(v, swing.time, axis=0), swing.time)
-    torque = 20.0 * rotor_torque(robot, motion, link_torque(robot, motion))[0]
+    log = exact_log(robot, Motion(q, v, np.gradient(v, swing.time, axis=0), swing.time))
+    motor = {name: 20.0 * log.column(name.replace("motor", "rotor")) for name in TORQUES}
     columns = {name: swing.columns[name] for name in swing.names if "torque" not in name}
-    return {"time": swing.time, **columns, **dict(zip(TORQUES, torque.T, strict=True))}
+    return {"time": swing.time, **columns, **motor}
 
 
 @pytest.mark.parametrize("name", CASES)

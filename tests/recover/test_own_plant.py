@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import islice
 from typing import Any
@@ -14,8 +13,8 @@ import pytest
 from tests.recover.plant import Lane, as_log, simulate
 from wbc.effects import load_robot
 from wbc.identification import Diagnosis, diagnose
-from wbc.measurement import Log
 
+LEG = load_robot("planar_leg_fixed").lossless()
 WEDGE = 2.0 - 1.0 / 0.9
 Cases = dict[str, tuple[dict[str, Any], dict[str, dict[str, float]]]]
 CASES: Cases = {
@@ -106,11 +105,7 @@ def tables() -> dict[str, list[dict[str, np.ndarray]]]:
 @cache
 def diagnosed(name: str) -> Diagnosis:
     """Return the diagnosis of a case, made when a test first asks: tests run in two processes."""
-    return diagnose(load_robot("planar_leg_fixed").lossless(), logs_of(tables()[name]))
-
-
-def logs_of(tables: Sequence[Mapping[str, np.ndarray]]) -> list[Log]:
-    return [as_log(table) for table in tables]
+    return diagnose(LEG, [as_log(table) for table in tables()[name]])
 
 
 @pytest.mark.parametrize("name", CASES | LOSSES)
@@ -171,10 +166,10 @@ def test_the_error_falls_with_every_cause_added() -> None:
 def test_a_drive_that_follows_its_supply_is_told_from_a_wrong_constant(
     follows: bool, name: str, values: dict[str, float]
 ) -> None:
-    logs = logs_of(tables()[f"follows {follows}"])
+    logs = [as_log(table) for table in tables()[f"follows {follows}"]]
     for k, share in enumerate((1.0 - 0.02 * logs[0].time, 0.85 * np.ones(len(logs[1])))):
         logs[k] = logs[k].with_columns({f"{j}.voltage": 48.0 * share for j in ("hip", "knee")})
-    diagnosis = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    diagnosis = diagnose(LEG, logs)
     assert diagnosis.verdict == "named"
     (found,) = diagnosis.effects
     assert found.key == (name, "knee")

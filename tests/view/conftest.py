@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from tests.moved import exact_log
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 
@@ -45,17 +45,7 @@ def squat(leg: Robot) -> Log:
     vertical = np.where(time < LANDING, 0.0, mass * (9.81 + a[:, 1]))
     vertical[landing : landing + 3] = [900.0, 500.0, 250.0]
     force = np.stack([0.05 * vertical, np.zeros_like(time), vertical], axis=1)
-    motion = Motion(q, v, a, time=time)
-    torque, _ = rotor_torque(
-        leg, motion, link_torque(leg, motion), contact_torque(leg, q, {"foot": force})
-    )
-    columns = {f"{name}.position": values for name, values in joints.items()}
-    columns |= {f"{name}.velocity": v[:, i] for i, name in enumerate(joints)}
-    columns |= {
-        f"{name}.rotor_torque": torque[:, i] for i, name in enumerate(leg.transmission.joints)
-    }
-    columns |= {"foot.force.x": force[:, 0], "foot.force.z": force[:, 2]}
-    return Log(time, columns)
+    return exact_log(leg, Motion(q, v, a, time=time), {"foot": force})
 
 
 @pytest.fixture(scope="module")

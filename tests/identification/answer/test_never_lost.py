@@ -39,10 +39,9 @@ class Bad(Effect):
 
     size: float
 
-    name: ClassVar[str] = "broken"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
-    explanation: ClassVar[str] = "None."
-    experiment: ClassVar[str] = "None."
+    name = "broken"
+    parameters: ClassVar = (Parameter("size", "1", 0.0, -1.0, 1.0, 0.1),)
+    explanation = experiment = "None."
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -57,7 +56,7 @@ class Bad(Effect):
 class Boundless(Bad):
     """An effect whose torque is no number once it has a size."""
 
-    name: ClassVar[str] = "boundless"
+    name = "boundless"
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         return np.full(motion.velocity.shape, np.nan if self.size else 0.0)

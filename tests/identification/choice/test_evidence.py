@@ -23,7 +23,7 @@ def begun_at(*first: float) -> SimpleNamespace:
 
 
 PROBLEM = begun_at(1.0)
-FRICTION = CoulombFriction("hip", 0.5)
+FRICTION, PLAY = CoulombFriction("hip", 0.5), Backlash("knee", 0.04, 2e3, 10.0)
 
 
 def hypothesis(
@@ -46,27 +46,25 @@ def test_less_in_every_fold_is_never_less_evidence() -> None:
 def test_more_rows_do_not_average_out_what_filters_distort() -> None:
     """An efficiency of 0.998 was certain on three long logs: it took up what filters distort."""
     rough = begun_at(1e4)  # 1 % of it (rms) is one floor
-    found = []
-    for rows in (1e2, 1e4, 1e6):
-        one, other = (replace(hypothesis(s), rows=np.full(5, rows)) for s in (1.2, 1.19))
-        evidence = weigh(rough, [one, other])  # type: ignore[arg-type]
-        found.append(evidence[1] - evidence[0])
+
+    def gain(before: float, after: float, rows: float) -> float:
+        two = [replace(hypothesis(left), rows=np.full(5, rows)) for left in (before, after)]
+        one, other = weigh(rough, two)  # type: ignore[arg-type]
+        return other - one
+
     most = 0.01 / 0.1**2  # what it explains over what may look like it, in squares
-    assert found[0] < found[1] < found[2] < most
+    assert gain(1.2, 1.19, 1e2) < gain(1.2, 1.19, 1e4) < gain(1.2, 1.19, 1e6) < most
     # A cause as large as all that is distorted is certain all the same.
-    small, large = (replace(hypothesis(s), rows=np.full(5, 1e4)) for s in (2.2, 1.2))
-    evidence = weigh(rough, [small, large])  # type: ignore[arg-type]
-    assert evidence[1] - evidence[0] > 20.0
+    assert gain(2.2, 1.2, 1e4) > 20.0
 
 
 def test_nothing_below_what_a_simulated_link_distorts_is_evidence() -> None:
     """Causes beside a link that bounces took up what its simulation leaves: 300 nats for none."""
     rough = begun_at(4001.0)  # 5 % of it (rms) are 10 floors^2
-    play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
-    alone, beside = hypothesis(9.0, effects=(play,)), hypothesis(4.0, effects=(play, FRICTION))
+    alone, beside = hypothesis(9.0, effects=(PLAY,)), hypothesis(4.0, effects=(PLAY, FRICTION))
     one, other = weigh(rough, [alone, beside])  # type: ignore[arg-type]
     assert one == pytest.approx(other)
-    worse, one = weigh(rough, [hypothesis(22.0, effects=(play,)), beside])  # type: ignore[arg-type]
+    worse, one = weigh(rough, [hypothesis(22.0, effects=(PLAY,)), beside])  # type: ignore[arg-type]
     assert one - worse == pytest.approx(100.0 * np.log(2.0))
 
 
@@ -74,8 +72,7 @@ def test_no_cause_is_worth_more_than_leaving_nothing() -> None:
     """Beside a spring that left 1.04 floors nine causes more were fitted: none could win."""
     rough = begun_at(4001.0)
     rough.white_samples = np.array([0.4])
-    play = Backlash("knee", width=0.04, stiffness=2e3, damping=10.0)
-    at_floor, above = (hypothesis(left, effects=(play,)) for left in (9.0, 22.0))
+    at_floor, above = (hypothesis(left, effects=(PLAY,)) for left in (9.0, 22.0))
     assert left_to_gain(rough, at_floor) == 0.0  # type: ignore[arg-type]
     assert left_to_gain(rough, above) == pytest.approx(100.0 * np.log(2.0))  # type: ignore[arg-type]
     assert left_to_gain(rough, hypothesis(9.0)) == np.inf  # type: ignore[arg-type]
@@ -109,21 +106,15 @@ def test_an_effect_at_every_joint_may_imitate_what_sits_in_every_joint() -> None
     """Rotor inertias at five of six joints imitated an unknown memory of friction: 0.996 each."""
     five = 4 * 5 / 6
 
-    def probability(expected: float, remainder: float) -> float:
-        support = Support(1.0, 1.0, remainder, five, explained=False, expected=expected)
-        return support.probability
-
-    assert probability(expected=1.0, remainder=1.1) < 0.95  # a rotor's inertia
-    assert probability(expected=2.0, remainder=1.1) > 0.95  # friction, which most robots have
+    rotor, friction = (Support(1.0, 1.0, 1.1, five, False, expected=e) for e in (1.0, 2.0))
+    assert rotor.probability < 0.95 < friction.probability  # which most robots have
 
 
 @pytest.mark.parametrize("share", [0.8, 0.95])
 def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
     """First-order noise: the sum of its squared autocorrelations is known (Bartlett)."""
-    rows = 20000
-    record = SimpleNamespace(
-        rows=rows, weight=np.ones((rows, 1)), condense=lambda values: np.ones((rows, 1))
-    )
+    rows, ones = 20000, np.ones((20000, 1))
+    record = SimpleNamespace(rows=rows, weight=ones, condense=lambda values: ones)
     problem = object.__new__(EstimationProblem)
     object.__setattr__(problem, "records", (record, record))
     object.__setattr__(problem, "floor", SimpleNamespace(aside=()))

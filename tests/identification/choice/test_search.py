@@ -109,10 +109,8 @@ def test_what_only_the_first_second_shows_is_no_drift_with_time() -> None:
 
 def test_what_is_only_explained_by_impossible_numbers_is_not_named() -> None:
     """A drive whose report is a seventh of the truth is beyond what a torque constant may be."""
-    logs = record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
-    weak = [
-        log.with_columns({"hip.rotor_torque": log.column("hip.rotor_torque") / 7.0}) for log in logs
-    ]
+    name, logs = "hip.rotor_torque", record_with(LEG, [CoulombFriction("hip", 0.5)], duration=3.0)
+    weak = [log.with_columns({name: log.column(name) / 7.0}) for log in logs]
     diagnosis = diagnose(LEG, weak, [TorqueConstant, CoulombFriction])
     assert diagnosis.verdict == "unknown"
     believed = [f.effect.name for f in diagnosis.findings if f.probability >= 0.5]

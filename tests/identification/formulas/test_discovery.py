@@ -33,7 +33,6 @@ from wbc.identification.formulas import discover
 from wbc.identification.formulas.sparse_regression import SparseRegression
 from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
-from wbc.robot import Robot
 
 
 class Moving(NamedTuple):
@@ -76,6 +75,7 @@ def _log(torque: Torque, seed: int, size: float, noise: float) -> Log:
     return Log(time, columns)
 
 
+LEG = load_robot("planar_leg_fixed").lossless()
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"
 
 HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
@@ -102,15 +102,10 @@ HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("planar_leg_fixed").lossless()
-
-
 @pytest.mark.parametrize("name", HIDDEN)
-def test_a_formula_of_the_library_is_found_with_its_numbers(robot: Robot, name: str) -> None:
+def test_a_formula_of_the_library_is_found_with_its_numbers(name: str) -> None:
     torque, truth = HIDDEN[name]
-    found = discover(robot, logs(torque))
+    found = discover(LEG, logs(torque))
     assert found.outcome == "formula"
     assert {p.effect.where: set(p.effect.values) for p in found.proposals} == {
         joint: set(terms) for joint, terms in truth.items()
@@ -124,11 +119,11 @@ def test_a_formula_of_the_library_is_found_with_its_numbers(robot: Robot, name: 
             assert abs(estimate.value - value) < 3.0 * (estimate.high - estimate.low)
             assert proposal.stability[term] >= 0.8
     unseen = logs(torque, seeds=(9,))
-    assert compare(found.robot, unseen).error < 1.5 < compare(robot, unseen).error
+    assert compare(found.robot, unseen).error < 1.5 < compare(LEG, unseen).error
 
 
-def test_the_period_of_a_wave_is_read_off_the_data(robot: Robot) -> None:
-    found = discover(robot, logs(lambda r: (0.0, 0.5 * np.sin(17.3 * r.q[:, 1]))))
+def test_the_period_of_a_wave_is_read_off_the_data() -> None:
+    found = discover(LEG, logs(lambda r: (0.0, 0.5 * np.sin(17.3 * r.q[:, 1]))))
     (proposal,) = found.proposals
     (term,) = proposal.effect.terms
     assert term.factors[0].shape == "sin"
@@ -141,38 +136,38 @@ def test_the_period_of_a_wave_is_read_off_the_data(robot: Robot) -> None:
     [((3,), 1.0, 1.0), ((4, 5), 0.4, 3.0), ((6, 7, 8), 0.7, 1.0), ((9, 10), 1.2, 0.3)],
 )
 def test_nothing_is_proposed_where_nothing_is_missing(
-    robot: Robot, seeds: tuple[int, ...], size: float, noise: float
+    seeds: tuple[int, ...], size: float, noise: float
 ) -> None:
-    found = discover(robot, logs(lambda r: (0.0, 0.0), seeds, size=size, noise=noise))
+    found = discover(LEG, logs(lambda r: (0.0, 0.0), seeds, size=size, noise=noise))
     assert (found.outcome, found.proposals, found.remainder) == ("none", (), "")
     assert found.robot.effects == ()
     assert "No formula found" in found.summary
 
 
-def test_a_law_outside_the_library_is_approximated_and_holds_on_other_logs(robot: Robot) -> None:
+def test_a_law_outside_the_library_is_approximated_and_holds_on_other_logs() -> None:
     """Friction that rises like an arctangent: no product of the library, but near some."""
 
     def saturating(run: Moving) -> tuple[float, np.ndarray]:
         return 0.0, -0.6 * np.arctan(run.v[:, 1] / 0.6)
 
-    found = discover(robot, logs(saturating))
+    found = discover(LEG, logs(saturating))
     assert found.proposals
     assert {p.effect.where for p in found.proposals} == {"knee"}
     unseen = logs(saturating, seeds=(9,))
-    assert compare(found.robot, unseen).error < 0.3 * compare(robot, unseen).error
+    assert compare(found.robot, unseen).error < 0.3 * compare(LEG, unseen).error
     assert found.error.after < 0.3 * found.error.before
 
 
-def test_a_joint_that_stands_still_shows_no_law(robot: Robot) -> None:
+def test_a_joint_that_stands_still_shows_no_law() -> None:
     given = []
     for log in logs(lambda r: (-0.4 * np.sign(r.v[:, 0]), 0.0)):
         still = {name: np.zeros_like(c) for name, c in log.columns.items() if "knee" in name}
         given.append(Log(log.time, log.columns | still))
-    found = discover(robot, given)
+    found = discover(LEG, given)
     assert {p.effect.where for p in found.proposals} <= {"hip"}
     nowhere = [Log(g.time, {n: np.zeros_like(c) for n, c in g.columns.items()}) for g in given]
     with pytest.raises(LogError, match="no joint moves"):
-        discover(robot, nowhere)
+        discover(LEG, nowhere)
 
 
 @pytest.mark.parametrize(
@@ -183,8 +178,8 @@ def test_a_joint_that_stands_still_shows_no_law(robot: Robot) -> None:
     ],
     ids=["a function of time", "an offset of each run"],
 )
-def test_what_is_no_function_of_the_motion_is_declined(robot: Robot, torque: Torque) -> None:
-    found = discover(robot, logs(torque, seeds=(1, 2, 3)))
+def test_what_is_no_function_of_the_motion_is_declined(torque: Torque) -> None:
+    found = discover(LEG, logs(torque, seeds=(1, 2, 3)))
     assert found.outcome == "none"
     assert "knee" in found.remainder
 
@@ -198,20 +193,20 @@ def bouc_wen(run: Moving, joint: int, level: float, rate: float) -> np.ndarray:
     return torque
 
 
-def test_hysteresis_is_declined_or_called_a_part(robot: Robot) -> None:
+def test_hysteresis_is_declined_or_called_a_part() -> None:
     given = logs(lambda run: (0.0, bouc_wen(run, 1, 0.6, 6.0)))
-    diagnosis = diagnose(robot, given, [ViscousFriction, CoulombFriction])
+    diagnosis = diagnose(LEG, given, [ViscousFriction, CoulombFriction])
     assert diagnosis.verdict == "unknown"
-    for found in (discover(robot, given), discover(robot, given, known=diagnosis.effects)):
+    for found in (discover(LEG, given), discover(LEG, given, known=diagnosis.effects)):
         assert found.outcome in ("none", "partial")
         assert "memory" in found.remainder
         assert all(p.share < 0.97 for p in found.proposals)
         assert ("memory" in found.summary) == bool(found.proposals)
 
 
-def test_named_effects_stay_beside_formulas_and_idle_ones_go(robot: Robot) -> None:
+def test_named_effects_stay_beside_formulas_and_idle_ones_go() -> None:
     torque = HIDDEN["friction that changes with position"][0]
-    heavy = robot.with_effect(PayloadMass("foot", 0.3))
+    heavy = LEG.with_effect(PayloadMass("foot", 0.3))
     believed = [PayloadMass("foot", -0.2), CoulombFriction("hip", 0.1)]
     found = discover(heavy, logs(torque), known=believed)
     assert found.outcome == "formula"
@@ -225,11 +220,11 @@ def test_named_effects_stay_beside_formulas_and_idle_ones_go(robot: Robot) -> No
     assert found.robot.effects == (heavy.effects[0], payload, proposal.effect)
 
 
-def test_products_that_do_as_well_are_listed(robot: Robot) -> None:
+def test_products_that_do_as_well_are_listed() -> None:
     # The knee stays on one side of zero: the sizes and the values of its angle are the same.
     given = logs(lambda r: (-0.8 * np.abs(r.q[:, 1]) * np.sign(r.v[:, 0]), 0.0), size=0.25)
     assert max(log.columns["knee.position"].max() for log in given) < 0.0
-    (proposal,) = discover(robot, given).proposals
+    (proposal,) = discover(LEG, given).proposals
     (term,) = proposal.effect.values
     assert term == "|q_knee| * sign(v_hip)"
     assert "q_knee * sign(v_hip)" in proposal.rivals[term]

@@ -62,10 +62,8 @@ def test_columns_are_what_the_whole_residual_loses(
     before = condensed_residual(robot, records)
     at = evaluate(problem.robot, others, records, problem.whitening)
     regressors = make_regressors(problem.columns, at, ADDING, [(evidence(robot, records), None)])
-    assert {regressor.effect for regressor in regressors} >= {
-        EFFECTS["viscous_friction"],
-        EFFECTS["presliding"],
-    }
+    found = {regressor.effect.name for regressor in regressors}
+    assert found >= {"viscous_friction", "presliding"}
     for regressor in regressors[:: max(len(regressors) // 40, 1)]:
         for k, unit in enumerate(regressor.screen.units):
             changed = robot.with_effect(regressor.effect.at(regressor.where, unit))
@@ -92,9 +90,8 @@ def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
     at = evaluate(leg, (), problem.records, problem.whitening)
-    found = make_regressors(
-        problem.columns, at, [_Leaking], [(evidence(leg, problem.records), None)]
-    )
+    shown = [(evidence(leg, problem.records), None)]
+    found = make_regressors(problem.columns, at, [_Leaking], shown)
     assert found
     assert all(len(regressor.columns.outputs) == 2 for regressor in found)
 

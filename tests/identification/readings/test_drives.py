@@ -20,15 +20,17 @@ TIME = np.arange(0.0, 6.0, STEP)
 
 
 def test_every_way_a_drive_reports_torque_ends_on_the_rotor() -> None:
-    time = np.arange(3.0)
-    columns = {"a.rotor_torque": 1.0, "a.motor_torque": 100.0, "b.motor_torque": 1.0}
-    columns["c.current"] = 1.0
-    ignored = LogSource(ignored=("tau_x",))
-    log = Log(time, {name: size * time for name, size in columns.items()}, ignored)
-    constants = np.array([np.nan, np.nan, 0.1])
-    gears = Transmission(
-        ("a", "b", "c"), np.array([20.0, -6.0, 9.0]), np.zeros(3), torque_constant=constants
-    )
+    time, constants = np.arange(3.0), np.array([np.nan, np.nan, 0.1])
+    sizes = {
+        "a.rotor_torque": 1.0,
+        "a.motor_torque": 100.0,
+        "b.motor_torque": 1.0,
+        "c.current": 1.0,
+    }
+    columns = {name: size * time for name, size in sizes.items()}
+    log = Log(time, columns, LogSource(ignored=("tau_x",)))
+    ratios, joints = np.array([20.0, -6.0, 9.0]), ("a", "b", "c")
+    gears = Transmission(joints, ratios, np.zeros(3), torque_constant=constants)
     np.testing.assert_allclose(rotor_torques(log, gears)[2], [2.0, -2.0 / 6.0, 0.2])
     with pytest.raises(LogError, match=r"needs torque_constant.* below \[gears\.c\]"):
         rotor_torques(log, gears.replace(torque_constant=np.full(3, np.nan)))

@@ -14,7 +14,7 @@ from tests.moved import moved
 from tests.outside import outside
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
-from wbc.identification.readings import SuspiciousLogError, check_logs, find_suspicions, suspicions
+from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
 from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
@@ -327,20 +327,6 @@ def test_a_torque_that_is_late_in_one_joint_alone_is_measured(
     assert list(finding.likeliest["columns"]) == [name]
     # The links and frictions that the description lacks look like a lag of 7 ms by themselves.
     assert finding.likeliest["columns"][name]["lag"] == pytest.approx(constant, abs=0.011)
-
-
-def test_a_torque_that_nobody_understands_is_refused(arm: tuple[Robot, tuple[Log, ...]]) -> None:
-    """A column of noise: no reading mends it, and the check approved it."""
-    robot, logs = arm
-    random, name = np.random.default_rng(0), "elbow.motor_torque"
-    noise = [random.normal(0.0, log.column(name).std(), len(log)) for log in logs]
-    wrong = [log.with_columns({name: n}) for log, n in zip(logs, noise, strict=True)]
-    (finding,) = find_suspicions(wrong, robot)[0]
-    assert (finding.kind, finding.severity) == ("torque_foreign", "error")
-    assert "torque of elbow" in finding.text
-    assert not check_logs(wrong, robot)[0].usable
-    with pytest.raises(SuspiciousLogError, match="elbow does not follow"):
-        suspicions(robot, wrong)
 
 
 def test_what_logs_show_with_other_numbers_is_mended_once() -> None:

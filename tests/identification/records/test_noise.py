@@ -12,14 +12,6 @@ from wbc.identification.readings import find_repeats
 from wbc.identification.records.filters import quantisation_level, steady_level, white_level
 from wbc.identification.records.noise import close_repeats, drawn_noise, noise_floor
 from wbc.identification.records.preparation import prepare
-from wbc.measurement import Log
-
-
-@pytest.fixture(scope="module")
-def logs() -> list[Log]:
-    names = "nothing", "nothing again", "nothing, moved otherwise"
-    return [recorded()[name] for name in names]
-
 
 ROBOT = load_robot("planar_leg_fixed").lossless()
 
@@ -46,7 +38,8 @@ def test_where_no_direction_lasts_nothing_is_said_of_the_noise() -> None:
     assert steady_level(np.ones((5, 1)), np.ones((5, 1)), 100.0)[0] == np.inf
 
 
-def test_repeats_are_found_and_their_noise_agrees_with_the_sensors(logs: list[Log]) -> None:
+def test_repeats_are_found_and_their_noise_agrees_with_the_sensors() -> None:
+    logs = [recorded()[f"nothing{more}"] for more in ("", " again", ", moved otherwise")]
     records = prepare(ROBOT, logs)
     repeats = close_repeats(records, find_repeats(logs))
     assert repeats == ((0, 1),)

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from tests.moved import moved
-from wbc.dynamics import contact_torque, link_torque, rotor_torque
+from tests.moved import exact_log, moved
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.identification.answer.shown import series_of
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -20,9 +19,7 @@ from wbc.view.residuals import residual_plots
 KNEE = 1
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return wbc.load_robot("planar_leg_fixed").lossless()
+ROBOT = wbc.load_robot("planar_leg_fixed").lossless()
 
 
 def swing(robot: Robot) -> Log:
@@ -31,19 +28,19 @@ def swing(robot: Robot) -> Log:
     return moved(robot, np.arange(0.0, 8.0, 2e-3), waves, noise=(0.0, 0.0, 0.0))
 
 
-def test_a_right_model_lies_on_the_measurement(robot: Robot) -> None:
-    log = swing(robot)
-    ghost = model_ghost(robot, log, np.full(2, 0.01))
+def test_a_right_model_lies_on_the_measurement() -> None:
+    log = swing(ROBOT)
+    ghost = model_ghost(ROBOT, log, np.full(2, 0.01))
     measured = np.stack(
-        [np.interp(ghost.time, log.time, log.column(f"{j}.position")) for j in robot.joints]
+        [np.interp(ghost.time, log.time, log.column(f"{j}.position")) for j in ROBOT.joints]
     )
     inner = (ghost.time > 0.5) & (ghost.time < 7.5)
     np.testing.assert_allclose(ghost.position[inner], measured.T[inner], atol=2e-3)
 
 
-def test_a_model_without_friction_runs_ahead(robot: Robot) -> None:
-    log = swing(robot.with_effect(ViscousFriction("knee", 0.4)))
-    ghost = model_ghost(robot, log, np.full(2, 0.01))
+def test_a_model_without_friction_runs_ahead() -> None:
+    log = swing(ROBOT.with_effect(ViscousFriction("knee", 0.4)))
+    ghost = model_ghost(ROBOT, log, np.full(2, 0.01))
     position, speed = (
         np.interp(ghost.time, log.time, log.column(f"knee.{q}")) for q in ("position", "velocity")
     )
@@ -68,17 +65,9 @@ def test_a_free_base_is_held_by_its_foot(leg: Robot, squat: Log) -> None:
     names = ("base_x", "base_z", "base_pitch", "hip", "knee")
     q, v = (stance.stack(quantity, names) for quantity in ("position", "velocity"))
     motion = Motion(q, v, np.gradient(v, stance.time, axis=0), time=stance.time)
-    force = np.stack(
-        [stance.column("foot.force.x"), 0.0 * stance.time, stance.column("foot.force.z")], axis=1
-    )
+    force = np.stack([stance.column(f"foot.force.{x}") for x in "xyz"], axis=1)
     lossless = leg.lossless()
-    torque, _ = rotor_torque(
-        lossless.with_effect(CoulombFriction("knee", 3.0)),
-        motion,
-        link_torque(leg, motion),
-        contact_torque(leg, q, {"foot": force}),
-    )
-    log = stance.with_columns({"hip.rotor_torque": torque[:, 0], "knee.rotor_torque": torque[:, 1]})
+    log = exact_log(lossless.with_effect(CoulombFriction("knee", 3.0)), motion, {"foot": force})
     ghost = model_ghost(lossless, log)
     feet = [_foot(leg, row) for row in ghost.position[20:-20]]
     measured = np.stack([np.interp(ghost.time, log.time, q[:, i]) for i in (3, 4)], axis=1)
@@ -94,9 +83,8 @@ def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
     return np.array(data.oMf[robot.model.getFrameId("foot")].translation)
 
 
-def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
-    missing = CoulombFriction("hip", 0.7)
-    truth = robot.with_effect(missing)
+def test_residuals_before_and_after_and_their_plots() -> None:
+    truth = ROBOT.with_effect(CoulombFriction("hip", 0.7))
     rng = np.random.default_rng(0)
     clean = swing(truth)
     torques = [name for name in clean.names if "torque" in name]
@@ -106,8 +94,8 @@ def test_residuals_before_and_after_and_their_plots(robot: Robot) -> None:
         )
         for _ in range(2)
     ]
-    problem = EstimationProblem.from_logs(robot, logs)
-    given, fitted = (series_of(one, problem.records) for one in (robot, truth))
+    problem = EstimationProblem.from_logs(ROBOT, logs)
+    given, fitted = (series_of(one, problem.records) for one in (ROBOT, truth))
     plots = residual_plots(problem, given, fitted)
     assert [panel["output"] for panel in plots["panels"]] == ["hip", "knee"]
     hip = plots["panels"][0]

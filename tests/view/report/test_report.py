@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import wbc
 from tests.moved import swing
 from tests.view.conftest import watched_tab
 from wbc.effects import (
@@ -37,26 +36,23 @@ from wbc.identification import (
 from wbc.identification.answer.words import MEANINGS, TITLES, verdict_sentence, what_to_do
 from wbc.identification.formulas import discover
 from wbc.measurement import Log
-from wbc.robot import Robot
 from wbc.sim.excitation import record_with
 from wbc.view.report import write_report
 
 COEFFICIENT = 0.4
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return wbc.load_robot("planar_leg_fixed").lossless()
+ROBOT = load_robot("planar_leg_fixed").lossless()
 
 
 @pytest.fixture(scope="module")
-def logs(robot: Robot) -> list[Log]:
-    truth = robot.with_effect(ViscousFriction("knee", COEFFICIENT))
+def logs() -> list[Log]:
+    truth = ROBOT.with_effect(ViscousFriction("knee", COEFFICIENT))
     return [swing(truth, 1, 0.0), swing(truth, 2, 0.0), swing(truth, 3, 0.7)]
 
 
 @pytest.fixture(scope="module")
-def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
+def diagnosis(logs: list[Log]) -> Diagnosis:
     effect = ViscousFriction("knee", COEFFICIENT)
     estimate = Estimate(COEFFICIENT, "N m s/rad", 0.396, 0.404)
     support = Support(0.6, 1.0, 0.0, 0.0, explained=True)
@@ -70,20 +66,18 @@ def diagnosis(robot: Robot, logs: list[Log]) -> Diagnosis:
         explained=0.999,
         steps=(Step("", "", 40.0), Step("viscous_friction", "knee", 1.02)),
         remainder="",
-        robot=robot.with_effect(effect),
+        robot=ROBOT.with_effect(effect),
         warnings=("the second log is short",),
-        ranking=diagnose(robot, logs, [ViscousFriction, CoulombFriction]).ranking,
+        ranking=diagnose(ROBOT, logs, [ViscousFriction, CoulombFriction]).ranking,
     )
 
 
 @pytest.fixture(scope="module")
-def page(
-    robot: Robot, logs: list[Log], diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def page(logs: list[Log], diagnosis: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    strays = [open_loop(one, logs, horizons=(0.1, 0.5)) for one in (robot, diagnosis.robot)]
+    strays = [open_loop(one, logs, horizons=(0.1, 0.5)) for one in (ROBOT, diagnosis.robot)]
     how = {"command": "wbc diagnose a.csv", "simulated": strays}
-    return write_report(path, robot, logs, diagnosis, **how)
+    return write_report(path, ROBOT, logs, diagnosis, **how)
 
 
 def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
@@ -256,11 +250,9 @@ def test_paired_differences_tell_the_effect_from_none_and_from_its_rival(page: P
     assert 0.0 < deviation < difference
 
 
-def test_names_from_files_cannot_break_out_of_the_page(
-    robot: Robot, logs: list[Log], tmp_path: Path
-) -> None:
+def test_names_from_files_cannot_break_out_of_the_page(logs: list[Log], tmp_path: Path) -> None:
     source = replace(logs[0].source, path='<script>alert("x")</script>.csv')
-    page = write_report(tmp_path / "compare.html", robot, [replace(logs[0], source=source)])
+    page = write_report(tmp_path / "compare.html", ROBOT, [replace(logs[0], source=source)])
     text = page.read_text(encoding="utf-8")
     assert '<script>alert("x")' not in text
     assert "misses these logs by" in text
@@ -342,25 +334,23 @@ def test_the_page_works_in_a_browser(page: Path, browser: Any) -> None:
     assert tab.troubles == []
 
 
-def test_lines_to_copy_stand_on_lines_of_their_own(robot: Robot, tmp_path: Path) -> None:
+def test_lines_to_copy_stand_on_lines_of_their_own(tmp_path: Path) -> None:
     """A report ran the lines of two column maps into one sentence."""
-    late = swing(robot, 1)
+    late = swing(ROBOT, 1)
     slow = {name: np.roll(values, 1) for name, values in late.columns.items() if "vel" in name}
-    report = write_report(tmp_path / "a.html", robot, [late.with_columns(slow)], command="x")
+    report = write_report(tmp_path / "a.html", ROBOT, [late.with_columns(slow)], command="x")
     page = report.read_text(encoding="utf-8")
     assert re.search(r'<span class="soft lines">[^<]*\n *time.align_velocity = true\n', page)
     assert ".lines { white-space: pre-line; }" in page
 
 
-def test_a_proposed_formula_stands_in_the_report_with_its_numbers(
-    robot: Robot, tmp_path: Path
-) -> None:
+def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path) -> None:
     hidden = CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})
-    logs = record_with(robot, [hidden], duration=2.0)
-    diagnosis = diagnose(robot, logs, [ViscousFriction])
-    discovery = discover(robot, logs, known=diagnosis.effects)
+    logs = record_with(ROBOT, [hidden], duration=2.0)
+    diagnosis = diagnose(ROBOT, logs, [ViscousFriction])
+    discovery = discover(ROBOT, logs, known=diagnosis.effects)
     (proposal,) = discovery.proposals
-    page = write_report(tmp_path / "r.html", robot, logs, diagnosis, discovery=discovery)
+    page = write_report(tmp_path / "r.html", ROBOT, logs, diagnosis, discovery=discovery)
     text = page.read_text(encoding="utf-8")
     section = text.partition('<section id="formulas">')[2].partition("</section>")[0]
     assert "sin(2 q_hip)" in section
