@@ -105,12 +105,6 @@ def test_the_command_without_its_extra_says_which(tmp_path: Path) -> None:
     assert "pip install rich" in done.stderr
 
 
-def test_the_command_asks_for_one_thread_before_numpy_is_loaded(tmp_path: Path) -> None:
-    """A diagnosis of a recorded arm took 120 in place of 69 s of processor time on two."""
-    done = run("import sys, wbc.cli; sys.exit('numpy' in sys.modules)", tmp_path)
-    assert done.returncode == 0, done.stderr
-
-
 def test_every_extra_that_a_message_names_can_be_installed() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     for extra, names in EXTRAS.items():

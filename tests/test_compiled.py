@@ -51,12 +51,6 @@ def test_errors_of_the_compiler_are_not_taken_for_a_missing_folder():
         compiled(Number, Number)(lambda x: nothing_of_this_name(x))(1.0)  # noqa: F821
 
 
-def test_the_library_alone_does_not_load_the_compiler():
-    code = "import sys, wbc; print([m for m in ('numba', 'llvmlite') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_small_arrays_live_in_the_call_that_makes_them():
     def swapped(given, found):
         own = local(2)

@@ -113,23 +113,25 @@ OTHER = """
 robot = "planar_leg_fixed"
 lossless = true
 [gears.hip]
-gear_ratio = { value = 9.0, unit = "1", source = "another robot" }
+gear_ratio = { value = RATIO, unit = "1", source = "another robot" }
 [gears.knee]
-gear_ratio = { value = 9.0, unit = "1", source = "another robot" }
+gear_ratio = { value = RATIO, unit = "1", source = "another robot" }
 """
 
 
+@pytest.mark.parametrize("ratio", [9.0, 50.0])
 def test_gear_ratios_of_another_robot_are_named(
-    right: Log, excited_log: Callable[..., Log], told: Told, tmp_path: Path
+    ratio: float, right: Log, excited_log: Callable[..., Log], told: Told, tmp_path: Path
 ) -> None:
-    (tmp_path / "robot.toml").write_text(OTHER)
+    (tmp_path / "robot.toml").write_text(OTHER.replace("RATIO", str(ratio)))
     more = excited_log((CoulombFriction("hip", 0.4),), seed=1, duration=8.0)
     paths = [save_log(log, tmp_path / f"run{k}.csv") for k, log in enumerate((right, more))]
     said = told("check", *paths, "--robot", tmp_path / "robot.toml", code=1)
-    assert "the gear ratios of the robot are 2.2" in said
+    stated = said.partition("the gear ratios of the robot are ")[2].partition(" times")[0]
+    assert float(stated) * ratio == pytest.approx(20.0, rel=0.05)
     assert "gear_ratio in robot.toml" in said
     said = told("diagnose", *paths, "--robot", tmp_path / "robot.toml", code=2)
-    assert said.startswith("wbc: the gear ratios of the robot are 2.2")
+    assert said.startswith(f"wbc: the gear ratios of the robot are {stated}")
 
 
 def test_constant_logs_other_joints_and_logs_without_torque_are_named(
@@ -150,25 +152,12 @@ def test_constant_logs_other_joints_and_logs_without_torque_are_named(
     both("no joint moves in this log", "no joint moves in this log")
     save_log(right.select([name for name in right.names if "torque" not in name]), path)
     both("no torque of hip, knee", "no torque of joint 'hip'")
-    text = save_log(right, path).read_text()
-    path.write_text(text.replace("hip.", "b.").replace("knee.", "a."))
-    both("no position of hip, knee", "no position of hip, knee")
-    mended = load_log(path, fix)
-    np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
-
-
-def test_the_order_of_strange_joints_is_told_by_their_torques(
-    right: Log, told: Told, tmp_path: Path
-) -> None:
-    columns = {
-        f"{'a' if name.startswith('knee') else 'b'}.{name.partition('.')[2]}": values
-        for name, values in right.columns.items()
-    }
-    swapped = dict(sorted(columns.items()))
-    path, fix = save_log(Log(right.time, swapped), tmp_path / "run.csv"), tmp_path / "map.toml"
-    told("check", path, *LEG, "--fix", fix, code=1)
-    mended = load_log(path, fix)
-    np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
+    strange = {n.replace("hip", "b").replace("knee", "a"): v for n, v in right.columns.items()}
+    for columns in (strange, dict(sorted(strange.items()))):  # torques tell the order
+        save_log(Log(right.time, columns), path)
+        both("no position of hip, knee", "no position of hip, knee")
+        mended = load_log(path, fix)
+        np.testing.assert_array_equal(mended.column("knee.position"), right.column("knee.position"))
 
 
 def test_how_a_file_is_written_is_read_and_named(right: Log, told: Told, tmp_path: Path) -> None:
@@ -195,9 +184,7 @@ def test_how_a_file_is_written_is_read_and_named(right: Log, told: Told, tmp_pat
     assert "hip.effort is taken for hip.motor_torque" in said(efforts.encode())
 
 
-def test_files_without_a_header_and_maps_with_a_typo_say_what_to_write(
-    right: Log, told: Told, tmp_path: Path
-) -> None:
+def test_files_without_a_header_say_what_to_write(right: Log, told: Told, tmp_path: Path) -> None:
     text = save_log(right, tmp_path / "right.csv").read_text()
     header, _, rows = text.partition("\n")
     path, names = tmp_path / "run.csv", tmp_path / "map.toml"
@@ -209,9 +196,6 @@ def test_files_without_a_header_and_maps_with_a_typo_say_what_to_write(
         stated = stated.replace(f'"column_{k}"', f'"{name}"')
     names.write_text(stated)
     assert load_log(path, names).names == right.names
-    names.write_text('columns."hip.positon" = { unit = "deg" }')
-    said = told("check", tmp_path / "right.csv", *LEG, "--columns", names, code=2)
-    assert "Did you mean 'hip.position'?" in said
 
 
 RECORDED = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"

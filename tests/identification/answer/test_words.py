@@ -13,7 +13,7 @@ from tests.moved import moved, swing
 from tests.outside import ROOT
 from wbc import Robot, load_robot
 from wbc.effects import EFFECTS, CoulombFriction, LoadFriction, PositionOffset, ViscousFriction
-from wbc.errors import IdentificationError, LogError
+from wbc.errors import IdentificationError
 from wbc.identification import Diagnosis, compare, diagnose
 from wbc.identification.answer.diagnose import next_experiment
 from wbc.identification.answer.diagnosis import Alternative, Finding, Verdict
@@ -117,17 +117,6 @@ def test_one_word_and_one_number_for_the_noise(found: Diagnosis, logs: list[Log]
     assert "sensors" not in str(found)
 
 
-def test_an_answer_says_which_gears_are_still_guessed(logs: list[Log], tmp_path: Path) -> None:
-    path = tmp_path / "robot.toml"
-    path.write_text(
-        'robot = "planar_leg_fixed"\n[gears.knee]\nrotor_inertia = { value = 6.7e-5, '
-        'unit = "kg m^2", source = "guess: not in the model file; look it up" }\n'
-    )
-    found = diagnose(load_robot(str(path)).lossless(), logs, [CoulombFriction])
-    assert found.verdict == "named"
-    assert found.warnings[0].startswith("Look up gears.knee.rotor_inertia in robot.toml")
-
-
 FLOOR = NoiseFloor(np.eye(2), np.eye(2), ())
 REPEATED = NoiseFloor(np.eye(2), np.eye(2), ((0, 1),))
 
@@ -220,13 +209,3 @@ def test_a_sliding_joint_is_answered_in_newtons_and_metres() -> None:
     assert "Coulomb friction of 20 N at slide" in str(sliding)
     # Nothing is attainable below the noise of the sensors.
     assert all(min(o.after, o.floor) <= o.attainable <= o.after for o in sliding.outputs)
-
-
-def test_a_log_without_the_joints_of_a_robot_says_how_to_hold_them_still() -> None:
-    t = np.linspace(0.0, 1.0, 200)
-    names = [f"{j}.{q}" for j in ("hip", "knee") for q in ("position", "velocity", "rotor_torque")]
-    log = Log(t, {name: np.sin(3.0 * t) for name in names})
-    with pytest.raises(
-        LogError, match=r"robot\.toml:\n    lock = \['base_x', 'base_z', 'base_pitch'\]"
-    ):
-        diagnose(load_robot("planar_leg"), [log])

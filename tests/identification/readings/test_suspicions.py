@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,16 +72,6 @@ def test_recorded_machines_are_not_suspected(name: str) -> None:
     """A servo that rests at zero holds no rows of a second publisher."""
     robot, logs = recorded(name)
     assert suspicions(robot, logs) == []
-
-
-@pytest.mark.parametrize("ratio", [9.0, 50.0])
-def test_the_gear_ratio_of_another_robot_is_told_with_its_true_value(ratio: float) -> None:
-    gears = replace(LEG.transmission, gear_ratio=np.full(2, ratio))
-    robot = replace(LEG, transmission=gears)
-    (finding,) = find_suspicions(practice("case00", "acd"), robot)[0]
-    assert (finding.kind, finding.severity) == ("gear_ratio", "error")
-    stated = float(finding.text.split("are ")[1].split(" times")[0])
-    assert stated * ratio == pytest.approx(20.0, rel=0.05)
 
 
 ARM = "strangers/11_duplicate_stamps"
