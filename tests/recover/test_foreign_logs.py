@@ -8,20 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.outside import outside
+from tests.outside import foreign, outside
 from wbc import load_robot, save_robot
 from wbc.identification import compare, diagnose, rank_robots
 from wbc.identification.choice.certainty import CERTAIN
-from wbc.measurement import Log, load_logs
-from wbc.robot import Robot
-
-
-def read(case: str, names: str = "run?") -> tuple[Robot, tuple[Log, ...]]:
-    """Return the robot of a case, as its user believes it to be, and logs."""
-    folder = outside(f"foreign/{case}")
-    columns = next(folder.glob("columns.toml"), None)
-    files = sorted(folder.glob(f"{names}.csv"))
-    return load_robot(folder / "robot.toml"), load_logs(files, columns)
 
 
 @pytest.mark.parametrize(
@@ -29,7 +19,7 @@ def read(case: str, names: str = "run?") -> tuple[Robot, tuple[Log, ...]]:
 )
 def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
     """A ripple beside a repeat; and logs of targets, where eight and three causes were false."""
-    given, logs = read(name)
+    given, logs = foreign(name)
     found = diagnose(given, logs)
     truth = json.loads(outside(f"foreign/{name}/truth.json").read_text())["causes"]
     certain = {f.effect.key for f in found.findings if f.probability >= CERTAIN}
@@ -43,7 +33,7 @@ def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
     again = load_robot(save_robot(found.robot, tmp_path / "fitted.toml"))
     delays = again.transmission.target_delay
     np.testing.assert_array_equal(delays, found.robot.transmission.target_delay)
-    _, fresh = read(name, "fresh")
+    _, fresh = foreign(name, "fresh")
     for output in compare(again, fresh).outputs:
         assert output.rms < 1.5 * output.floor
     assert rank_robots({"given": given, "found": again}, fresh)[0].name == "found"
@@ -51,12 +41,12 @@ def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
 
 def test_a_sound_arm_lacks_nothing() -> None:
     """Its repeat has one row more, and its velocities lag: a delay was certain."""
-    assert diagnose(*read("27_ur5_null")).verdict == "none"
+    assert diagnose(*foreign("27_ur5_null")).verdict == "none"
 
 
 def test_wind_on_a_link_is_not_named_by_small_causes() -> None:
     """It looks like a tilt; two springs and a friction below the noise made up for the rest."""
-    found = diagnose(*read("24_kinova_outside_wind"))
+    found = diagnose(*foreign("24_kinova_outside_wind"))
     certain = {f.effect.name for f in found.findings if f.support.group_probability >= CERTAIN}
     assert certain <= {"gravity_direction"}
     assert found.verdict in ("partial", "unknown")

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.moved import moved
-from tests.outside import outside
+from tests.outside import foreign, outside
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
@@ -46,12 +46,6 @@ def recorded(name: str) -> tuple[Robot, tuple[Log, ...]]:
 
 def practice(case: str, letters: str) -> tuple[Log, ...]:
     return load_logs([outside(f"practice_leg/{case}{letter}.csv") for letter in letters])
-
-
-def foreign(name: str, runs: str) -> tuple[Robot, tuple[Log, ...]]:
-    folder = outside(f"foreign/{name}")
-    logs = load_logs([folder / f"run{k}.csv" for k in runs], folder / "columns.toml")
-    return load_robot(folder / "robot.toml"), logs
 
 
 @pytest.mark.parametrize(
@@ -205,7 +199,7 @@ def test_a_late_torque_is_named_and_moved_back(
 
 @pytest.mark.parametrize("name", ["27_ur5_null", "26_xarm7_outside_belt"])
 def test_a_torque_late_by_two_hundredths_of_a_second_is_noticed(name: str) -> None:
-    robot, logs = foreign(name, "12")
+    robot, logs = foreign(name, "run[12]")
     assert find_suspicions(logs, robot) == [[], []]
     torques = [n for n in logs[0].columns if "torque" in n]
     late = [delayed(log, 0.02, *torques) for log in logs]
@@ -335,7 +329,7 @@ def test_what_logs_show_with_other_numbers_is_mended_once() -> None:
 @pytest.mark.parametrize(("name", "number"), [("14_z1_ripple", 2), ("24_kinova_outside_wind", 1)])
 def test_a_zero_that_is_another_in_one_log_is_told_at_all_joints(name: str, number: int) -> None:
     """The last of an arm, and one beside a joint whose torque follows no need."""
-    robot, logs = foreign(name, "123")
+    robot, logs = foreign(name)
     column = f"{robot.transmission.joints[number]}.position"
     off = logs[1].with_columns({column: logs[1].column(column) + 0.3})
     before, (finding,), after = find_suspicions([logs[0], off, logs[2]], robot)
@@ -346,7 +340,7 @@ def test_a_zero_that_is_another_in_one_log_is_told_at_all_joints(name: str, numb
 
 def test_three_wrists_in_a_wrong_order_are_put_back() -> None:
     """One exchange was found, and the check approved the rest: exchanged wrists explain 99 %."""
-    robot, logs = foreign("27_ur5_null", "12")
+    robot, logs = foreign("27_ur5_null", "run[12]")
     wrists = robot.transmission.joints[3:]
     order = dict(zip(wrists, (*wrists[1:], wrists[0]), strict=True))
     moved = {
