@@ -64,16 +64,16 @@ def test_ramp_gives_the_load_off_and_back_while_the_robot_moves():
 @pytest.mark.parametrize("ramp", [None, 0.0])
 def test_flags_that_flicker_do_not_throw_a_robot_that_stands(ramp):
     """All feet stand in truth; told to stand on the left and the right ones in turns it fell."""
-    plant, start = Plant(SOLO), SOLO.pose()
-    chosen = ControllerSettings() if ramp is None else ControllerSettings(contact_ramp=ramp)
-    controller = Controller(SOLO, upright(SOLO), points(SOLO), settings=chosen)
-    state = plant.state(start)
+    plant, chosen = Plant(SOLO), {} if ramp is None else {"contact_ramp": ramp}
+    settings = ControllerSettings(**chosen)
+    controller = Controller(SOLO, upright(SOLO), points(SOLO), settings=settings)
+    state = plant.state(SOLO.pose())
     for tick in range(400):
         told = {name: np.inf for i, name in enumerate(FEET) if (tick + i) % 2}
-        command = controller.step(Motion(state.position, state.velocity), None, told)
+        command = controller.step(state, None, told)
         assert command.status.usable, command.message
         state = plant.step(state, command.rotor_torque, 1e-3).state
-    sunk = start[2] - state.position[2]
+    sunk = SOLO.pose()[2] - state.position[2]
     assert sunk > 0.03 if ramp == 0.0 else abs(sunk) < 1e-3
 
 
@@ -90,8 +90,7 @@ def test_force_on_a_slope_stays_in_the_cone_about_its_normal():
     normal = np.array([0.25, 0.1, 1.0])
     contacts = points(SOLO, ground_normal=tuple(normal), friction=0.3)
     tasks = [CenterOfMassTask(weight=10.0, stiffness=400.0), PostureTask.of(SOLO, weight=0.1)]
-    n = normal / np.linalg.norm(normal)
-    controller = Controller(SOLO, tasks, contacts)
+    controller, n = Controller(SOLO, tasks, contacts), normal / np.linalg.norm(normal)
     # more than friction gives
     target = center_of_mass(SOLO, SOLO.pose()) + np.array([-0.05, 0.05, 0.0])
     command = controller.step(still(SOLO), {"center_of_mass": Reference(target)})
@@ -112,8 +111,8 @@ def test_four_points_on_each_rigid_sole(solver):
         command = controller.step(Motion(half, v), {"posture": Reference(half[7:])})
         assert command.status is Status.SOLVED, command.message
         terms = evaluate(TALOS, half, v)
-        J, drift = terms.contact_jacobian, terms.contact_drift
-        miss = J @ command.acceleration + drift + 10.0 * J @ v
+        J = terms.contact_jacobian
+        miss = J @ command.acceleration + terms.contact_drift + 10.0 * J @ v
         assert np.abs(J.T @ miss).max() < 1e-6  # least squares: nothing is left along the rows
         assert np.abs(miss).max() < 1e-5
 
@@ -121,12 +120,10 @@ def test_four_points_on_each_rigid_sole(solver):
 @pytest.mark.parametrize("corners", [4, 3])
 def test_points_and_a_sole_are_the_same_contact(corners):
     """Rectangles and triangles."""
-    names = {
-        side: [n for n in (c.name for c in TALOS.contacts) if n.startswith(side)][:corners]
-        for side in ("left", "right")
-    }
-    soles = [SurfaceContact(name=side, corners=tuple(own)) for side, own in names.items()]
-    single = [PointContact(name=name) for own in names.values() for name in own]
+    names = [contact.name for contact in TALOS.contacts]
+    sides = {s: [n for n in names if n.startswith(s)][:corners] for s in ("left", "right")}
+    soles = [SurfaceContact(name=side, corners=tuple(own)) for side, own in sides.items()]
+    single = [PointContact(name=name) for own in sides.values() for name in own]
     com = center_of_mass(TALOS, TALOS.pose())
     asked = {"center_of_mass": Reference(com + np.array([0.02, 0.01, -0.03]))}
     one, two = (talos(contacts).step(still(TALOS), asked) for contacts in (single, soles))

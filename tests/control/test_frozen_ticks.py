@@ -48,15 +48,12 @@ def balance(robot):
 
 
 def upright(robot):
-    return [
-        *base(robot),
-        trunk(robot),
-        control.AngularMomentumTask(weight=1e-2),
-    ]
+    return [*base(robot), trunk(robot), control.AngularMomentumTask(weight=1e-2)]
 
 
 TORQUE = control.RotorTorqueLimit()
 OBSERVER = control.ControllerSettings(disturbance=control.DisturbanceObserver(rate=20.0, bound=3.0))
+LEAST = control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
 DRY, WET = ("coulomb_friction", 0.1), ("viscous_friction", 0.05)
 OTHERS = ["FR_foot", "HL_foot", "HR_foot"]
 
@@ -110,14 +107,10 @@ SCENES = {
         lambda r: control.FramePositionTask(name="swing", frame=r.contacts[0].frame, weight=5.0),
         contacts=dict.fromkeys(OTHERS, np.inf),
     ),
-    "ceilings": scene(
-        contacts={"FL_foot": 3.0} | dict(zip(OTHERS, (9.0, 9.0, np.inf), strict=True))
-    ),
+    "ceilings": scene(contacts={"FL_foot": 3.0, "FR_foot": 9.0, "HL_foot": 9.0, "HR_foot": np.inf}),
     "flight": scene(contacts={}),
     "weights": scene(weights={"posture": 2.0}, activation={"posture": 0.5}),
-    "least torque": scene(
-        settings=control.ControllerSettings(rest_policy=control.RestPolicy.LEAST_TORQUE)
-    ),
+    "least torque": scene(settings=LEAST),
     "certain": scene(settings=control.ControllerSettings(speed_blend=CERTAIN), noise=0.1),
     "leg, dry, limits": scene(name="planar_leg", tasks=balance, limits=lambda r: None, rubs=[DRY]),
     "talos, limits": scene(name="talos", tasks=upright, on=soles, limits=limited),

@@ -30,7 +30,8 @@ from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.task import Task
 from wbc.effects import load_robot
 from wbc.robot import JointMap, Motion
-from wbc.sim import Plant, with_wrong_efficiencies
+from wbc.sim import Plant, simulate, with_wrong_efficiencies
+from wbc.view.channels import configuration
 
 SOLO = load_robot("solo12")
 STATE = still(SOLO)
@@ -92,36 +93,32 @@ def test_a_task_switched_on_again_holds_what_it_finds():
 def test_the_time_step_of_a_tick_is_that_of_the_settings():
     """A joint near its stop at 250 Hz."""
     robot = load_robot("planar_leg_fixed")
-    q, v = robot.neutral(), np.array([1.2, 1.2])
+    q, v, found = robot.neutral(), np.array([1.2, 1.2]), []
     limit = replace(JointLimit.of(robot), upper=q + 0.01)
-    slow = ControllerSettings(time_step=4e-3)
-    made = Controller(robot, [PostureTask.of(robot)], limits=[limit], settings=slow)
-    ours = Controller(robot, [PostureTask.of(robot)], limits=[limit])
-    one = ours.step(Motion(q, v), {"posture": Reference(q + 3.0)}, dt=4e-3)
-    two = made.step(Motion(q, v), {"posture": Reference(q + 3.0)})
-    np.testing.assert_allclose(one.acceleration, two.acceleration, atol=1e-6)
-    plain = Controller(robot, [PostureTask.of(robot)], limits=[limit])
-    three = plain.step(Motion(q, v), {"posture": Reference(q + 3.0)})
-    assert np.abs(three.acceleration - two.acceleration).max() > 1.0
+    for made, asked in ((4e-3, None), (1e-3, 4e-3), (1e-3, None)):
+        settings = ControllerSettings(time_step=made)
+        ours = Controller(robot, [PostureTask.of(robot)], limits=[limit], settings=settings)
+        command = ours.step(Motion(q, v), {"posture": Reference(q + 3.0)}, dt=asked)
+        found.append(command.acceleration)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
+    assert np.abs(found[2] - found[1]).max() > 1.0
 
 
 def test_a_margin_keeps_a_gear_that_is_better_than_believed_from_slipping():
     """Least torque on an arm whose efficiencies are 5 % higher than the controller believes."""
     robot = load_robot("planar_leg_fixed")
     believed = with_wrong_efficiencies(robot, -0.05)
-    q, moved = robot.configuration(hip=2.6, knee=0.2), {}
-    for margin in (0.0, 0.1):
+    plant, q = Plant(robot), robot.configuration(hip=2.6, knee=0.2)
+
+    def moved(margin):
         settings = ControllerSettings(rest_policy=RestPolicy.LEAST_TORQUE, rest_margin=margin)
         ours = Controller(believed, [PostureTask.of(believed)], settings=settings)
-        plant = Plant(robot)
-        state, worst = plant.state(q), 0.0
-        for _ in range(300):
-            command = ours.step(state, {"posture": Reference(q)})
-            state = plant.step(state, command.rotor_torque, 1e-3).state
-            worst = max(worst, float(np.abs(state.position - q).max()))
-        moved[margin] = worst
-    assert moved[0.0] > 1e-4
-    assert moved[0.1] < 1e-6
+        wish = {"posture": Reference(q)}
+        run = simulate(plant, lambda s: ours.step(s, wish).rotor_torque, plant.state(q), 0.3)
+        return np.abs(configuration(robot, run.log) - q).max()
+
+    assert moved(0.0) > 1e-4
+    assert moved(0.1) < 1e-6
 
 
 @pytest.mark.parametrize(("share", "holds"), [(0.97, True), (1.03, False)])
@@ -141,30 +138,26 @@ def test_the_longest_step_is_where_a_default_task_stops_being_stable(share, hold
 
 
 def test_joint_targets_are_one_step_of_the_command():
-    generator = np.random.default_rng(0)
-    v = 0.1 * generator.normal(size=18)
+    v = 0.1 * np.random.default_rng(0).normal(size=18)
     for dt in (1e-3, 4e-3):
         command = solo().step(Motion(STAND, v), dt=dt)
         own = command.acceleration[6:]
         np.testing.assert_allclose(command.velocity, v[6:] + dt * own)
-        np.testing.assert_allclose(
-            command.position, STAND[7:] + dt * v[6:] + 0.5 * dt**2 * own, atol=1e-15
-        )
+        place = STAND[7:] + dt * v[6:] + 0.5 * dt**2 * own
+        np.testing.assert_allclose(command.position, place, atol=1e-15)
 
 
 def test_a_tick_without_a_solution_asks_drives_to_stay():
-    controller = solo()
-    command = controller.step(Motion(np.full(19, np.nan), np.zeros(18)))
-    assert np.isnan(command.position).all()
+    controller, nowhere = solo(), Motion(np.full(19, np.nan), np.zeros(18))
+    assert np.isnan(controller.step(nowhere).position).all()
     controller.step(STATE)
-    lost = controller.step(Motion(np.full(19, np.nan), np.zeros(18)))
+    lost = controller.step(nowhere)
     np.testing.assert_array_equal(lost.position, STAND[7:])
     assert not lost.velocity.any()
 
 
 def test_a_hook_makes_states_of_messages():
-    names = tuple(reversed(SOLO.transmission.joints))
-    joints = JointMap.of(SOLO, names)
+    joints = JointMap.of(SOLO, SOLO.transmission.joints[::-1])
 
     def estimated(message):
         motion = joints.motion(*message)
@@ -190,9 +183,8 @@ def test_a_second_thread_is_told_so():
             assert go_on.wait(10.0)
         return state
 
-    controller = solo(state_hook=slow)
+    controller, found = solo(state_hook=slow), []
     good = controller.step(STATE)
-    found = []
     other = threading.Thread(target=lambda: found.append(controller.step(STATE)))
     other.start()
     assert inside.wait(10.0)

@@ -27,7 +27,7 @@ from wbc.control.qp.solvers import QPStatus, solve
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.robot.library import robot_names
-from wbc.sim import Plant
+from wbc.sim import Plant, simulate
 
 ROUNDS = ControllerSettings().max_rounds
 DT = 1e-3
@@ -95,12 +95,9 @@ def test_a_tick_leaves_nothing_for_the_garbage_collector():
 def test_every_shipped_robot_keeps_the_promise(name):
     """With efforts, joint limits and a second level, and without contacts."""
     robot, generator = load_robot(name), np.random.default_rng(2)
-    tasks = [
-        PostureTask.of(robot, robot.transmission.joints[:1], name="first"),
-        PostureTask.of(robot, name="rest", level=1),
-        RotorTorqueEffort(weight=1e-3),
-    ]
-    ours = Controller(robot, tasks)
+    first = PostureTask.of(robot, robot.transmission.joints[:1], name="first")
+    rest = PostureTask.of(robot, name="rest", level=1)
+    ours = Controller(robot, [first, rest, RotorTorqueEffort(weight=1e-3)])
     for _ in range(40):
         speed = generator.choice([0.1, 3.0, 100.0, 1e9])
         q = pin.integrate(robot.model, robot.neutral(), generator.normal(size=robot.model.nv))
@@ -168,8 +165,7 @@ def test_safe_torque_does_not_hammer(name):
     """No joint's torque jumps by more than its limit from one tick to the next."""
     robot, generator = load_robot(name).lossless(), np.random.default_rng(1)
     torques = [torque for *_, torque in braked(robot, 0.3, generator, ride_through=0)]
-    jumps = np.abs(np.diff(torques, axis=0)) / robot.transmission.torque_limit
-    assert (jumps > 1.0).sum() == 0
+    assert (np.abs(np.diff(torques, axis=0)) <= robot.transmission.torque_limit).all()
 
 
 def test_a_wrong_reference_does_not_drop_the_hand():
@@ -192,27 +188,25 @@ def test_a_wrong_reference_does_not_drop_the_hand():
 def test_a_standing_robot_stays_up_and_is_let_down():
     robot = load_robot("solo12")
     controller = controller_of(robot, points(robot), hold=0.2, lowering=0.5)
-    plant, heights, speeds = Plant(robot), [], []
-    state = plant.state(robot.pose())
-    for tick in range(900):
-        command = controller.step(state, {} if tick < 20 else {"postur": None})
-        state = plant.step(state, command.rotor_torque, DT).state
-        heights.append(state.position[2])
-        speeds.append(abs(state.velocity[2]))
-    assert abs(heights[219] - heights[19]) < 0.01
+    plant = Plant(robot)
+
+    def told(state):
+        return controller.step(state, {} if state.time < 0.02 else {"postur": None}).rotor_torque
+
+    log = simulate(plant, told, plant.state(robot.pose()), 0.9).log
+    heights = log.column("base.position.z")
+    assert abs(heights[220] - heights[20]) < 0.01
     assert heights[-1] < heights[0] - 0.02
-    assert max(speeds) < 0.7
+    assert np.abs(log.column("base.linear_velocity.z")).max() < 0.7
 
 
 def test_a_few_bad_ticks_are_ridden_through():
     robot = load_robot("solo12")
-    controller = controller_of(robot, points(robot), ride_through=3)
-    state = still(robot)
+    controller, state = controller_of(robot, points(robot), ride_through=3), still(robot)
     good = controller.step(state).rotor_torque
-    moving = Motion(state.position, np.full(robot.model.nv, 0.1))
+    bad = Motion(state.position, np.full(robot.model.nv, 0.1)), {"postur": None}
     for _ in range(3):
-        command = controller.step(moving, {"postur": None})
-        np.testing.assert_allclose(command.rotor_torque, good, atol=1e-12)
-    assert np.abs(controller.step(moving, {"postur": None}).rotor_torque - good).max() > 1e-6
+        np.testing.assert_allclose(controller.step(*bad).rotor_torque, good, atol=1e-12)
+    assert np.abs(controller.step(*bad).rotor_torque - good).max() > 1e-6
     controller.step(state)
     np.testing.assert_allclose(controller.step(None).rotor_torque, good, atol=1e-6)

@@ -11,6 +11,7 @@ import pytest
 
 from sims.legged import feet
 from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
+from tests.sim.random_robots import geared
 from wbc import control
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp.level import Level, Refusal
@@ -22,12 +23,6 @@ ROBOTS = ["solo12", "talos"]
 WAYS = [(solver, start) for start in WarmStart for solver in ("proxqp", "daqp")]
 TICKS = 4
 MANY = 1000  # solutions are compared here, not what a tick may cost
-
-
-def wound(robot):
-    m = robot.transmission.size
-    given = robot.transmission.replace(resistance=np.full(m, 0.3), torque_constant=np.full(m, 0.1))
-    return robot.with_transmission(given)
 
 
 def apart(robot):
@@ -105,7 +100,7 @@ def agree(robot, tasks, contacts, limits, states, wish):
 @pytest.mark.parametrize("kind", [*TASKS, *LIMITS])
 @pytest.mark.parametrize("name", ROBOTS)
 def test_two_solvers_and_the_guess_agree(name, kind):
-    robot = wound(load_robot(name))
+    robot = geared(load_robot(name), resistance=0.3, torque_constant=0.1)
     tasks = usual(robot, *([TASKS[kind](robot)] if kind in TASKS else []))
     limits = [LIMITS[kind](robot)] if kind in LIMITS else None
     assert agree(robot, tasks, feet(robot), limits, moving_slowly(robot, 0), {}) == TICKS
@@ -168,8 +163,7 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
 def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypatch):
     robot = load_robot("solo12")
     alone, both = overdetermined(robot)
-    gave_up = Refusal((Status.FAILED, "the solver gave up."), None, None)
-    solve = Level.step
+    gave_up, solve = Refusal((Status.FAILED, "the solver gave up."), None, None), Level.step
     second = both._levels.of(None, 1e-3)[0][1]
     monkeypatch.setattr(Level, "step", lambda s, *a: gave_up if s is second else solve(s, *a))
     state = next(moving(robot, 1, 1, 0.02, 0.3))

@@ -8,6 +8,7 @@ import pytest
 
 from sims.legged import feet
 from tests.control.scenes import CERTAIN, center_of_mass, points, upright
+from tests.sim.random_robots import geared
 from wbc.control import (
     CapturePointTask,
     CenterOfMassTask,
@@ -37,11 +38,9 @@ def test_a_capture_point_decays_at_its_stiffness():
     com, speed = center_of_mass(TALOS, TALOS.pose()), np.array([0.0, 0.15, 0.0])
     point = CapturePointTask(height=float(com[2]), weight=1e4, stiffness=6.0)
     height = CenterOfMassTask(name="height", axes="z", weight=10.0)
-    tasks = [height, point, PostureTask.of(TALOS, level=1)]
+    tasks, data = [height, point, PostureTask.of(TALOS, level=1)], TALOS.model.createData()
     controller = Controller(TALOS, tasks, feet(TALOS))
-    data, v = TALOS.model.createData(), np.zeros(36)
-    jacobian = pin.jacobianCenterOfMass(TALOS.model, data, TALOS.pose())
-    v = np.linalg.pinv(jacobian) @ speed
+    v = np.linalg.pinv(pin.jacobianCenterOfMass(TALOS.model, data, TALOS.pose())) @ speed
     wish = {"capture_point": Reference(com[:2]), "height": Reference(com[2:])}
     command = controller.step(Motion(TALOS.pose(), v), wish)
     assert command.status is Status.SOLVED, command.message
@@ -130,13 +129,11 @@ EFFORTS = {
 @pytest.mark.parametrize("case", EFFORTS)
 def test_effort_lowers_its_own_cost(case):
     effort, cost = EFFORTS[case]
-    robot = SOLO.with_transmission(SOLO.transmission.replace(resistance=np.full(12, 0.3)))
+    robot = geared(SOLO, resistance=0.3)
     tasks = [CenterOfMassTask(), PostureTask.of(robot, weight=0.01)]
     v = np.r_[np.zeros(6), 0.3 * np.random.default_rng(0).normal(size=12)]
-    plain, thrifty = (
-        Controller(robot, [*tasks, *more], points(robot), settings=SETTINGS)
-        for more in ([], [effort])
-    )
+    both = (tasks, [*tasks, effort])
+    plain, thrifty = (Controller(robot, x, points(robot), settings=SETTINGS) for x in both)
     for _ in range(5):
         before, after = (control.step(Motion(robot.pose(), v)) for control in (plain, thrifty))
     assert after.status.usable

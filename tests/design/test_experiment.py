@@ -50,9 +50,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
     """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
     chosen, one = replace(FRICTION, noise=np.full(2, 0.05), band=np.inf), path()
     said = expected(chosen, LIMITS, one, rate=100.0).odds
-    time = one.times(100.0)
-    q, v, a = one.at(time)
-    motion = Motion(q, v, a)
+    motion = Motion(*one.at(one.times(100.0)))
     links, random = link_torque(LEG, motion), np.random.default_rng(0)
 
     def torque(i: int, value: float) -> np.ndarray:
@@ -69,8 +67,7 @@ def test_the_odds_are_those_of_simulated_measurements() -> None:
 
     values = [next(iter(effect.values.values())) for (effect,) in chosen.causes]
     for true, other in ((0, 1), (1, 0)):
-        clean = torque(true, values[true])
-        odds = []
+        clean, odds = torque(true, values[true]), []
         for _ in range(60):
             measured = clean + 0.05 * random.standard_normal(clean.shape)
             odds.append(least(other, measured) - least(true, measured))
@@ -130,8 +127,7 @@ def test_what_a_diagnosis_does_not_read_speaks_for_no_cause() -> None:
     time = np.arange(1001)[:, None] / 100.0
 
     def told(frequency: float, band: float) -> float:
-        omega = 2.0 * np.pi * frequency
-        moves = np.array([[0.0, 2.0]])  # the same speeds at every frequency
+        omega, moves = 2.0 * np.pi * frequency, np.array([0.0, 2.0])  # at all, the same speeds
         wave, speed = np.sin(omega * time) * moves, np.cos(omega * time) * moves
         motion = Motion(LEG.pose() + wave / omega, speed, -omega * wave, time[:, 0])
         return replace(FRICTION, band=band).predictions(motion).signal(0)

@@ -101,8 +101,8 @@ def test_positions_speeds_and_accelerations_keep_their_limits(planned) -> None:
     # Positions have nine digits: a second difference is uncertain by 4e-9 RATE^2.
     bend = np.abs(np.diff(q, n=2, axis=0)) * RATE**2
     assert np.all(bend <= KEPT * ACCELERATION + 4e-9 * RATE**2)
-    shares = [np.abs(q - center) / np.minimum(high - center, center - low), bend / ACCELERATION,
-              torques(robot, planned[2]) / robot.transmission.torque_limit]  # fmt: skip
+    shares = [np.abs(q - center) / np.minimum(high - center, center - low), bend / ACCELERATION]
+    shares.append(torques(robot, planned[2]) / robot.transmission.torque_limit)
     shares.append(np.abs(np.diff(q, axis=0)) * RATE / fastest)
     assert max(share.max() for share in shares) > 0.5  # a limit is used, not only kept
 
@@ -110,20 +110,17 @@ def test_positions_speeds_and_accelerations_keep_their_limits(planned) -> None:
 def torques(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """Return the largest rotor torque (N, m) [N m] with no cause, the rotor or the load."""
     joint, link = ROBOTS[robot.name]
-    gears, model = robot.transmission, robot.model
-    loaded = pin.Model(model)
-    inertias = loaded.inertias
-    at = robot.body_joint(link)
+    gears, model, at = robot.transmission, robot.model, robot.body_joint(link)
     # A load sits at the link's centre of mass.
-    inertias[at] += pin.Inertia(LOAD, inertias[at].lever, np.zeros((3, 3)))
+    load = pin.Inertia(LOAD, model.inertias[at].lever, np.zeros((3, 3)))
+    loaded = robot.with_inertia(at, model.inertias[at] + load).model
     known, heavy = np.array(gears.reflected_inertia), np.array(gears.reflected_inertia)
     heavy[gears.joints.index(joint)] = ROTOR
-    peak = np.zeros(motion.shape[1:])
+    peak, pose = np.zeros(motion.shape[1:]), robot.pose() if robot.poses else robot.neutral()
     for which, reflected in ((model, known), (model, heavy), (loaded, known)):
         data = which.createData()
-        pose = robot.pose() if robot.poses else robot.neutral()
         for row, (q, v, a) in enumerate(zip(*motion, strict=True)):
-            whole, rate, rise = pose.copy(), np.zeros(model.nv), np.zeros(model.nv)
+            whole, (rate, rise) = pose.copy(), np.zeros((2, model.nv))
             whole[robot.actuated_position] = q
             rate[robot.actuated], rise[robot.actuated] = v, a
             needed = pin.rnea(which, data, whole, rate, rise)[robot.actuated] + reflected * a
@@ -154,8 +151,7 @@ def test_links_that_no_joint_joins_keep_apart(planned) -> None:
         solids.addCollisionPair(pin.CollisionPair(i, k))
 
     def distances(row: np.ndarray) -> np.ndarray:
-        data, near = robot.model.createData(), solids.createData()
-        whole = np.array(robot.pose())
+        data, near, whole = robot.model.createData(), solids.createData(), robot.pose()
         whole[robot.actuated_position] = row
         pin.computeDistances(robot.model, data, solids, near, whole)
         return np.array([one.min_distance for one in near.distanceResults])
@@ -172,15 +168,15 @@ _LINK = """<inertial><origin xyz="0 0 -0.15"/><mass value="1"/>
 </collision>"""
 _JOINT = """<parent link="{}"/><child link="{}"/><origin xyz="0 0 {}"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="100" velocity="20"/>"""
-_GEAR = """
-[gears.{}]
-gear_ratio = {{ value = 10.0, unit = "1", source = "assumed" }}
-rotor_inertia = {{ value = 1e-5, unit = "kg m^2", source = "assumed" }}
-forward_efficiency = {{ value = 1.0, unit = "1", source = "assumed" }}
-torque_limit = {{ value = 5.0, unit = "N m", source = "assumed" }}
+_ROBOT = """
+name = "walled"
+model = "walled.urdf"
+base = "fixed"
+[gears."*"]
+gear_ratio = 10.0
+rotor_inertia = 1e-5
+torque_limit = 5.0
 """
-_ROBOT = 'name = "walled"\nmodel = "walled.urdf"\nbase = "fixed"\n'
-_ROBOT += _GEAR.format("shoulder") + _GEAR.format("elbow")
 
 
 def walled(folder: Path) -> Robot:
@@ -194,21 +190,21 @@ def walled(folder: Path) -> Robot:
         <joint name="elbow" type="revolute">{_JOINT.format("upper", "lower", -0.3)}</joint>
         </robot>"""
     )
-    path = folder / "robot.toml"
-    path.write_text(_ROBOT)
-    return load_robot(str(path))
+    (folder / "robot.toml").write_text(_ROBOT)
+    return load_robot(folder)
 
 
 def distance_to_wall(robot: Robot, positions: np.ndarray) -> float:
     """Return how near the lower link comes to the wall [m], by kinematics of its own."""
     box, rod = coal.Box(*(2.0 * _HALF)), coal.Cylinder(0.02, 0.26)
-    least, still = np.inf, coal.Transform3s(np.eye(3), _WALL)
+    least, still, asked = np.inf, coal.Transform3s(np.eye(3), _WALL), coal.DistanceRequest()
     for one, two in positions:
-        elbow = 0.3 * np.array([-np.sin(one), 0.0, -np.cos(one)])
-        turn = pin.utils.rotate("y", one + two)
-        here = coal.Transform3s(turn, elbow + turn @ np.array([0.0, 0.0, -0.15]))
-        found = coal.DistanceResult()
-        least = min(least, coal.distance(box, still, rod, here, coal.DistanceRequest(), found))
+        elbow, turn = (
+            0.3 * np.array([-np.sin(one), 0.0, -np.cos(one)]),
+            pin.utils.rotate("y", one + two),
+        )
+        here = coal.Transform3s(turn, elbow - 0.15 * turn[:, 2])
+        least = min(least, coal.distance(box, still, rod, here, asked, coal.DistanceResult()))
     return float(least)
 
 
@@ -224,7 +220,6 @@ def test_no_link_meets_another_along_a_designed_motion(tmp_path: Path) -> None:
     q = found.path.at(fine)[0]
     near = distance_to_wall(robot, q)
     assert near > 0.015  # 20 mm at the samples of the search, a little less between them
-    assert limits.clearance is not None
     assert limits.clearance.least(q[::40]) >= near - 1e-9
     assert found.worst > 0.0
 
@@ -233,7 +228,6 @@ def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
     """A whole motion keeps apart just where each of its rows, judged alone, does."""
     robot = load_robot("solo12").lossless()
     found = LinkDistances.of(robot, center := robot.pose()[robot.actuated_position])
-    assert found is not None
     random, time = np.random.default_rng(0), np.arange(300) / 50.0
     phase = random.uniform(0.0, 6.0, (len(center), 3))
     beats = 0.6 * np.pi * np.arange(1, 4)

@@ -81,9 +81,8 @@ def test_the_chance_is_how_often_noise_lets_a_run_decide() -> None:
     scale = np.sqrt(quiet.distance((0, 1)) / 4.0)  # so that about four nats are expected
     found = along_a_motion(replace(quiet.rivals, noise=NOISE * scale))
     left = found.misfit((0, 1)).ravel()
-    noise = np.random.default_rng(0).normal(size=(4000, left.size))
     # Of two fixed predictions that differ by `left`: the ratio of their likelihoods.
-    nats = 0.5 * left @ left + noise @ left
+    nats = 0.5 * left @ left + np.random.default_rng(0).normal(size=(4000, left.size)) @ left
     path = next(random_paths(found.rivals, LIMITS, 3.0, 1, 1))
     told = expected(found.rivals, LIMITS, path, rate=50.0)
     assert told.odds[0, 1] == pytest.approx(4.0, rel=0.1)

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from tests.control.scenes import random_state
+from tests.control.scenes import center_of_mass, random_state
 from tests.reference.test_mujoco import leg_model
 from tests.sim.random_robots import geared
 from wbc.arrays import FloatArray
@@ -95,11 +95,11 @@ NAMES = ["planar_leg", "differential_biped", "solo12"]
 def test_contact_jacobian_and_drift_are_derivatives_of_the_contact_position(name: str) -> None:
     robot = load_robot(name)
     q, v = random_state(robot, np.random.default_rng(1), spread=1.5)
-    space = Workspace(robot)
-    step = 1e-6
-    here = evaluate(robot, q, v, space)
-    ahead = evaluate(robot, pin.integrate(robot.model, q, step * v), v, space)
-    behind = evaluate(robot, pin.integrate(robot.model, q, -step * v), v, space)
+    space, step = Workspace(robot), 1e-6
+    behind, here, ahead = (
+        evaluate(robot, pin.integrate(robot.model, q, way * v), v, space)
+        for way in (-step, 0, step)
+    )
     moved = (ahead.contact_position - behind.contact_position).ravel() / (2 * step)
     np.testing.assert_allclose(here.contact_jacobian @ v, moved, atol=1e-7)
     turned = (ahead.contact_jacobian - behind.contact_jacobian) @ v / (2 * step)
@@ -129,5 +129,4 @@ def test_the_center_of_mass_outlives_the_terms_it_came_from(name: str) -> None:
         found = evaluate(robot, q, v).center_of_mass
         for _ in range(3):
             evaluate(robot, robot.neutral(), v)  # writes where the first terms had their memory
-        data = robot.model.createData()
-        assert np.allclose(found, pin.centerOfMass(robot.model, data, q), atol=1e-12)
+        assert np.allclose(found, center_of_mass(robot, q), atol=1e-12)

@@ -54,8 +54,7 @@ def test_inverse_undoes_forward_dynamics(name: str) -> None:
     gears, seen = robot.transmission, set()
     for i in range(40):
         speed = gears.motor_from_joint @ motion.velocity[i][robot.actuated]
-        output = gears.topology.T @ links[i][robot.actuated]
-        mode = np.sign(output * speed)
+        mode = np.sign(gears.topology.T @ links[i][robot.actuated] * speed)
         seen.add(tuple(mode))
         terms = dynamics.evaluate(robot, motion.position[i], motion.velocity[i])
         external = np.zeros(robot.model.nv)
@@ -81,9 +80,8 @@ def test_the_regressor_times_the_parameters_is_the_torque(name: str) -> None:
 
 def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
     robot = load_robot("differential_biped")
-    motion = random_motion(robot, 5, 3)
-    rng = np.random.default_rng(6)
-    forces = {"left_toe": rng.normal(size=(3, 3)), "right_heel": rng.normal(size=(3, 3))}
+    motion, drawn = random_motion(robot, 5, 3), np.random.default_rng(6).normal(size=(2, 3, 3))
+    forces = dict(zip(("left_toe", "right_heel"), drawn, strict=True))
     torque = dynamics.contact_torque(robot, motion.position, forces)
     names = [contact.name for contact in robot.contacts]
     for i in range(3):
@@ -98,9 +96,8 @@ def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
 
 def test_a_measured_contact_force_carries_its_part_of_the_load() -> None:
     robot = load_robot("planar_leg").lossless()
-    q = robot.pose("paper")
     weight = 9.81 * sum(inertia.mass for inertia in robot.model.inertias)
-    still = Motion(q[None], np.zeros((1, 5)), np.zeros((1, 5)))
+    still = Motion(robot.pose("paper")[None], *np.zeros((2, 1, 5)))
     force = dynamics.contact_torque(robot, still.position, {"foot": np.array([[0.0, 0.0, weight]])})
     torque, rest = dynamics.rotor_torque(robot, still, dynamics.link_torque(robot, still), force)
     # The foot is straight under the hip. Both links' centres lie 0.1 m ahead of it, the shin's

@@ -71,11 +71,9 @@ def test_a_joint_with_dry_terms_comes_to_rest_and_stays(leg: Robot) -> None:
 
 
 def test_the_softened_sign_of_another_joint_does_not_chatter(leg: Robot) -> None:
-    both = [
-        CustomTorque.at("knee", {"sign(v_hip)": -0.5}),
-        CustomTorque.at("hip", {"sign(v_knee)": -0.5, "v_hip": -1.0}),
-    ]
-    plant = Plant(leg.with_effects(*both), FAR)
+    knee = CustomTorque.at("knee", {"sign(v_hip)": -0.5})
+    hip = CustomTorque.at("hip", {"sign(v_knee)": -0.5, "v_hip": -1.0})
+    plant = Plant(leg.with_effects(knee, hip), FAR)
     state = plant.state(leg.configuration(hip=0.2, knee=0.1), [0.5, -0.5])
     log = simulate(plant, lambda s: np.zeros(2), state, 0.8).log
     speeds = np.array([log.column(f"{joint}.velocity") for joint in leg.joints])
@@ -86,9 +84,8 @@ def test_it_is_saved_and_loaded_with_units(leg: Robot, tmp_path: Path) -> None:
     effect = CustomTorque.at("knee", FORMULA | {"v_hip * q_knee": 1.0 / 3.0})
     intervals = {("custom_torque", "knee", "1"): (0.2, 0.4)}
     path = save_robot(leg.with_effect(effect), tmp_path / "fitted.toml", intervals)
-    again = load_robot(path)
-    assert again.effects == (effect,)
-    assert again.effects[0].values == effect.values
+    (again,) = load_robot(path).effects
+    assert (again, again.values) == (effect, effect.values)
     text = path.read_text()
     assert '"v_hip * q_knee"' in text
     assert 'unit = "N m s/rad^2"' in text

@@ -33,10 +33,8 @@ def test_it_explains_itself(name: str) -> None:
     kind = EFFECTS[name]
     assert kind.name == name
     assert kind.parameters
-    assert len(kind.explanation) > 20
-    assert len(kind.experiment) > 20
+    assert min(len(kind.explanation), len(kind.experiment)) > 20
     for parameter in kind.parameters:
-        assert parameter.unit in SI_UNITS
         assert SI_UNITS[parameter.unit] == (parameter.unit, 1.0)
         assert parameter.low < parameter.high
         assert parameter.low <= parameter.null <= parameter.high
@@ -81,8 +79,7 @@ def test_it_survives_saving_and_leaves_the_robot_it_was_added_to_alone(
     name: str, tmp_path: Path
 ) -> None:
     robot, kind = fitting(name, "planar_leg"), EFFECTS[name]
-    before = [inertia.copy() for inertia in robot.model.inertias]
-    gravity = robot.model.gravity.linear.copy()
+    before, gravity = robot.model.copy().inertias, robot.model.gravity.linear.copy()
     for where in kind.places(robot):
         added = robot.with_effect(away_from_null(kind, robot, where))
         again = load_robot(save_robot(added, tmp_path / "robot.toml"))

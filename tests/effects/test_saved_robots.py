@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.effects.test_effect_catalogue import Drag
 from wbc import effects
 from wbc.effects import CoulombFriction, load_robot, save_robot
-from wbc.errors import EffectError, RobotError, WbcError
-from wbc.robot import Parameter, robots_directory
+from wbc.errors import EffectError, RobotError
+from wbc.robot import robots_directory
 
 FITTED = """
 robot = "planar_leg"
@@ -43,8 +41,7 @@ def test_round_trip(tmp_path: Path, name: str, lossless: bool) -> None:
     )
     path = save_robot(robot, tmp_path / "deep" / "fitted.toml")
     again = load_robot(path)
-    assert again.effects == robot.effects
-    assert again.source == robot.source
+    assert (again.effects, again.source) == (robot.effects, robot.source)
     for number in ("forward_efficiency", "backward_efficiency"):
         ours, theirs = (getattr(one.transmission, number) for one in (again, robot))
         np.testing.assert_array_equal(ours, theirs)
@@ -100,9 +97,7 @@ def test_units_intervals_and_provenance(tmp_path: Path) -> None:
         ('robot = "planar_leg"', 'robot = "fitted.toml"', RobotError, "refers back to this file"),
     ],
 )
-def test_mistakes_are_named(
-    tmp_path: Path, old: str, new: str, error: type[WbcError], message: str
-) -> None:
+def test_mistakes_are_named(tmp_path: Path, old: str, new: str, error: type, message: str) -> None:
     assert old in FITTED
     path = tmp_path / "fitted.toml"
     path.write_text(FITTED.replace(old, new, 1))
@@ -117,31 +112,12 @@ def test_the_side_of_friction_beside_a_soft_gear_is_kept(tmp_path: Path) -> None
         robot = load_robot("planar_leg").with_effects(gear, CoulombFriction("knee", 0.3))
         save_robot(robot, path)
         assert load_robot(path).effects == robot.effects
-    save_robot(robot.with_effect(gear.with_friction_at("motor")), path)
-    path.write_text(path.read_text().replace('"motor"', '"gear"'))
-    with pytest.raises(RobotError, match="'gear' is none of link, motor, either"):
-        load_robot(path)
-
-
-@dataclass(frozen=True)
-class ToothRipple(Drag):
-    """An effect with fields that are no parameters."""
-
-    harmonic: int = 12
-    belt: str = "short"
-    parameters = (Parameter("coefficient", "N m", 0.0, 0.0, 10.0, 0.1),)
-
-
-def test_every_field_of_an_effect_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.effects.saved.effect_class", lambda name: ToothRipple)
-    effect = ToothRipple("knee", 0.3, harmonic=7, belt="long")
-    path = save_robot(load_robot("planar_leg").with_effect(effect), tmp_path / "fitted.toml")
-    assert load_robot(path).effects == (effect,)
+    text = save_robot(robot.with_effect(gear.with_friction_at("motor")), path).read_text()
     for old, new, message in (
-        ("harmonic", "harmonik", "Did you mean 'harmonic'"),
-        ("= 7", "= 7.5", "harmonic: 7.5 stands where a int is expected"),
+        ('"motor"', '"gear"', "'gear' is none of link, motor, either"),
+        ('"motor"', "3", "3 stands where a str is expected"),
+        ("friction_side", "friction_sid", "Did you mean 'friction_side'"),
     ):
-        other = tmp_path / "other.toml"
-        other.write_text(path.read_text().replace(old, new))
-        with pytest.raises(RobotError, match=re.escape(message)):
-            load_robot(other)
+        path.write_text(text.replace(old, new))
+        with pytest.raises(RobotError, match=message):
+            load_robot(path)

@@ -16,6 +16,7 @@ import pytest
 
 from tests.control.scenes import CERTAIN
 from tests.effects.test_effect_catalogue import Drag
+from tests.sim.random_robots import geared
 from wbc import load_robot
 from wbc.arrays import FloatArray
 from wbc.control import (
@@ -28,7 +29,7 @@ from wbc.control import (
 )
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CurrentLimit, CustomTorque, effect_class
-from wbc.robot import Effect, Motion, Robot
+from wbc.robot import Motion, Robot
 from wbc.sim import Plane, Plant
 
 FAR = Plane(height=-50.0)
@@ -73,9 +74,8 @@ MIXES = {"compiled": COMPILED, "by hooks": {**COMPILED, **BY_HOOKS}}
 
 def lossy(name: str, mix: str) -> Robot:
     """Return a robot with each effect at most of its joints, in numbers that differ by place."""
-    robot = load_robot(name)
-    gears = robot.transmission.replace(supply_voltage=np.full(robot.transmission.size, 17.0))
-    added: list[Effect] = []
+    robot, added = geared(load_robot(name), supply_voltage=17.0), []
+    gears = robot.transmission
     for k, (kind, numbers) in enumerate(MIXES[mix].items()):
         cls = effect_class(kind)
         names = [parameter.name for parameter in cls.parameters]
@@ -88,7 +88,7 @@ def lossy(name: str, mix: str) -> Robot:
         formula = f"sin(q_{joint}) * |v_{joint}|", f"|q_{joint}| * sign(v_{joint})"
         added.append(RubbingDrag(joint, 0.01, level=0.02 * (i + 1)))
         added.append(CustomTorque.at(joint, dict.fromkeys(formula, -0.05)))
-    return robot.with_transmission(gears).with_effects(*added)
+    return robot.with_effects(*added)
 
 
 def states(robot: Robot) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
@@ -135,7 +135,7 @@ STANDING = {
 @pytest.mark.parametrize("name", STANDING)
 def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: str) -> None:
     robot = lossy(name, mix) if mix in MIXES else load_robot(name)
-    robot = replace(robot, rotors_turn_with_links=mix not in MIXES)
+    robot, m = replace(robot, rotors_turn_with_links=mix not in MIXES), robot.transmission.size
     task, contacts = PostureTask.of(robot), [PointContact(name=foot) for foot in STANDING[name]]
     tasks = [task, CenterOfMassTask(weight=0.01)] if contacts else [task]
     settings = ControllerSettings(speed_blend=CERTAIN)
@@ -149,7 +149,6 @@ def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: 
             np.testing.assert_allclose(command.acceleration, a, atol=1e-5)
         scale = 1.0 + max((np.abs(force).max() for force in command.forces.values()), default=0.0)
         found = needed(robot, q, v, command.acceleration, command.forces)
-        m = robot.transmission.size
         np.testing.assert_allclose(found[:m], command.rotor_torque, rtol=1e-12, atol=1e-6 * scale)
         np.testing.assert_allclose(found[m:], 0.0, atol=1e-5 * scale)
 

@@ -22,14 +22,11 @@ def logs_of(leg: Robot, effect: Effect, temperatures: list[float | None]) -> lis
     return logs
 
 
-@pytest.mark.parametrize(
-    ("effect", "temperatures"),
-    [
-        (effects.ThermalViscousFriction("knee", 0.6, 0.03), [COLD, WARM, COLD, 40.0]),
-        (effects.DirectionalViscousFriction("hip", 0.6, 0.2), [None, None, None]),
-    ],
-    ids=["by temperature", "by direction"],
-)
+BY_WARMTH = (effects.ThermalViscousFriction("knee", 0.6, 0.03), [COLD, WARM, COLD, 40.0])
+BY_DIRECTION = (effects.DirectionalViscousFriction("hip", 0.6, 0.2), [None, None, None])
+
+
+@pytest.mark.parametrize(("effect", "temperatures"), [BY_WARMTH, BY_DIRECTION])
 def test_friction_that_differs_is_named_with_its_numbers(
     leg: Robot, effect: Effect, temperatures: list[float | None]
 ) -> None:
@@ -49,15 +46,14 @@ def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot)
     assert (one.effect.key, one.rivals) == (("viscous_friction", "knee"), ())
 
 
-SWING = np.stack([np.linspace(-1.0, 1.0, 50), np.linspace(0.1, 1.0, 50)], axis=1)
+SWING = np.linspace([-1.0, 0.1], [1.0, 1.0], 50)
 SAME = Motion(SWING, SWING, temperature=np.full((50, 2), 40.0))
 WARMER = SAME.replace(temperature=np.full((50, 2), 50.0))
 THERMAL = effects.ThermalViscousFriction("knee", 0.4, 0.03)
 
 
 def travel(way: float) -> Motion:
-    position = 0.4 + np.linspace(0.0, way, 50)[:, None] * [0.0, 1.0]
-    return Motion(position, np.zeros((50, 2)))
+    return Motion(np.linspace([0.4, 0.4], [0.4, 0.4 + way], 50), np.zeros((50, 2)))
 
 
 @pytest.mark.parametrize(

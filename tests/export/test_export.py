@@ -19,16 +19,14 @@ from wbc.sim import Plane, Plant, SimState, simulate
 _DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
 
 
-def told(robot: Robot) -> Robot:
-    """Return the robot with effects that MJCF can say."""
-    return robot.with_effects(
-        effects.PayloadMass.at("shin", {"mass": 0.7}),
-        effects.ViscousFriction("knee", 0.4),
-        effects.CoulombFriction("hip", 0.8),
-        effects.JointSpring("knee", 3.0, 0.5),
-        effects.TorqueConstant("hip", 0.9),
-        effects.TorqueOffset("knee", 0.25),
-    )
+SAID = (  # what MJCF can say
+    effects.PayloadMass("shin", 0.7),
+    effects.ViscousFriction("knee", 0.4),
+    effects.CoulombFriction("hip", 0.8),
+    effects.JointSpring("knee", 3.0, 0.5),
+    effects.TorqueConstant("hip", 0.9),
+    effects.TorqueOffset("knee", 0.25),
+)
 
 
 def motor_torque(time: float) -> np.ndarray:
@@ -62,13 +60,13 @@ def theirs(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def test_mujoco_moves_the_exported_leg_as_our_plant_does() -> None:
-    leg = told(load_robot("planar_leg_fixed").lossless())
-    q = leg.pose("paper")
-    here, there = ours(leg, q), theirs(leg, q)
+    bare = load_robot("planar_leg_fixed").lossless()
+    leg, q = bare.with_effects(*SAID), bare.pose("paper")
+    here = ours(leg, q)
     assert np.abs(here - q).max() > 0.3
-    np.testing.assert_allclose(there, here, atol=2e-3)
+    np.testing.assert_allclose(theirs(leg, q), here, atol=2e-3)
     # The effects matter: a leg without them ends elsewhere.
-    assert np.abs(ours(load_robot("planar_leg_fixed").lossless(), q) - here).max() > 0.1
+    assert np.abs(ours(bare, q) - here).max() > 0.1
 
 
 def test_coupled_gears_move_as_our_plant_does() -> None:
@@ -88,8 +86,7 @@ def test_urdf_reads_back_with_the_same_links(name: str, tmp_path: Path) -> None:
     root = (pin.JointModelFreeFlyer(),) if robot.has_free_flyer else ()
     model = pin.buildModelFromUrdf(str(path), *root)
     assert list(model.names)[2:] == list(robot.model.names)[2:]
-    random = np.random.default_rng(0)
-    data, own = model.createData(), robot.model.createData()
+    random, data, own = np.random.default_rng(0), model.createData(), robot.model.createData()
     model.gravity.linear = robot.model.gravity.linear
     for _ in range(5):
         q = pin.integrate(robot.model, robot.neutral(), random.uniform(-1, 1, model.nv))
@@ -102,9 +99,10 @@ def test_urdf_reads_back_with_the_same_links(name: str, tmp_path: Path) -> None:
         assert model.existFrame(contact.name)
 
 
-@pytest.mark.parametrize(
-    "name", ["solo12", "anymal", "talos", "staubli_tx40", "differential_biped"]
-)
+KINDS = ["solo12", "anymal", "talos", "staubli_tx40", "differential_biped"]
+
+
+@pytest.mark.parametrize("name", KINDS)
 def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
     robot = load_robot(name)
     model = mujoco.MjModel.from_xml_string(export_robot(robot, "mjcf").text)
@@ -114,8 +112,7 @@ def test_mujoco_reads_every_kind_of_robot(name: str) -> None:
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    gears = robot.transmission
-    q = np.array(data.qpos)
+    gears, q = robot.transmission, np.array(data.qpos)
     if robot.has_free_flyer:
         q[3:7] = q[[4, 5, 6, 3]]
     turned, joints = gears.motor_from_joint, np.ix_(robot.actuated, robot.actuated)

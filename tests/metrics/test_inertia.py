@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +29,9 @@ KINDS = [(generalized_inertia, 0.0), (backward_generalized_inertia, -1.0)]
 
 @pytest.mark.parametrize(("kind", "mode"), KINDS)
 @pytest.mark.parametrize("name", ["planar_leg", "parallelogram_leg"])
-def test_a_force_on_the_foot_moves_it_as_the_tensor_says(name: str, kind, mode: float) -> None:
+def test_a_force_on_the_foot_moves_it_as_the_tensor_says(
+    name: str, kind: Callable, mode: float
+) -> None:
     robot = load_robot(name)
     q = robot.configuration(**POSE)
     tensor = kind(robot, q, "foot", "xz")

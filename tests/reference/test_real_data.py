@@ -45,20 +45,16 @@ def test_double_pendulum_has_the_published_mass_matrix_and_gravity(name: str) ->
     l1, i1, mr1, i2, m2, r2, rotor = DESIGNS[name]
     robot = load_robot(ROOT / "robots" / name / "published.toml")
     robot = replace(robot, rotors_turn_with_links=True)
-    q = np.array([0.4, -0.9])
-    c2 = np.cos(q[1])
-    m22 = i2 + 36 * rotor
-    m12 = i2 + l1 * m2 * r2 * c2 - 6 * rotor
+    q, c2 = np.array([0.4, -0.9]), np.cos(-0.9)
+    m12, m22 = i2 + l1 * m2 * r2 * c2 - 6 * rotor, i2 + 36 * rotor
     m11 = i1 + i2 + m2 * l1**2 + 2 * l1 * m2 * r2 * c2 + 37 * rotor
     g2 = 9.81 * m2 * r2 * np.sin(q.sum())
     g1 = g2 + 9.81 * (mr1 + m2 * l1) * np.sin(q[0])
-    still = Motion(q[None], np.zeros((1, 2)), np.zeros((1, 2)))
-    gear = robot.transmission.gear_ratio
 
     def motor(acceleration: list[float]) -> np.ndarray:
-        moving = still.replace(acceleration=np.array([acceleration]))
+        moving = Motion(q[None], np.zeros((1, 2)), np.array([acceleration]))
         rotors, _ = rotor_torque(robot, moving, link_torque(robot, moving))
-        return rotors[0] * gear
+        return rotors[0] * robot.transmission.gear_ratio
 
     np.testing.assert_allclose(motor([0.0, 0.0]), [g1, g2], rtol=2e-4, atol=1e-6)
     for unit, column in (([1.0, 0.0], [m11, m12]), ([0.0, 1.0], [m12, m22])):

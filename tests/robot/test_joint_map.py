@@ -32,9 +32,8 @@ def test_torques_go_back_by_name_and_duality(name):
     robot = load_robot(name)
     gears = robot.transmission
     others = [joint for joint in robot.single_joints if joint not in gears.joints]
-    names = [*others, "gripper", *gears.joints[::-1]]
     rotor = np.random.default_rng(0).normal(size=gears.size)
-    torque = JointMap.of(robot, names).torques(rotor)
+    torque = JointMap.of(robot, [*others, "gripper", *gears.joints[::-1]]).torques(rotor)
     np.testing.assert_array_equal(torque[: -gears.size], 0.0)
     # A column each for one joint that turns at 1 rad/s.
     motors = gears.gear_ratio * rotor @ gears.motor_from_joint

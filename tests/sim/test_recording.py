@@ -95,8 +95,7 @@ def test_encoders_on_the_motors_see_the_gear_wind_up() -> None:
     """A gear held still under gravity: the encoder stays, the link sags by load over stiffness."""
     robot = load_robot("planar_leg_fixed").lossless()
     soft = robot.with_effect(JointCompliance("knee", stiffness=200.0, damping=3.0))
-    plant = sim.Plant(soft, sim.Plane(height=-10.0))
-    q = soft.configuration(hip=0.0, knee=1.0)
+    plant, q = sim.Plant(soft, sim.Plane(height=-10.0)), np.array([0.0, 1.0])
 
     def held(state: sim.SimState) -> np.ndarray:
         seen = plant.encoders(state)

@@ -46,8 +46,7 @@ def test_a_peak_force_converges_to_the_one_of_a_spring() -> None:
 
 def test_the_loss_is_that_of_the_law_in_fine_steps() -> None:
     """Large losses, against the law integrated with steps of 1e-6 s."""
-    a, v, d = 0.5, 1.0, 0.0
-    h = 1e-6
+    a, v, d, h = 0.5, 1.0, 0.0, 1e-6
     while d > 0.0 or v > 0.0:
         v -= h / _MASS * max(_K * max(d, 0.0) ** 1.5 * (1.0 + 1.5 * a * v), 0.0)
         d += h * v
@@ -60,8 +59,7 @@ def test_a_quadruped_and_a_plank_stand_on_compliant_ground() -> None:
     plank = free(FreeBody("plank", coal.Box(0.6, 0.4, 0.1), 2.0))
     stair = Stairs(edges=np.array([0.0]), heights=np.array([0.0, 0.1]))
     plant = Plant(plank, stair, compliance=soft)
-    state = plant.state([-0.05, 0.0, 0.35, 0.0, 0.0, 0.0, 1.0])
-    state = plant.run(state, [], 2.0, 2000).state
+    state = plant.run(plant.state([-0.05, 0.0, 0.35, 0, 0, 0, 1]), [], 2.0, 2000).state
     assert plant.pair_gaps(state).min() > -1e-3
     assert state.position[2] > 0.08
     plant = Plant(load_robot("solo12"), Plane(), compliance=soft)
