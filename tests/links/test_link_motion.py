@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import butter, sosfiltfilt
 
 from wbc.effects import JointCompliance
 from wbc.identification.choice.gears import best_gears
@@ -22,7 +21,7 @@ LOAD = 2.0 * np.sin(2 * np.pi * 0.8 * TIME) + 0.3
 INERTIA, DRAG, PULL = 0.12, 0.05, 0.7
 
 
-@cache  # what strikes takes the solver seconds
+@cache
 def _truth(contact: Flanks, start: tuple[float, float]) -> np.ndarray:
     """Return deflection, rate and second derivative (N, 3), by an adaptive solver."""
 
@@ -32,8 +31,7 @@ def _truth(contact: Flanks, start: tuple[float, float]) -> np.ndarray:
         held = contact.stiffness * stretch + (contact.damping * v if stretch != 0.0 else 0.0)
         return [v, -(np.interp(time, TIME, LOAD) + DRAG * v + PULL * d + held) / INERTIA]
 
-    # The load bends at samples, a flank anywhere.
-    exact = {"max_step": 2e-4 if contact.play else STEP, "rtol": 1e-9, "atol": 1e-9}
+    exact = {"max_step": STEP, "rtol": 1e-9, "atol": 1e-9}  # the load bends at samples
     path = solve_ivp(rate, (0.0, float(TIME[-1])), start, t_eval=TIME, **exact).y
     second = [rate(t, state)[1] for t, state in zip(TIME, path.T, strict=True)]
     return np.column_stack([*path, second])
@@ -47,21 +45,6 @@ def _response(truth: np.ndarray, inertia: float = INERTIA) -> LinkResponse:
     link = {"inertia": inertia * one, "damping": DRAG * one, "stiffness": PULL * one}
     seen = {"unexplained": torque, "band": lambda values: values, "rows": np.arange(len(TIME))}
     return LinkResponse(step=STEP, row=0, load=LOAD[:, None], **link, **seen)
-
-
-def _in_band(values: np.ndarray) -> np.ndarray:
-    return np.asarray(sosfiltfilt(butter(2, 15.0, fs=1.0 / STEP, output="sos"), values, axis=0))
-
-
-@pytest.mark.parametrize("start", [(0.0, 0.0), (0.01, -0.2)])
-@pytest.mark.parametrize("damping", [0.1, 6.0])
-def test_a_soft_link_swings_as_an_ode_solver_says(
-    start: tuple[float, float], damping: float
-) -> None:
-    truth = _truth(Flanks(300.0, damping, 0.0), start)
-    found = deflections([_response(truth)], [Flanks(300.0, damping)]).paths[0]
-    assert found[:, 0] == pytest.approx(truth[:, 0], abs=0.01 * np.abs(truth[:, 0]).max())
-    assert found[:, 1] == pytest.approx(truth[:, 1], abs=0.02 * np.abs(truth[:, 1]).max())
 
 
 def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_winds_up() -> None:
@@ -78,14 +61,6 @@ def test_a_swing_that_dies_before_the_log_is_judged_began_as_small_as_the_load_w
     found = deflections([seen], [Flanks(*spring)]).paths[0]
     assert np.abs(found[:, 0]).max() < 2.0 * np.abs(LOAD).max() / spring[0]
     assert found[judged > 0.0, 0] == pytest.approx(truth[judged > 0.0, 0], abs=1e-5)
-
-
-def test_a_loose_link_bounces_as_an_ode_solver_says() -> None:
-    truth = _truth(LOOSE, (0.01, 0.0))
-    response = replace(_response(truth), band=_in_band)
-    found = deflections([response], [LOOSE]).paths[0]
-    # What came before the first strike leaves hardly a trace in the band.
-    assert found[TIME > 0.1, 0] == pytest.approx(truth[TIME > 0.1, 0], abs=8e-4)
 
 
 @pytest.mark.parametrize("straight", [False, True])

@@ -64,7 +64,7 @@ CASES: dict[str, tuple[str, Callable[[Robot], object]]] = {
         LOCK + GEARS.replace("\nrotor", f"\n{DUTY}\nrotor"),
         torques(TARGETS),
     ),
-    "heat without resistance": (LOCK + GEARS, JouleHeatEffort(weight=1.0).check),
+    "heat without resistance": (LOCK + GEARS, JouleHeatEffort(weight=1.0).weights),
     "positions that the log lacks": (GEARS, checked(log_of(motor_torque=1.0))),
     "no gears": (LOCK, lambda robot: compare(robot, [log_of(motor_torque=1.0)])),
 }
