@@ -138,8 +138,8 @@ def _dry(free: np.ndarray, inverse: np.ndarray, up: np.ndarray, down: np.ndarray
     for _ in range(6):
         before = impulse.copy()
         for j in (0, 1):
-            change = v[:, j] / inverse[:, j, j]
-            new = np.clip(impulse[:, j] + change, -down[:, j], up[:, j])
+            wish = impulse[:, j] + v[:, j] / inverse[:, j, j]
+            new = np.minimum(np.maximum(wish, -down[:, j]), up[:, j])
             v = v - inverse[:, :, j] * (new - impulse[:, j])[:, None]
             impulse[:, j] = new
         if np.array_equal(impulse, before):  # all slide or hold
@@ -195,12 +195,15 @@ class Flaws:
         c, s = np.cos(q2), np.sin(q2)
         m11 = second1 + m2 * LENGTH**2 + second2 + 2.0 * LENGTH * first2 * c
         m12 = second2 + LENGTH * first2 * c
-        mass = np.stack([np.stack([m11, m12], -1), np.stack([m12, second2 + 0.0 * c], -1)], -2)
+        mass, bias = np.empty((len(q), 2, 2)), np.empty_like(q)
+        mass[:, 0, 0], mass[:, 1, 1] = m11, second2
+        mass[:, 0, 1] = mass[:, 1, 0] = m12
         h = -LENGTH * first2 * s
         gravity1 = (MASS * half + m2 * LENGTH) * GRAVITY * np.sin(q1)
         gravity2 = first2 * GRAVITY * np.sin(q1 + q2)
-        first = h * (2.0 * v1 * v2 + v2**2) + gravity1 + gravity2
-        return mass, np.stack([first, -h * v1**2 + gravity2], -1)
+        bias[:, 0] = h * (2.0 * v1 * v2 + v2**2) + gravity1 + gravity2
+        bias[:, 1] = -h * v1**2 + gravity2
+        return mass, bias
 
 
 def reference(lane: Lane) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
