@@ -26,6 +26,7 @@ from wbc.effects import (
     load_robot,
 )
 from wbc.identification.choice.candidate_columns import evidence, make_regressors
+from wbc.identification.model import estimation_problem
 from wbc.identification.model.columns import derivatives
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import evaluate, with_changes
@@ -40,7 +41,9 @@ ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
 @pytest.fixture(scope="module", params=["staubli_tx40", "solo12"])
 def problem(request: pytest.FixtureRequest) -> EstimationProblem:
     robot = load_robot(request.param).without_effects().lossless()
-    return EstimationProblem.from_logs(robot, [waving(robot)])
+    with pytest.MonkeyPatch.context() as patch:  # the torques are any: no column looks right
+        patch.setattr(estimation_problem, "suspicions", lambda *_: [])
+        return EstimationProblem.from_logs(robot, [waving(robot)])
 
 
 def _others(robot: Robot) -> Sequence[Effect]:
