@@ -72,8 +72,11 @@ ARM = "strangers/11_duplicate_stamps"
 JOINTS = ("yaw", "shoulder", "elbow")
 
 
+Arm = tuple[Robot, tuple[Log, ...]]
+
+
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, tuple[Log, ...]]:
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Arm:
     """A right arm of three joints with friction and rotors that its description lacks."""
     robot = load_robot(outside("strangers/14_missing_knee_ratio/robot.toml"))
     columns = tmp_path_factory.mktemp("map") / "columns.toml"
@@ -130,7 +133,7 @@ def test_a_mistake_in_all_logs_of_a_machine_is_named(
     columns: dict[str, dict[str, float]],
     severity: str,
     says: str,
-    arm: tuple[Robot, tuple[Log, ...]],
+    arm: Arm,
     leg: tuple[Log, ...],
 ) -> None:
     robot, logs = {"arm": arm, "leg": (LEG, leg)}.get(name) or recorded(name)
@@ -159,7 +162,7 @@ def slow(log: Log, _: int, torque: np.ndarray, constant: float = 0.05) -> np.nda
 
 @pytest.mark.parametrize(("kind", "share"), [("no_gravity", 1.0), ("upside_down", 2.0)])
 def test_gravity_that_is_another_is_named_and_the_printed_line_mends_the_robot(
-    kind: str, share: float, arm: tuple[Robot, tuple[Log, ...]], tmp_path: Path
+    kind: str, share: float, arm: Arm, tmp_path: Path
 ) -> None:
     robot, logs = arm
     assert find_suspicions(logs, robot) == [[], [], []]
@@ -182,7 +185,7 @@ def test_gravity_that_is_another_is_named_and_the_printed_line_mends_the_robot(
     "change", [lambda log, _, torque: np.interp(log.time - 0.05, log.time, torque), slow]
 )
 def test_a_late_torque_is_named_and_moved_back(
-    change: Callable[[Log, int, np.ndarray], np.ndarray], arm: tuple[Robot, tuple[Log, ...]]
+    change: Callable[[Log, int, np.ndarray], np.ndarray], arm: Arm
 ) -> None:
     robot, logs = arm
     wrong = [changed(log, change) for log in logs]
@@ -230,16 +233,12 @@ def test_fewer_samples_than_coefficients_tell_no_scale(tmp_path: Path) -> None:
     assert find_suspicions(logs, robot) == [[]]
 
 
-@pytest.mark.parametrize(("joints", "factor"), [(JOINTS, 20.0 / 9.0), (("elbow",), 1.5)])
-def test_a_torque_of_another_scale_is_asked_about_and_not_mended(
-    joints: tuple[str, ...], factor: float, arm: tuple[Robot, tuple[Log, ...]]
-) -> None:
-    robot, logs = arm
-    names = [f"{joint}.motor_torque" for joint in joints]
-    wrong = [log.with_columns({n: factor * log.column(n) for n in names}) for log in logs]
+def test_torques_of_another_scale_are_asked_about_and_not_mended(arm: Arm) -> None:
+    (robot, logs), factor = arm, 20.0 / 9.0
+    wrong = [changed(log, lambda log, _, torque: factor * torque) for log in logs]
     (finding,) = find_suspicions(wrong, robot)[0]
     assert (finding.kind, finding.severity) == ("torque_scale", "warning")
-    assert finding.text.startswith(f"torques of {', '.join(joints)} are ")
+    assert finding.text.startswith(f"torques of {', '.join(JOINTS)} are ")
     assert float(finding.text.split("are ")[1].split(" times")[0]) == pytest.approx(factor, rel=0.1)
     assert not finding.likeliest
 
@@ -274,9 +273,7 @@ def test_friction_far_above_the_need_of_a_flange_is_no_other_unit(
 
 
 @pytest.mark.parametrize("trembling", [0.0, 3e-3])
-def test_joints_that_are_held_while_another_moves_accuse_nobody(
-    trembling: float, arm: tuple[Robot, tuple[Log, ...]]
-) -> None:
+def test_joints_that_are_held_while_another_moves_accuse_nobody(trembling: float, arm: Arm) -> None:
     """Of logs of one joint each "joint_1 holds turns" and "fits other columns" were said."""
     robot, random, logs = arm[0], np.random.default_rng(0), []
     time = np.arange(0.0, 6.0, 0.005)
@@ -299,9 +296,7 @@ def test_joints_that_are_held_while_another_moves_accuse_nobody(
 
 
 @pytest.mark.parametrize("constant", [0.02, 0.05])
-def test_a_torque_that_is_late_in_one_joint_alone_is_measured(
-    constant: float, arm: tuple[Robot, tuple[Log, ...]]
-) -> None:
+def test_a_torque_that_is_late_in_one_joint_alone_is_measured(constant: float, arm: Arm) -> None:
     robot, logs = arm
     name = "elbow.motor_torque"
     wrong = [delayed(log, constant, name) for log in logs]
