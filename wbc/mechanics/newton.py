@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
-from wbc.mechanics.in_velocities import solve_in_velocities
 from wbc.mechanics.linear import dot, rest_of_way
-from wbc.mechanics.rows import RowSystem, pieces_at, products_of, solve_pieces
+from wbc.mechanics.pieces import solve_pieces
+from wbc.mechanics.rows import RowSystem, pieces_at, products_of
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
 NEWTON, PROXIMAL, CONVEX, PASSIVE, UNSOLVED = range(5)
@@ -25,6 +25,13 @@ NEWTON, PROXIMAL, CONVEX, PASSIVE, UNSOLVED = range(5)
 
 WAYS = ("newton", "proximal", "convex", "passive")
 """The same as words."""
+
+TOLERANCE = 1e-10
+"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1.
+
+A target below zero does not count: a row reaches it only at speeds that count already, and a
+barrier that is kept in a short part has one that no speed comes near.
+"""
 
 FULL_STEPS = 20
 """Solo12 in stance needs up to 5, a robot on 20 feet that rock 13. Of 1600 dense steps (corpora of
@@ -63,22 +70,23 @@ def speeds_at(delassus: Dense, free: Row, impulse: Row, speed: OutRow) -> None:
 
 
 @compiled(counted=False)
-def solve_smaller(
-    system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
-) -> bool:
-    """Solve the pieces in velocities where the system has `ways`, else in impulses."""
-    if len(system.ways):
-        return solve_in_velocities(system, pieces, sliding, impulse, solved)
-    return solve_pieces(system, pieces, sliding, impulse, solved)
-
-
-@compiled(counted=False)
 def look_at(
     system: RowSystem, impulse: Row, speed: OutRow, pieces: OutDense, sliding: OutDense
 ) -> float:
     """Write the speeds and pieces at row impulses (r,); return the largest residual."""
     speeds_at(system.delassus, system.free, impulse, speed)
     return pieces_at(system, impulse, speed, pieces, sliding)
+
+
+@compiled
+def tolerance_of(system: RowSystem) -> float:
+    """Return the largest distance of a row from its law in a solution, as a speed."""
+    fastest = 0.0
+    for i in range(len(system.free)):
+        fastest = max(fastest, abs(system.free[i]))
+    for i in range(len(system.targets)):
+        fastest = max(fastest, system.targets[i])
+    return TOLERANCE * (1.0 + fastest)
 
 
 @compiled
@@ -128,7 +136,7 @@ def newton(
             impulse[:] = start
             look_at(system, impulse, speed, pieces, sliding)
             merit = merit_of(pieces)
-        if not solve_smaller(system, pieces, sliding, impulse, aim):
+        if not solve_pieces(system, pieces, sliding, impulse, aim):
             return -iteration
         share = 1.0
         while True:

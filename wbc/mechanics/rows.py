@@ -1,4 +1,4 @@
-"""A step seen from its rows: their laws, the linear pieces of these, and the system of the pieces.
+"""A step seen from its rows: their laws, and the linear pieces of these.
 
 The rows G v of a step, speeds u = free + (G H^-1 G') impulse, are elements (gears, dry friction),
 then limits and contact normals, then the contacts' tangents. A piece of a row's law is
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
-from wbc.mechanics.linear import factor, halfway, products, solve_factored
+from wbc.mechanics.linear import halfway, products
 
 
 class RowSystem(NamedTuple):
@@ -276,54 +276,3 @@ def pieces_at(
         if not abs(pieces[i, 3]) <= worst:
             worst = abs(pieces[i, 3]) if pieces[i, 3] == pieces[i, 3] else np.inf
     return worst
-
-
-@compiled
-def solve_pieces(
-    system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
-) -> bool:
-    """Write the row impulses (r,) that solve the pieces; False where they contradict each other.
-
-    Rows that depend on each other (more stuck gears and sticking contacts than the robot has
-    freedoms) leave their split open; what is left open stays near `impulse` (r,), the point of the
-    pieces, by a proximal term whose effect on the rest a second solve with the same factors
-    removes.
-    """
-    delassus, spring, slope = system.delassus, system.spring, system.slope
-    frictions, tangents = system.frictions, system.tangents
-    size, contacts = len(impulse), len(frictions)
-    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
-    change, correction = np.empty(size), np.empty(size)
-    for i in range(size):
-        for j in range(size):
-            total[i, j] = pieces[i, 0] * delassus[i, j]
-        total[i, i] += pieces[i, 1] + spring[i] * pieces[i, 0]
-        change[i] = pieces[i, 2]
-    for contact in range(contacts):
-        turning = sliding[contact, 2]
-        if turning < 0.0:
-            continue
-        # p_t = (mu p_n + grip) direction, and how the direction turns with the slip. What the rows
-        # miss was taken at the projected normal impulse; the piece is linear in p_n.
-        first = size - (contacts - contact) * tangents
-        normal = size - contacts * (tangents + 1) + contact
-        for a in range(tangents):
-            row, along = first + a, frictions[contact] * sliding[contact, a]
-            total[row, normal] -= along
-            change[row] = along * impulse[normal] - impulse[row]
-            change[row] += system.grips[contact] * sliding[contact, a]
-            for b in range(tangents if tangents == 2 else 0):
-                turn = -sliding[contact, a] * sliding[contact, b] + (1.0 if a == b else 0.0)
-                turn *= turning
-                total[row, first + b] -= turn
-                for j in range(size):
-                    total[row, j] += slope[first] * turn * delassus[first + b, j]
-    if not factor(total, pivots):
-        return False
-    solve_factored(total, pivots, change)
-    for i in range(size):
-        correction[i] = spring[i] * pieces[i, 0] * change[i]
-    solve_factored(total, pivots, correction)
-    for i in range(size):
-        solved[i] = impulse[i] + change[i] + correction[i]
-    return True
