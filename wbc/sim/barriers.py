@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError, unknown_name
 from wbc.mechanics.tree import Tree
@@ -34,6 +34,7 @@ class Barriers:
         pairs: names of p pairs of hulls.
         contacts: c contact barriers, all points for the first of s solids first, then the pairs'.
         bodies: the pairs as arrays.
+        tables: limits and contact points as the first tables of `Obstacles`.
         size: 2 j + c.
         tangents: per contact, one where no contact point can leave its x-z plane, else two.
         asked: whether only Python knows how far some of the ground is.
@@ -61,13 +62,22 @@ class Barriers:
             and joint.nv == 1
             and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
         ]
-        self._space, self._solids = space, terrain.solids
+        self._solids = terrain.solids
         self.asked = any(solid.numbers() is None for solid in terrain.solids)
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
         self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
         both, pairs = _pairs_of(hulls, robot.surface, terrain)
-        self.bodies = _tables_of(both, pairs, robot.surface, tree, len(robot.contacts))
+        last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
+        self.bodies = _tables_of(both, pairs, robot.surface, last, len(robot.contacts))
+        frames = [space.model.frames[number] for number in space.frames]
+        at = [(frame.parentJoint - 1, last.get(frame.parentJoint - 1, -1)) for frame in frames]
+        own = [
+            (*frame.placement.translation, contact.radius, contact.friction)
+            for frame, contact in zip(frames, robot.contacts, strict=True)
+        ]
+        contact_at = np.array(at, dtype=np.int64).reshape(-1, 2)
+        self.tables = self._at, self._range, contact_at, np.reshape(own, (-1, 5))
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
         self.tangents = 1 if _moves_in_plane(space) and not pairs else 2
         self.limits, self.points = 2 * len(single), len(robot.contacts)
@@ -79,18 +89,6 @@ class Barriers:
             *(f"contact '{c.name}'" for c in robot.contacts * len(terrain.solids)),
             *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )
-
-    def tables(self, tree: Tree) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
-        """Return limits and contact points as the first tables of `Obstacles`."""
-        frames = [self._space.model.frames[number] for number in self._space.frames]
-        last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
-        at = [(frame.parentJoint - 1, last.get(frame.parentJoint - 1, -1)) for frame in frames]
-        own = [
-            (*frame.placement.translation, contact.radius, contact.friction)
-            for frame, contact in zip(frames, self._space.robot.contacts, strict=True)
-        ]
-        contact_at = np.array(at, dtype=np.int64).reshape(-1, 2)
-        return self._at, self._range, contact_at, np.reshape(own, (-1, 5))
 
     def gaps_of(self, points: FloatArray) -> FloatArray:
         """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground."""
@@ -175,11 +173,13 @@ def _tables_of(
     hulls: Sequence[Hull],
     pairs: Sequence[tuple[int, int, int]],
     surface: BodySurface,
-    tree: Tree,
+    last: Mapping[int, int],
     points: int,
 ) -> Bodies:
-    """Return hulls and pairs as arrays; the corners of bodies are the last contact points."""
-    last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
+    """Return hulls and pairs as arrays; the corners of bodies are the last contact points.
+
+    `last` is the last row of v of each joint that moves.
+    """
     heads, shapes, ends, begin = [], [], [], [0, 0, 0]
     point = points - sum(len(hull.corners) for hull in hulls if hull.body)
     for hull in hulls:

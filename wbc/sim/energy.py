@@ -102,25 +102,20 @@ class EnergyAudit:
 
     def __str__(self) -> str:
         """Return the books as a table."""
+        flow = self.flow
+        bristles = ("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)
         rows = [
             ("motor work", self.flow.motor),
             ("external work", self.flow.external),
             ("work of effects", self.flow.effects),
             ("stored", self.stored),
-            *_bristles(self.flow),
+            *(bristles if any(size for _, size in bristles) else ()),
             *((f"lost: {name.replace('_', ' ')}", v) for name, v in self.flow.losses.items()),
             ("residual", self.residual),
         ]
         if np.isfinite(self.joule_heat):
             rows.append(("beside: Joule heat", self.joule_heat))
         return "\n".join(f"{name:24s}{value:14.6f} J" for name, value in rows)
-
-
-def _bristles(flow: EnergyFlow) -> list[tuple[str, float]]:
-    """Return the lines of the store of bristles, none where nothing bent."""
-    if flow.bent == flow.reloaded == 0.0:
-        return []
-    return [("stored in bristles", flow.bent), ("bristles loaded anew", flow.reloaded)]
 
 
 def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -18,7 +18,8 @@ from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.course import Course
+from wbc.sim.step.arrival import lift
+from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
@@ -50,11 +51,6 @@ class HuntCrossley:
                 "compliant contacts need a stiffness > 0 [N/m^(3/2)] and a dissipation >= 0 "
                 f"[s/m], got {self.stiffness} and {self.dissipation}."
             )
-
-    @property
-    def numbers(self) -> tuple[float, float]:
-        """K and a."""
-        return self.stiffness, self.dissipation
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +111,7 @@ class Plant:
             )
         if not self.return_speed > 0.0:
             raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
-        soft = (0.0, 0.0) if self.compliance is None else self.compliance.numbers
+        soft = (0.0, 0.0) if self.compliance is None else astuple(self.compliance)
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
             object.__setattr__(self, "temperature", warm)
@@ -193,12 +189,8 @@ class Plant:
         setup, command = self._setup, self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
-        course = Course(setup, state, command, dt, external)
-        while not course.over:
-            course.flow_on()
-            course.take_impact()
-        parts, impacts = tuple(course.parts), tuple(course.impacts)
-        return StepResult(course.state, dt, command, parts, impacts, state, setup)
+        done = take_step(setup, state, command, dt, external)
+        return StepResult(done[0], dt, command, *done[1:], state, setup)
 
     def run(
         self,
@@ -276,7 +268,9 @@ class Plant:
         """
         barriers, stiff = self._setup.barriers, np.zeros(self.robot.model.nv)
         stiff[self.robot.actuated] = 1.0
-        done, q, gap = self._setup.lift(barriers.within_limits(position), stiff)
+        q, gap = barriers.within_limits(position), np.empty(barriers.size)
+        done = lift(self._setup.plant, stiff, q, gap)
+        self._setup.heard()
         if not done:
             place = int(np.argmin(gap))
             raise SimulationError(

@@ -37,20 +37,11 @@ class Recorder:
     def add(self, state: SimState, result: StepResult) -> None:
         """Record the step from `state` that gave `result`."""
         torque = self._robot.transmission.motor_from_joint.T @ result.mesh_torque
-        row: tuple[float | FloatArray, ...]
-        turn: tuple[FloatArray, ...] = ()
-        if self._drive.any_loose:
-            turn = self._drive.rotors(state, self._robot.actuated_position)
-        row = (
-            state.time,
-            state.position,
-            state.velocity,
-            result.command,
-            torque,
-            result.contact_force[: len(self._robot.contacts)].ravel(),
-            *turn,
-        )
-        self._rows.append(row)
+        force = result.contact_force[: len(self._robot.contacts)].ravel()
+        loose, at = self._drive.any_loose, self._robot.actuated_position
+        turn = self._drive.rotors(state, at) if loose else ()
+        shown = state.time, state.position, state.velocity, result.command, torque, force
+        self._rows.append((*shown, *turn))
 
     def log(self) -> Log:
         """Return everything recorded so far.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 
 import numpy as np
 
@@ -76,31 +77,31 @@ class StepResult:
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot at the plant's contacts, world axes, impacts excluded."""
         points = self.setup.barriers.points
-        return _sum([part.contact_impulse for part in self.parts])[:points]
+        return reduce(add, [part.contact_impulse for part in self.parts])[:points]
 
     @property
     def pair_impulse(self) -> FloatArray:
         """(p, 3) [N s] on the first body of each pair (`plant.pairs`), impacts included, world."""
         pushes = [part.contact_impulse for part in self.parts]
         pushes += [impact.contact_impulse for impact in self.impacts]
-        return _sum(pushes)[self.setup.barriers.points :]
+        return reduce(add, pushes)[self.setup.barriers.points :]
 
     @property
     def contact_force(self) -> FloatArray:
         """Mean force (k, 3) [N] on the robot over the step, impacts included, world axes."""
         points = self.setup.barriers.points
         hits = [impact.contact_impulse[:points] for impact in self.impacts]
-        return np.asarray(_sum([self.contact_impulse, *hits]) / self.duration)
+        return np.asarray(reduce(add, [self.contact_impulse, *hits]) / self.duration)
 
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        return np.asarray(_sum([part.mesh_impulse for part in self.parts]) / self.duration)
+        return np.asarray(reduce(add, [part.mesh_impulse for part in self.parts]) / self.duration)
 
     @property
     def rotor_torque(self) -> FloatArray:
         """(m,) [N m] that the drives delivered, mean over the step."""
-        return np.asarray(_sum([part.rotor_impulse for part in self.parts]) / self.duration)
+        return np.asarray(reduce(add, [part.rotor_impulse for part in self.parts]) / self.duration)
 
     @property
     def unsettled(self) -> int:
@@ -111,12 +112,8 @@ class StepResult:
     @cached_property
     def energy(self) -> EnergyFlow:
         """Work and losses."""
-        total = self.parts[0].energy
-        for part in self.parts[1:]:
-            total = total + part.energy
-        for impact in self.impacts:
-            total = total + EnergyFlow(impact_mesh=impact.mesh_loss, impact=impact.contact_loss)
-        return total
+        hits = [EnergyFlow(impact_mesh=i.mesh_loss, impact=i.contact_loss) for i in self.impacts]
+        return reduce(add, [*(part.energy for part in self.parts), *hits])
 
     @cached_property
     def balance(self) -> EnergyAudit:
@@ -146,19 +143,12 @@ class StepResult:
         return StepResult(
             state=results[-1].state,
             duration=duration,
-            command=_sum([result.duration / duration * result.command for result in results]),
+            command=reduce(add, [one.duration / duration * one.command for one in results]),
             parts=tuple(part for result in results for part in result.parts),
             impacts=tuple(impact for result in results for impact in result.impacts),
             start=results[0].start,
             setup=results[0].setup,
         )
-
-
-def _sum(several: Sequence[FloatArray]) -> FloatArray:
-    total = several[0]
-    for more in several[1:]:
-        total = total + more
-    return total
 
 
 def events_of(

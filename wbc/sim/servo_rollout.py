@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import astuple, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -37,11 +38,6 @@ from wbc.robot.dc_drive import DcDrive, winding_current
 from wbc.sim.servo_run import ServoRun
 from wbc.structures import stored, structured
 
-_NUMBERS = (
-    "ratio", "inertia", "weight", "phase", "constant", "coulomb", "viscous", "torque_constant",
-    "resistance", "supply_voltage", "source_resistance", "current_limit", "duty_limit", "heating",
-    "cooling",
-)  # fmt: skip
 RATIO, INERTIA, WEIGHT, PHASE, CONSTANT, COULOMB, VISCOUS = range(7)
 TORQUE, RESISTANCE, SUPPLY, SOURCE, CURRENT, DUTY, HEATING, COOLING = range(7, 15)
 
@@ -53,8 +49,8 @@ class Servos(NamedTuple):
     """Variants of a robot with one joint, with drives, each as the machines of some runs are.
 
     Attributes:
-        numbers: (K, 15) see `_numbers`: link inertia, gravity's torque weight sin(q + phase) +
-            constant, friction of the rotor, winding and drive.
+        numbers: (K, 15) columns RATIO to COOLING: link inertia, gravity's torque weight
+            sin(q + phase) + constant, friction of the rotor, winding, and `DcDrive`.
         laws: (K, 9) of the gears without what they bring, see `RowSystem`.
         joints: (E, 3) effects at the joint, see `EffectTable`.
         effects: (K E, 3) their numbers, variant by variant.
@@ -212,8 +208,8 @@ def _servos(
     for v, m in known:
         (robot, drive), machine = variants[v], machines[m]
         robot = robot if machine is None else machine.of(robot)
-        gears, given = robot.transmission, _numbers(robot, drive, machine is not None)
-        numbers.append([given[name] for name in _NUMBERS])
+        gears = robot.transmission
+        numbers.append(_numbers(robot, drive, machine is not None))
         eta = 1.0 / gears.forward_efficiency[0], gears.backward_efficiency[0]
         laws.append([0.0, 0.0, gears.reflected_inertia[0], *eta, 0.0, 0.0, np.inf, 0.0])
         tables.append(effect_table(robot))
@@ -233,8 +229,8 @@ def _servos(
     )
 
 
-def _numbers(robot: Robot, drive: DcDrive, loaded: bool) -> Mapping[str, float]:
-    """Return the numbers of a servo by name; `loaded` says that a log has a machine of its own."""
+def _numbers(robot: Robot, drive: DcDrive, loaded: bool) -> list[float]:
+    """Return RATIO to COOLING of a servo; `loaded` says that a log has a machine of its own."""
     gears = robot.transmission
     for key in ("torque_constant", "resistance"):
         if not getattr(gears, key)[0] > 0.0:
@@ -243,20 +239,15 @@ def _numbers(robot: Robot, drive: DcDrive, loaded: bool) -> Mapping[str, float]:
         raise RobotError(f"the gear of '{robot.name}' is self-locking; use the simulator's step.")
     zero, quarter, half = (_gravity(robot, q) for q in (0.0, np.pi / 2.0, np.pi))
     constant = 0.5 * (zero + half)
-    own = float(gears.supply_voltage[0]) if loaded else np.nan
-    return {
-        **vars(drive),
-        "ratio": float(gears.gear_ratio[0]),
-        "inertia": float(pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]),
-        "weight": float(np.hypot(quarter - constant, zero - constant)),
-        "phase": float(np.arctan2(zero - constant, quarter - constant)),
-        "constant": constant,
-        "coulomb": float(gears.rotor_coulomb_friction[0]),
-        "viscous": float(gears.rotor_viscous_friction[0]),
-        "torque_constant": float(gears.torque_constant[0]),
-        "resistance": float(gears.resistance[0]),
-        "supply_voltage": own if np.isfinite(own) else drive.supply_voltage,
-    }
+    if loaded and np.isfinite(gears.supply_voltage[0]):
+        drive = replace(drive, supply_voltage=float(gears.supply_voltage[0]))
+    inertia = pin.crba(robot.model, robot.model.createData(), np.zeros(1))[0, 0]
+    weight = np.hypot(quarter - constant, zero - constant)
+    phase = np.arctan2(zero - constant, quarter - constant)
+    own = gears.rotor_coulomb_friction, gears.rotor_viscous_friction, gears.torque_constant
+    friction = (float(number[0]) for number in (*own, gears.resistance))
+    links = float(gears.gear_ratio[0]), float(inertia), float(weight), float(phase), constant
+    return [*links, *friction, *astuple(drive)]
 
 
 def _gravity(robot: Robot, position: float) -> float:

@@ -19,14 +19,14 @@ from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import FIELD, Terrain
 from wbc.sim.state import SimState
-from wbc.sim.step.arrival import DRIFT, lift
+from wbc.sim.step.arrival import DRIFT
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import part_in_rows
-from wbc.sim.step.program import NOT_POSITIVE, TOLERANCE, solve_rows
+from wbc.sim.step.program import NOT_POSITIVE, solve_rows
 from wbc.sim.step.tables import (
     BACKWARD,
     INVERSE,
@@ -67,7 +67,7 @@ class Setup:
         waits: whether a part needs Python in its middle: for effects that no table holds, for
             efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        out, cuts: `plant.end` as one array, and where it is cut.
+        ending, hit: the numbers of `plant.end` and `plant.hit`, each as one record.
         acts: what the effects did in the last part.
     """
 
@@ -113,7 +113,7 @@ class Setup:
         self.flies, self._pushed = bool(len(bases)), False
         self._error: BaseException | None = None
         self._answers: list[Any] = []
-        self.plant = self._opened(bases, (return_speed, TOLERANCE, DRIFT, TOUCH, *compliance))
+        self.plant = self._opened(bases, (return_speed, DRIFT, TOUCH, *compliance))
         self._check_rotors()
 
     def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> Opened:
@@ -123,13 +123,13 @@ class Setup:
         kept = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
         sizes = nq, nv, m, kept, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, nq
-        ends = np.cumsum(sizes).tolist()
-        self.cuts = tuple(map(slice, [0, *ends], ends))
-        self.out = np.zeros(ends[-1])
-        room = map(np.zeros, (nv, pushes, kept, size, 8))
+        self.ending = _record(Ending, sizes)
+        self.hit = _record(Hit, (nv, pushes, kept, size, 8))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+        springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
+        slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0, self._address(self._ask_rows)
         forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
         return stored(
@@ -141,21 +141,11 @@ class Setup:
                 stored(PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
                 stored(Forces._make((*told, *forces, *asked))),
-                stored(
-                    Ending._make(
-                        [*(self.out[cut] for cut in self.cuts), *np.zeros((4, size), bool)]
-                    )
-                ),
-                stored(Hit._make([*room, *np.zeros((2, size), bool)])),
-                np.array([*bounds, AHEAD, self._slow()]),
+                stored(Ending._make([*_numbers(self.ending), *np.zeros((4, size), bool)])),
+                stored(Hit._make([*_numbers(self.hit), *np.zeros((2, size), bool)])),
+                np.array([*bounds, AHEAD, slow]),
             )
         )
-
-    def _slow(self) -> float:
-        """Return the way of a slow landing per square of the step [m/s^2], see `landing`."""
-        springy = 2.0 * self.restitution
-        share = min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
-        return share * float(np.linalg.norm(self.robot.model.gravity.linear))
 
     def _obstacles(self) -> Obstacles:
         """Return limits, contact points and what they meet as loops know it."""
@@ -166,7 +156,7 @@ class Setup:
         for own, numbers in zip(table, known, strict=True):
             own[: len(numbers)] = numbers
         return Obstacles(
-            *barriers.tables(self.tree),
+            *barriers.tables,
             table,
             np.zeros((barriers.points, 3)),
             np.full(self.robot.model.nq, np.nan),
@@ -189,12 +179,8 @@ class Setup:
 
     def _ask_forces(self) -> None:
         """Tell what acts in the middle of a part, where only Python knows it."""
-        (state, command, external), told = self._given, self.plant.forces
-        step, q, v = (
-            float(told.length[0]),
-            self.plant.end.middle.copy(),
-            self.plant.end.speed.copy(),
-        )
+        (state, command, external), told, end = self._given, self.plant.forces, self.plant.end
+        step, q, v = float(told.length[0]), end.before.copy(), end.speed.copy()
         mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
         try:
             at, more = (q, v, state.time + 0.5 * step), (self.temperature, mesh)
@@ -207,9 +193,9 @@ class Setup:
 
     def _ask_rows(self) -> None:
         """Solve the rows of a part with self-locking gears that have several solutions."""
-        state, kept, length = self._given[0], self.plant.end.kept, self.plant.forces.length
+        state, kept, told = self._given[0], self.plant.end.kept, self.plant.forces
         try:
-            _, system, start, _ = self.in_rows(state, kept, float(length[0]))
+            _, system, start, _ = self.in_rows(state, kept, float(told.length[0]))
             impulse, _, _ = solve_rows(system, start, self.robot.transmission.joints)
             self.plant.hit.impulse[: len(impulse)] = impulse
         except BaseException as error:
@@ -244,14 +230,8 @@ class Setup:
     def in_rows(self, state: SimState, kept: BoolArray, step: float) -> Any:
         """Return what `part_in_rows` does; the loops have been told motion and forces."""
         q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        return part_in_rows(self.plant, state.closed, kept, state.impulse, q, v, step)
-
-    def lift(self, position: FloatArray, stiff: FloatArray) -> tuple[bool, FloatArray, FloatArray]:
-        """Return whether the robot can be lifted out, q (nq,) then, and gaps (2 j + c,) before."""
-        q, gap = np.array(position), np.empty(self.barriers.size)
-        done = lift(self.plant, stiff, q, gap)
-        self.heard()
-        return done, q, gap
+        self.plant.end.kept[:] = kept
+        return part_in_rows(self.plant, state.closed, state.impulse, q, v, step)
 
     def tell_motion(self, state: SimState) -> None:
         """Give the loops the motion of loose motor outputs."""
@@ -338,6 +318,23 @@ class Setup:
                 "contain the inertia of their rotors at standstill: give the links more, or the "
                 "rotors less."
             )
+
+
+def _record(names: type[Ending] | type[Hit], sizes: tuple[int, ...]) -> Any:
+    """Return memory for the first fields of a structure, whose arrays are as long as `sizes`."""
+    fields = zip(names._fields, sizes, strict=False)  # flags follow
+    kind = np.dtype([(name, np.float64, (size,)) for name, size in fields])
+    return np.ndarray((), kind, np.zeros(sum(sizes)))
+
+
+def copied(record: Any) -> Any:
+    """Return a copy of a record; NumPy's own goes field by field, which takes 50 times as long."""
+    return np.ndarray((), record.dtype, record.base.copy())
+
+
+def _numbers(record: Any) -> list[FloatArray]:
+    """Return the arrays of a record, in their order."""
+    return [record[name] for name in record.dtype.names]
 
 
 def _known_tree(robot: Robot) -> Tree:

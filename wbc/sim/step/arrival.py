@@ -23,7 +23,6 @@ from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.tables import (
     DRIFT_FROM,
     HERTZ,
@@ -225,7 +224,7 @@ def drifts(
 
 
 @compiled
-def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
+def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
     """Write the end of a part; return whether some overlap is left.
 
     These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
@@ -233,22 +232,22 @@ def arrive(plant: Opened, acting: Acting, matrix: Dense, pushes: Row) -> bool:
 
     Args:
         plant: its memory stands at the middle, and afterwards at the end.
-        acting: what the part starts from.
+        step: h [s].
         matrix: (l + k, nv) rows of the closed limits and normals.
         pushes: (l + k,) their impulses.
     """
     joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
-    half = 0.5 * acting.step
+    half = 0.5 * step
     carry(plant.tree, plant.flight, plant.placed, end.after)
-    moved_along(joints, end.middle, end.after, half, end.position)
+    moved_along(joints, end.before, end.after, half, end.position)
     place(joints, shapes, end.position, poses)
     advance(plant.tree, plant.flight, half, end.position, poses)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
     pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
-    off, deepest = drifts(plant, pushes, acting.step, pressed, drift)
+    off, deepest = drifts(plant, pushes, step, pressed, drift)
     end.moved[:], end.depth[:] = 0.0, 0.0
     if off > plant.bounds[DRIFT_FROM]:
-        furthest = plant.bounds[RETURN_SPEED] * acting.step
+        furthest = plant.bounds[RETURN_SPEED] * step
         left = deepest < -furthest - plant.bounds[TOUCH]
         for i in range(rigid_ones(plant) if left else 0):
             if end.closed[i]:

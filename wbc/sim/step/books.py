@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Row, compiled
-from wbc.sim.step.part_rows import Acting, PartRows, Solved
+from wbc.mechanics.newton import TOLERANCE
+from wbc.sim.step.part_rows import PartRows, Solved
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
-    ACCURACY,
     BACKWARD,
     COULOMB,
     DEFLECTION,
@@ -40,7 +40,7 @@ def spring_energy(gear: Row, deflection: float) -> float:
 
 @compiled(counted=False)
 def loose_losses(
-    plant: Opened, acting: Acting, rows: PartRows, solved: Solved, which: int, lost: float
+    plant: Opened, step: float, rows: PartRows, solved: Solved, which: int, lost: float
 ) -> tuple[float, float]:
     """Return the losses [J] in the mesh of a loose gear, and between it and the joint.
 
@@ -54,11 +54,11 @@ def loose_losses(
     that hangs in its play loses nothing.
 
     Args:
-        plant, acting, rows, solved: see `books_of`.
+        plant, step, rows, solved: see `books_of`.
         which: number of the gear.
         lost: [J] in the mesh at the final speed.
     """
-    gear, step = plant.gears.numbers[which], acting.step
+    gear = plant.gears.numbers[which]
     after, mesh = plant.end.motor_speed[which], plant.end.mesh_impulse[which]
     before, rate, end = rows.motor[which], rows.relative[which], solved.end[which]
     damped = 0.5 * mesh * (rate + end)
@@ -81,10 +81,10 @@ def loose_losses(
 
 
 @compiled(counted=False)
-def book_gears(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
+def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write the motors' work, and what is lost in gears and in friction of joints."""
     books, motor, mesh = plant.end.books, plant.end.motor_speed, plant.end.mesh_impulse
-    step, m = acting.step, len(motor)
+    m = len(motor)
     for i in range(m):
         gear, size = plant.gears.numbers[i], abs(motor[i])
         turned = 0.5 * step * gear[RATIO] * (rows.motor[i] + motor[i])
@@ -93,7 +93,7 @@ def book_gears(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) ->
         gain = gear[INVERSE] if motor[i] * mesh[i] > 0.0 else gear[BACKWARD]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
         if plant.gears.at[i, 1] == 1:
-            lost, damped = loose_losses(plant, acting, rows, solved, i, lost)
+            lost, damped = loose_losses(plant, step, rows, solved, i, lost)
         books[MESH] += lost
         books[GEAR] += damped
     for i in range(len(rows.laws)):
@@ -102,18 +102,18 @@ def book_gears(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) ->
 
 
 @compiled(counted=False)
-def soft_loss(plant: Opened, acting: Acting, rows: PartRows, solved: Solved, contact: int) -> float:
+def soft_loss(plant: Opened, step: float, rows: PartRows, solved: Solved, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
     stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
     row = len(rows.laws) + len(rows.targets) - len(rows.frictions) + contact
-    after = rows.depths[contact, 1] - 0.5 * acting.step * solved.speed[row]
+    after = rows.depths[contact, 1] - 0.5 * step * solved.speed[row]
     taken = stored_at(stiffness, after) - stored_at(stiffness, before)
-    lost: float = solved.impulse[row] / acting.step * (after - before) - taken
+    lost: float = solved.impulse[row] / step * (after - before) - taken
     return lost
 
 
 @compiled(counted=False)
-def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
+def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
     elements, both = len(rows.laws), len(rows.targets)
@@ -125,7 +125,7 @@ def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved)
             continue
         contact = i - contacts
         if len(rows.depths) and contact >= 0:
-            books[CONTACT] += soft_loss(plant, acting, rows, solved, contact)
+            books[CONTACT] += soft_loss(plant, step, rows, solved, contact)
             continue
         for a in range(d if contact >= 0 else 0):
             along = elements + both + contact * d + a
@@ -138,23 +138,23 @@ def book_barriers(plant: Opened, acting: Acting, rows: PartRows, solved: Solved)
 
 
 @compiled(counted=False)
-def books_of(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
+def books_of(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.
-        acting: what the part starts from.
+        step: h [s].
         rows: of the part.
         solved: how they end.
     """
     books, inertia, speed = plant.end.books, plant.placed.inertia, plant.end.speed
     books[:] = 0.0
     books[MISSED] = solved.missed
-    book_gears(plant, acting, rows, solved)
-    book_barriers(plant, acting, rows, solved)
+    book_gears(plant, step, rows, solved)
+    book_barriers(plant, step, rows, solved)
     for i in range(len(solved.impulse)):
-        # A speed below 10 ACCURACY is rounding; `result` takes 1e-8 of what moves as such.
-        speed_of = abs(solved.speed[i]) + 1e9 * plant.bounds[ACCURACY]
+        # A speed below 10 TOLERANCE is rounding; `result` takes 1e-8 of what moves as such.
+        speed_of = abs(solved.speed[i]) + 1e9 * TOLERANCE
         books[TRAFFIC] += abs(solved.impulse[i]) * speed_of
     for c in range(len(speed)):
         square = speed[c] * speed[c] + solved.after[c] * solved.after[c]

@@ -290,7 +290,7 @@ def other_place(plant: Opened, step: float) -> float:
 
 
 @compiled(counted=False)
-def lowest_speeds(plant: Opened, kept: Flags, step: float, rows: Dense, targets: OutRow) -> None:
+def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
     A barrier that was kept ahead of its closing, or is at another place now (the nearest place in a
@@ -304,17 +304,16 @@ def lowest_speeds(plant: Opened, kept: Flags, step: float, rows: Dense, targets:
 
     Args:
         plant: with closed barriers, gaps and speeds of the middle.
-        kept: (2 j + c,) barriers that may close within the part.
         step: h [s].
         rows: (l + k, nv) of the closed barriers.
         targets: to write.
     """
     row, limits, end = 0, 2 * len(plant.obstacles.limit_at), plant.end
     gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant, step)
-    for i in range(len(kept)):
+    for i in range(len(end.kept)):
         if end.closed[i]:
             targets[row] = 0.0
-            if kept[i] or (i >= limits and gap[i] > jumped):
+            if end.kept[i] or (i >= limits and gap[i] > jumped):
                 targets[row] = -2.0 / step * max(gap[i], 0.0)
             elif i >= limits:
                 targets[row] = -max(dot(speed, rows[row]) - rate[i], 0.0)

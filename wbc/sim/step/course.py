@@ -12,44 +12,14 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import WAYS
 from wbc.sim.energy import EnergyFlow
-from wbc.sim.setup import Setup
+from wbc.sim.setup import Setup, copied
 from wbc.sim.state import SimState
 from wbc.sim.step.books import CONTACT, FRICTION, GEAR, MESH, MISSED, MOTOR, ROTOR
-from wbc.sim.step.flanks import grip_laws
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.impacts import Impact, settle
 from wbc.sim.step.landing import flow_until
-from wbc.sim.step.program import StepProgram, StepSolution, blown_up, tolerance_of, unsolved
-from wbc.sim.step.solution import NEVER, NO_INERTIA, couple
-
-
-def _cut(place: int) -> FloatArray:
-    """Return the property that is one of the slices of `Ended`."""
-    found: Any = property(lambda ended: ended._out[ended._cuts[place]])
-    return found  # type: ignore[no-any-return]
-
-
-class Ended:
-    """Where a part ended: a copy of `Ending`, cut into its arrays when asked for.
-
-    Attributes:
-        closed: (2 j + c,) barriers that stay closed.
-        left: whether some overlap is left to take back.
-    """
-
-    __slots__ = ("_cuts", "_out", "closed", "left")
-
-    def __init__(
-        self, out: FloatArray, cuts: tuple[slice, ...], closed: BoolArray, result: int
-    ) -> None:
-        """Keep a copy of what `part_of_step` wrote, and where it is cut."""
-        self._out, self._cuts, self.closed = out, cuts, closed
-        self.left = result < 0
-
-    position, velocity, motor_speed, impulse, gap = map(_cut, range(5))
-    after, mesh_impulse, depth, pushes, deflection = map(_cut, range(5, 10))
-    books, work, before, speed = map(_cut, range(10, 14))
-    force = _cut(15)
+from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
+from wbc.sim.step.solution import NEVER, NO_INERTIA, solve_part
 
 
 class PartInput(NamedTuple):
@@ -78,15 +48,22 @@ class Flow:
 
     Attributes:
         state: at its end.
-        end: gaps, overlaps, impulses, work and losses.
+        record: numbers of `Ending` at its end.
+        left: whether some overlap is left to take back.
         forces: of the effects.
         given: what it started from.
     """
 
     state: SimState
-    end: Ended
+    record: Any
+    left: bool
     forces: EffectForces
     given: PartInput
+
+    @cached_property
+    def end(self) -> Any:
+        """The record, whose fields are attributes."""
+        return self.record.view(np.recarray)
 
     @property
     def step(self) -> float:
@@ -96,27 +73,30 @@ class Flow:
     @property
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.books[MISSED])
+        return float(self.record["books"][MISSED])
 
     @property
     def gap(self) -> FloatArray:
         """(2 j + c,) at its end."""
-        return self.end.gap
+        found: FloatArray = self.record["gap"]
+        return found
 
     @property
     def overlap(self) -> FloatArray:
         """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
-        return self.end.depth if self.end.left else self.end.depth[:0]
+        found: FloatArray = self.record["depth"]
+        return found if self.left else found[:0]
 
     @property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot, world axes."""
-        return self.end.pushes.reshape(-1, 3)
+        return np.asarray(self.record["pushes"].reshape(-1, 3))
 
     @property
     def mesh_impulse(self) -> FloatArray:
         """T (m,) [N m s]."""
-        return self.end.mesh_impulse
+        found: FloatArray = self.record["mesh_impulse"]
+        return found
 
     @property
     def rotor_impulse(self) -> FloatArray:
@@ -127,18 +107,18 @@ class Flow:
     def solution(self) -> StepSolution:
         """Of the step program, which is put together and solved again."""
         setup, state, _, step, external, kept = self.given
-        end, plant = self.end, setup.plant
+        end = self.end
         if setup.waits:
             setup.tell_coupling(end.before, end.speed)
             setup.tell_losses(end.before, end.speed)
         setup.tell_motion(state)
         setup.tell_forces(self.forces, external)
-        rows, system, _, inertia = setup.in_rows(state, kept, step)
-        couple(plant, rows, system, end.speed, end.after, step)
-        grip_laws(plant.gears, rows.relative, step, end.after, end.motor_speed, system.laws)
+        rows, system, start, inertia = setup.in_rows(state, kept, step)
         used, way = end.work.astype(int).tolist()
         impulse = end.impulse[rows.places]
-        method = "ranges" if used == 0 and len(impulse) else WAYS[way]  # Python solved the rows
+        asked = used == 0 and len(impulse) > 0  # Python solved the rows
+        given = impulse if asked else impulse[:0]
+        solve_part(setup.plant, rows, system, end.speed, start, step, 1.0, given)
         if len(rows.depths):  # what compliant contacts meet is their aim
             met = slice(len(rows.targets) - len(rows.depths), None)
             normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
@@ -146,7 +126,9 @@ class Flow:
             rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
         setup.forget_losses()
         program = StepProgram.of(rows, system, inertia)
-        return StepSolution(program, system, end.after, impulse, used, method)
+        return StepSolution(
+            program, system, end.after, impulse, used, "ranges" if asked else WAYS[way]
+        )
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -155,15 +137,20 @@ class Flow:
         Effects that store energy of their own have lines of their own (`Effect.memory_energy`).
         """
         setup, state, _, step, external, _ = self.given
-        books, forces = self.end.books.tolist(), self.forces
-        motor, stores, work, outer = books[MOTOR], EnergyFlow(), 0.0, 0.0
+        books, forces = self.record["books"].tolist(), self.forces
+        motor, stored, work, outer = books[MOTOR], EnergyFlow(), 0.0, 0.0
         joint = self.end.force if external is None else self.end.force - external
         if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
             joint = joint - forces.kept_joint
             before = setup.drive.motion(state)[1]
             turned = 0.5 * step * setup.drive.ratio * (before + self.end.motor_speed)
             motor -= float(forces.kept_rotor @ turned)
-            stores = _stores(setup, forces)
+            for effect, motion in forces.stores:
+                found = effect.memory_energy(setup.robot, motion)
+                if found is not None:
+                    stored += EnergyFlow(
+                        reloaded=found.reloaded, bent=found.stored, bristles=found.lost
+                    )
         if external is not None or setup.robot.effects:
             mean = 0.5 * (self.end.speed + self.end.after)
             work = float(step * (joint @ mean))
@@ -172,27 +159,15 @@ class Flow:
             motor=motor,
             external=outer,
             effects=work,
-            reloaded=stores.reloaded,
-            bent=stores.bent,
+            reloaded=stored.reloaded,
+            bent=stored.bent,
             mesh=books[MESH],
             rotor_friction=books[ROTOR],
             gear_damping=books[GEAR],
             joint_friction=books[FRICTION],
-            bristles=stores.bristles,
+            bristles=stored.bristles,
             contact=books[CONTACT],
         )
-
-
-def _stores(setup: Setup, forces: EffectForces) -> EnergyFlow:
-    """Return where the work went that effects with a store of their own took."""
-    total = EnergyFlow()
-    for effect, motion in forces.stores:
-        found = effect.memory_energy(setup.robot, motion)
-        if found is not None:
-            total = total + EnergyFlow(
-                reloaded=found.reloaded, bent=found.stored, bristles=found.lost
-            )
-    return total
 
 
 def flow(given: PartInput) -> tuple[Flow, bool]:
@@ -214,18 +189,18 @@ def flow(given: PartInput) -> tuple[Flow, bool]:
             raise _failed(given, result)
     finally:
         setup.forget_losses()  # impacts, and whatever comes next
-    found, forces = Ended(setup.out.copy(), setup.cuts, plant.end.closed.copy(), result), setup.acts
+    record, forces = copied(setup.ending), setup.acts
     following = SimState(
-        found.position,
-        found.velocity,
+        record["position"],
+        record["velocity"],
         state.time + length,
-        found.closed,
-        found.impulse,
-        found.deflection,
-        found.motor_speed,
+        plant.end.closed.copy(),
+        record["impulse"],
+        record["deflection"],
+        record["motor_speed"],
         forces.memory,
     )
-    return Flow(following, found, forces, given), more
+    return Flow(following, record, result < 0, forces, given), more
 
 
 def _failed(given: PartInput, result: int) -> SimulationError:
@@ -237,95 +212,56 @@ def _failed(given: PartInput, result: int) -> SimulationError:
     rows, system, _, _ = setup.in_rows(state, kept, step)
     if not np.isfinite(system.free).all():
         return blown_up(inertia, state.velocity)
-    return unsolved(system, impulse[rows.places], tolerance_of(system))
+    return unsolved(system, impulse[rows.places])
 
 
-class Course:
-    """What a step has done so far, and what is left of it.
+def take_step(
+    setup: Setup, state: SimState, command: FloatArray, step: float, external: FloatArray | None
+) -> tuple[SimState, tuple[Flow, ...], tuple[Impact, ...]]:
+    """Return the state after a step, its smooth parts, and the impacts between them.
 
-    Attributes:
-        state: at the end of what is done.
-        left: of the step [s].
-        over: whether all of it is done.
-        parts, impacts: what is done.
-        kept: (2 j + c,) barriers that are rows of what is left of the step: they may close within
-            it, but not be passed.
-        keeps: whether there are any.
-        struck: (2 j + c,) barriers that were reached within the step.
-        slow: (2 j + c,) barriers that land too slowly for a part of their own.
+    Barriers that are kept are rows of what is left of the step: they may close within it, but not
+    be passed. A kept row closes at some speed, which an impact is to take: at the end of the step
+    for all, and before it for those that close faster than what is left of it can stop.
+
+    Args:
+        setup: the plant's.
+        state: at the start.
+        command: (m,) [N m] on the rotors.
+        step: h [s].
+        external: generalised force (nv,), None for none.
+
+    Raises:
+        SimulationError: a start inside the ground or beyond a joint limit, or a part or an impact
+            without a solution, or with several.
     """
-
-    __slots__ = (
-        "_command", "_external", "_setup", "_step", "impacts", "keeps", "kept", "left", "over",
-        "parts", "slow", "state", "struck",
-    )  # fmt: skip
-
-    def __init__(
-        self,
-        setup: Setup,
-        state: SimState,
-        command: FloatArray,
-        step: float,
-        external: FloatArray | None,
-    ) -> None:
-        """Look which barriers are closed at the start, where the state does not know.
-
-        Args:
-            setup: the plant's.
-            state: at the start.
-            command: (m,) [N m] on the rotors.
-            step: h [s].
-            external: generalised force (nv,), None for none.
-
-        Raises:
-            SimulationError: a start inside the ground or beyond a joint limit.
-        """
-        self._setup, self._command, self._external = setup, command, external
-        self._step = self.left = step
-        self.state, self.over, self.keeps = state, False, False
-        self.kept = self.slow = self.struck = setup.none
-        self.parts: list[Flow] = []
-        self.impacts: list[Impact] = []
-        if len(state.closed) != setup.barriers.size:
-            self.state, impact, fresh = settle(setup, state, step)
-            if impact is not None:
-                self.impacts, self.struck = [impact], fresh
-
-    def flow_on(self) -> None:
-        """Flow smoothly to the end of the step, or to the next touchdown."""
-        command, external = self._command, self._external
-        given = PartInput(self._setup, self.state, command, self.left, external, self.kept)
-        part, more = flow(given)
+    parts: list[Flow] = []
+    impacts: list[Impact] = []
+    left, kept = step, setup.none
+    slow = struck = setup.none  # land too slowly for a part of their own; reached within the step
+    if len(state.closed) != setup.barriers.size:
+        state, impact, fresh = settle(setup, state, step, setup.back, setup.none)
+        if impact is not None:
+            impacts, struck = [impact], fresh
+    over = False
+    while not over:
+        part, more = flow(PartInput(setup, state, command, left, external, kept))
         if more:
-            end = self._setup.plant.end
-            self.slow, kept = self.slow | end.slow, end.kept | end.jumps
-            self.kept, self.keeps = kept, bool(kept.any())
-        self.parts.append(part)
-        self.left -= part.step
-        self.state, self.over = part.state, self.left <= 1e-9 * self._step
-
-    def take_impact(self) -> None:
-        """Stop at the barriers that the part before has reached.
-
-        A kept row closes at some speed, which an impact is to take: at the end of the step for
-        all, and before it for those that close faster than what is left of it can stop.
-        """
-        if self.over and not self.keeps:
-            return
-        setup, state, rows = self._setup, self.state, None
-        again = self.struck is not setup.none
-        if self.keeps:
-            state = state.replace(closed=state.closed & ~self.kept)
-            rows = None if self.over else self.kept
-        springy = ~(self.struck | self.slow) if setup.restitution > 0.0 else None
-        following = self._step if self.over else self.left
-        self.state, impact, fresh = settle(setup, state, following, springy, rows)
-        self.impacts += [impact] if impact is not None else []
-        if again:
-            self._keep(self.struck & fresh)
-        self.struck = self.struck | fresh if again else fresh
-
-    def _keep(self, more: BoolArray) -> None:
-        """Keep barriers (2 j + c,) as rows of what is left of the step."""
-        self.kept = self.kept | more
-        self.keeps = bool(self.kept.any())
+            end = setup.plant.end
+            slow, kept = slow | end.slow, end.kept | end.jumps
+        parts.append(part)
+        left, state, keeps = left - part.step, part.state, kept is not setup.none and kept.any()
+        over = left <= 1e-9 * step
+        if over and not keeps:
+            break
+        if keeps:
+            state = state.replace(closed=state.closed & ~kept)
+        back, rows = setup.back, kept if keeps and not over else setup.none
+        if setup.restitution > 0.0:
+            back = np.where(struck | slow, 0.0, back)
+        state, impact, fresh = settle(setup, state, step if over else left, back, rows)
+        impacts += [impact] if impact is not None else []
+        if struck is not setup.none:
+            kept = kept | (struck & fresh)
+        struck = struck | fresh
+    return state, tuple(parts), tuple(impacts)

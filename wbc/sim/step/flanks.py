@@ -74,35 +74,6 @@ def take_hold(gears: Gears, relative: Row, step: float, end: Row, flanks: OutDen
             flanks[i, HELD] = 1.0 if found[3] else 0.0
 
 
-@compiled
-def grip_laws(
-    gears: Gears, relative: Row, step: float, after: Row, motor: Row, laws: OutDense
-) -> None:
-    """Write the springs of loose gears into laws (m, 9), of a part whose end is known.
-
-    Args:
-        gears: of the plant.
-        relative: (m,) speeds of motor outputs ahead of joints at the start.
-        step: h [s].
-        after: v (nv,) at the end.
-        motor: (m,) speeds of the motor outputs there.
-        laws: whose last two columns are changed.
-    """
-    m = len(motor) if gears.loose else 0
-    flanks, end = np.zeros((m, 5)), motor.copy()
-    for i in range(m):
-        for c in range(len(after)):
-            end[i] -= gears.rows[i, c] * after[c]
-    if m > 0:
-        take_hold(gears, relative, step, end, flanks)
-    for i in range(m):
-        if gears.at[i, 1] == 1:
-            soft, own = gears.numbers[i, STIFFNESS] < np.inf, flanks[i]
-            hard = np.inf if own[HELD] > 0.0 else 0.0
-            laws[i, 7] = own[SLOPE] if soft else hard
-            laws[i, 8] = own[IMPULSE] - own[SLOPE] * end[i] if soft else 0.0
-
-
 @compiled(counted=False)
 def lean_on_flanks(
     gears: Gears, safely: bool, near: OutDense, rounds: OutDense, laws: OutDense

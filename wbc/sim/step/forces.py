@@ -109,8 +109,8 @@ class PlantEffects:
         fill_joint_torques(self.table.joints, self.table.numbers, at[0], at[1], joint, dry)
         if not self.hooks:
             return EffectForces(joint, dry, self.delivered(command), ())
-        motion = Motion(at[0], at[1], time=np.asarray(at[2]), temperature=temperature)
-        motion = motion.replace(mesh_torque=mesh)
+        now = np.asarray(at[2])
+        motion = Motion(at[0], at[1], time=now, temperature=temperature, mesh_torque=mesh)
         kept_joint, kept_rotor = np.zeros(len(joint)), np.zeros(len(command))
         rotor, seen = command, [motion] * len(self.hooks)
         following: list[FloatArray | None] = []

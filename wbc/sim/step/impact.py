@@ -20,7 +20,7 @@ from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
-from wbc.sim.step.solution import NO_INERTIA, couple, solve_part
+from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, REACH, TOUCH, Opened
 
 APART, RESTING, HIT = range(3)
@@ -242,7 +242,7 @@ def impact_at(
 
 @compiled
 def impact_in_rows(
-    plant: Opened, together: Flags, q: Row, v: Row, targets: Row, after: Row
+    plant: Opened, together: Flags, q: Row, v: Row, targets: Row
 ) -> tuple[PartRows, RowSystem, OutDense]:
     """Return the rows of an impact at known targets (l + k,), their system, and H_l.
 
@@ -251,13 +251,10 @@ def impact_in_rows(
         together: (2 j + c,) barriers that take part.
         q, v: (nq,), (nv,).
         targets: speeds at which they part.
-        after: v (nv,) after it where that is known, else empty.
     """
     gaps_of(plant, q, np.empty(len(together)))
     weigh(plant.tree, plant.flight, plant.placed)
     rows = impact_rows(plant, together, v)
     rows.targets[:] = targets
     system = part_system(rows, plant.obstacles.tangents)
-    if len(after):
-        couple(plant, rows, system, v, after, 0.0)
     return rows, system, plant.placed.inertia.copy()

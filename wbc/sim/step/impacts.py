@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import UNSOLVED, WAYS
 from wbc.sim.barriers import TOUCH
-from wbc.sim.setup import Setup
+from wbc.sim.setup import Setup, copied
 from wbc.sim.state import SimState
 from wbc.sim.step.impact import (
     CONTACT,
@@ -32,10 +33,9 @@ from wbc.sim.step.program import (
     StepSolution,
     blown_up,
     solve_rows,
-    tolerance_of,
     unsolved,
 )
-from wbc.sim.step.solution import NO_INERTIA, UNDECIDED
+from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, solve_part
 
 _NOTHING = np.zeros(0)
 _ROUNDING = 1e-9
@@ -49,23 +49,48 @@ class Impact:
     """One impact.
 
     Attributes:
-        time: [s].
-        before: v (nv,) just before.
-        after: v (nv,) just after.
-        contact_impulse: (k, 3) [N s] on the robot, world axes.
-        restitution: normal speed after over before; the plant's, or as much less as friction
-            would otherwise have made energy.
-        numbers: MESH to LEFT of `wbc.sim.step.impact`.
-        details: returns the solution of the impact's program; called when asked for.
+        setup: the plant's.
+        state: just before.
+        together: (2 j + c,) barriers that take part.
+        record: numbers of `Hit`.
     """
 
-    time: float
-    before: FloatArray
-    after: FloatArray
-    contact_impulse: FloatArray
-    restitution: float
-    numbers: FloatArray
-    details: Callable[[], StepSolution]
+    setup: Setup
+    state: SimState
+    together: BoolArray
+    record: Any
+
+    @property
+    def time(self) -> float:
+        """[s]."""
+        return self.state.time
+
+    @property
+    def before(self) -> FloatArray:
+        """v (nv,) just before."""
+        return self.state.velocity
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) just after."""
+        found: FloatArray = self.record["after"]
+        return found
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return np.asarray(self.record["pushes"].reshape(-1, 3))
+
+    @property
+    def restitution(self) -> float:
+        """Normal speed after over before; as much less than the plant's as it would make energy."""
+        return float(self.numbers[SHARE]) * self.setup.restitution
+
+    @property
+    def numbers(self) -> FloatArray:
+        """MESH to LEFT of `wbc.sim.step.impact`."""
+        found: FloatArray = self.record["found"]
+        return found
 
     @property
     def mesh_loss(self) -> float:
@@ -89,16 +114,26 @@ class Impact:
 
     @cached_property
     def solution(self) -> StepSolution:
-        """Of the impact's program."""
-        return self.details()
+        """Of the impact's program, which is put together again."""
+        setup, state, numbers = self.setup, self.state, self.numbers
+        setup.tell_coupling(state.position, state.velocity)
+        setup.tell_motion(state)
+        rows, system, inertia = _in_rows(setup, state, self.together, self.record["aims"])
+        impulse = self.record["impulse"][: len(rows.places)]
+        at = np.ascontiguousarray(state.velocity), np.zeros(len(impulse))
+        solve_part(setup.plant, rows, system, *at, 0.0, 1.0, impulse)
+        program, used = StepProgram.of(rows, system, inertia), int(numbers[USED])
+        return StepSolution(program, system, self.after, impulse, used, WAYS[int(numbers[WAY])])
+
+
+def _in_rows(setup: Setup, state: SimState, together: BoolArray, aims: FloatArray) -> Any:
+    """Return the rows of an impact, their system, and H_l."""
+    at = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
+    return impact_in_rows(setup.plant, together, *at, aims[: int(together.sum())])
 
 
 def settle(
-    setup: Setup,
-    state: SimState,
-    left: float,
-    springy: BoolArray | None = None,
-    kept: BoolArray | None = None,
+    setup: Setup, state: SimState, left: float, back: FloatArray, kept: BoolArray
 ) -> tuple[SimState, Impact | None, BoolArray]:
     """Take the impact on barriers that have just been reached.
 
@@ -114,38 +149,39 @@ def settle(
         setup: the plant's.
         state: where the robot is.
         left: of the step [s].
-        springy: (2 j + c,) barriers that give back the plant's restitution, None for all.
-        kept: (2 j + c,) barriers that are rows of what is left of the step, None for none.
+        back: (2 j + c,) restitution of the barriers.
+        kept: (2 j + c,) barriers that are rows of what is left of the step.
 
     Returns:
         the state after it, the impact if there was any, and which barriers (2 j + c,) were reached.
 
     Raises:
-        SimulationError: a state whose closed barriers are not known starts inside the ground or
-            beyond a joint limit.
+        SimulationError: the impact has no solution, or several; or a state whose closed barriers
+            are not known starts inside the ground or beyond a joint limit.
     """
-    closed, ahead = state.closed, setup.none if kept is None else kept
+    closed, hit, velocity, impact = state.closed, setup.plant.hit, state.velocity, None
     if len(closed) != setup.barriers.size:
         gap = setup.gaps(state.position)
         check_outside(setup, np.where(setup.yielding, np.inf, gap))
         closed = setup.none
-    back = setup.back if springy is None else np.where(springy, setup.back, 0.0)
-    setup.tell_coupling(state.position, state.velocity)
+    setup.tell_coupling(state.position, velocity)
     setup.tell_motion(state)
-    together = _struck(setup, state, (closed, ahead), back, left)
-    hit, velocity, impact = setup.plant.hit, state.velocity, None
-    if together is not None:
-        velocity, numbers = hit.after.copy(), hit.found.copy()
-        known = hit.aims.copy(), hit.impulse[: int(numbers[ROWS_OF])].copy()
-        impact = Impact(
-            state.time,
-            state.velocity,
-            velocity,
-            hit.pushes.reshape(-1, 3).copy(),
-            float(numbers[SHARE]) * setup.restitution,
-            numbers,
-            partial(_solution, setup, state, together, known, velocity, numbers),
-        )
+    at = np.ascontiguousarray(state.position), np.ascontiguousarray(velocity)
+
+    def strike(share: float, given: FloatArray = _NOTHING) -> None:
+        impact_at(setup.plant, closed, kept, share * back, *at, left, given)
+        hit.found[SHARE] *= share
+
+    kind = impact_at(setup.plant, closed, kept, back, *at, left, _NOTHING)
+    setup.heard()
+    if kind == HIT:
+        together = closed | hit.fresh | kept
+        if hit.found[SHARE] > 0.0 and hit.found[WAY] <= UNSOLVED:
+            _give_less_back(strike, hit.found)
+        if hit.found[WAY] >= UNSOLVED:
+            _decide(setup, state, together, strike)
+        impact = Impact(setup, state, together, copied(setup.hit))
+        velocity = impact.after
     following = SimState(
         state.position, velocity, state.time, hit.closed.copy(), state.impulse, state.deflection,
         state.motor_velocity, state.memory,
@@ -153,42 +189,25 @@ def settle(
     return following, impact, hit.fresh.copy()
 
 
-def _struck(
-    setup: Setup,
-    state: SimState,
-    barriers: tuple[BoolArray, BoolArray],
-    back: FloatArray,
-    left: float,
-) -> BoolArray | None:
-    """Write an impact into `plant.hit`; return which barriers take part, None without an impact.
+def _decide(
+    setup: Setup, state: SimState, together: BoolArray, strike: Callable[..., None]
+) -> None:
+    """Take an impact with self-locking gears that has several solutions.
 
     Args:
-        setup, state, left: see `settle`.
-        barriers: (2 j + c,) each, those known to be closed, and rows of what is left of the step.
-        back: (2 j + c,) restitution.
+        setup, state: see `settle`.
+        together: (2 j + c,) barriers that take part.
+        strike: takes the impact with a share of the restitution, and known impulses.
 
     Raises:
-        SimulationError: the impact has no solution, or several.
+        SimulationError: the impact has no solution.
     """
-    hit, found, names = setup.plant.hit, setup.plant.hit.found, setup.robot.transmission.joints
-    at = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-
-    def strike(share: float, given: FloatArray = _NOTHING) -> None:
-        impact_at(setup.plant, *barriers, share * back, *at, left, given)
-        found[SHARE] *= share
-
-    kind = impact_at(setup.plant, *barriers, back, *at, left, _NOTHING)
-    setup.heard()
-    if kind != HIT:
-        return None
-    together = barriers[0] | hit.fresh | barriers[1]
-    if found[SHARE] > 0.0 and found[WAY] <= UNSOLVED:
-        _give_less_back(strike, found)
-    elif found[WAY] == UNDECIDED:
+    hit, found, inertia = setup.plant.hit, setup.plant.hit.found, setup.plant.placed.inertia
+    names = setup.robot.transmission.joints
+    if found[WAY] == UNDECIDED:
         for share in (1.0, 0.0):
             strike(share)
-            aims = hit.aims[: int(together.sum())]
-            _, system, _ = impact_in_rows(setup.plant, together, *at, aims, _NOTHING)
+            _, system, _ = _in_rows(setup, state, together, hit.aims)
             start, m = np.zeros(len(system.free)), len(names)
             start[:m] = state.impulse[:m] if len(state.impulse) else 0.0
             given, _, _ = solve_rows(system, start, names)
@@ -196,13 +215,10 @@ def _struck(
             if found[CONTACT] >= 0.0:
                 break
     if found[WAY] >= UNSOLVED:
-        inertia = setup.plant.placed.inertia
         if found[WAY] == NO_INERTIA or not np.isfinite(inertia).all():
             raise blown_up(inertia, state.velocity)
-        aims = hit.aims[: int(together.sum())]
-        _, system, _ = impact_in_rows(setup.plant, together, *at, aims, _NOTHING)
-        raise unsolved(system, hit.impulse[: int(found[ROWS_OF])], tolerance_of(system))
-    return together
+        _, system, _ = _in_rows(setup, state, together, hit.aims)
+        raise unsolved(system, hit.impulse[: int(found[ROWS_OF])])
 
 
 def _give_less_back(strike: Callable[[float], None], found: FloatArray) -> None:
@@ -236,26 +252,6 @@ def _give_less_back(strike: Callable[[float], None], found: FloatArray) -> None:
             high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
     strike(low)
     found[USED] += used
-
-
-def _solution(
-    setup: Setup,
-    state: SimState,
-    together: BoolArray,
-    known: tuple[FloatArray, FloatArray],
-    after: FloatArray,
-    numbers: FloatArray,
-) -> StepSolution:
-    """Return the program of an impact and its solution, from its aims and impulses."""
-    setup.tell_coupling(state.position, state.velocity)
-    setup.tell_motion(state)
-    aims, impulse = known[0][: int(together.sum())], known[1]
-    at = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    rows, system, inertia = impact_in_rows(setup.plant, together, *at, aims, after)
-    program = StepProgram.of(rows, system, inertia)
-    return StepSolution(
-        program, system, after, impulse, int(numbers[USED]), WAYS[int(numbers[WAY])]
-    )
 
 
 def check_outside(setup: Setup, gap: FloatArray) -> None:

@@ -107,7 +107,7 @@ def to_landing(
     Returns:
         the same of the part that ends there.
     """
-    (result, late), early, size, (q, v), kept = whole, 0.0, len(start), at, plant.end.kept
+    (result, late), early, size, (q, v) = whole, 0.0, len(start), at
     ahead, gap_early, gap_late = np.empty(size), np.empty(size), np.empty(size)
     nearest(plant, closed, start, start, gap_early)
     plant.end.jumps[:] = False
@@ -122,7 +122,7 @@ def to_landing(
         # Every third try halves, lest one end of the interval never move.
         share = 0.5 if turn % 3 == 2 else first_crossing(gap_early, gap_late, fall, turn == 0)
         trial = early + share * (late - early)
-        result = part_with_mesh(plant, closed, kept, stored, q, v, trial)
+        result = part_with_mesh(plant, closed, stored, q, v, trial)
         least = nearest(plant, closed, start, plant.end.gap, ahead)
         if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
             return result, trial
@@ -131,7 +131,7 @@ def to_landing(
         else:
             late, gap_late[:] = trial, ahead
     if early > 0.0:
-        result = part_with_mesh(plant, closed, kept, stored, q, v, early)
+        result = part_with_mesh(plant, closed, stored, q, v, early)
     for i in range(size):
         plant.end.jumps[i] = gap_late[i] < 0.0
     return result, early
@@ -157,7 +157,7 @@ def flow_until(
     size, length, short, end = len(closed), step, plant.bounds[SLOW] * step * step, plant.end
     for i in range(size):
         end.kept[i], end.slow[i], end.jumps[i] = kept[i], False, False
-    result = part_with_mesh(plant, closed, end.kept, stored, q, v, step)
+    result = part_with_mesh(plant, closed, stored, q, v, step)
     if result >= 10 or abs(result) != LANDED:
         return result, step, False
     start = np.empty(size)
@@ -172,5 +172,5 @@ def flow_until(
                 return result, length, True
         for i in range(size):
             end.kept[i], end.jumps[i] = end.kept[i] or end.jumps[i], False
-        result = part_with_mesh(plant, closed, end.kept, stored, q, v, step)
+        result = part_with_mesh(plant, closed, stored, q, v, step)
     return result, step, True

@@ -200,7 +200,7 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
     """
     tree, flight, placed = plant.tree, plant.flight, plant.placed
     joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
-    middle, speed, rate = plant.end.middle, plant.end.speed, plant.end.rate
+    middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
     touching = False
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]

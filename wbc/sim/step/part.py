@@ -13,7 +13,7 @@ from wbc.sim.step.books import books_of
 from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import Acting, PartRows, Solved, part_system, rows_of
+from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of
 from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
 from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, solve_part
 from wbc.sim.step.tables import DEFLECTION, HERTZ, TOUCH, Opened
@@ -34,7 +34,7 @@ _ROUNDING = 1e-12
 
 
 @compiled(counted=False)
-def close(plant: Opened, before: Flags, acting: Acting) -> None:
+def close(plant: Opened, before: Flags, step: float) -> None:
     """Write which barriers hold in a part.
 
     Compliant contacts take part that may be met within it: `_FASTEST` [m/s]. One that comes faster
@@ -43,28 +43,28 @@ def close(plant: Opened, before: Flags, acting: Acting) -> None:
     Args:
         plant: whose memory stands in the middle.
         before: (2 j + c,) barriers closed at the start.
-        acting: what the part starts from.
+        step: h [s].
     """
-    end, half = plant.end, 0.5 * acting.step
+    end, half = plant.end, 0.5 * step
     for i in range(len(before)):
-        end.closed[i] = before[i] or acting.kept[i]
+        end.closed[i] = before[i] or end.kept[i]
     if plant.bounds[HERTZ] > 0.0:
-        gaps_at(plant, end.middle, before[:0], end.gap)
+        gaps_at(plant, end.before, before[:0], end.gap)
         for i in range(2 * len(plant.obstacles.limit_at), len(before)):
             end.closed[i] = end.gap[i] < half * _FASTEST
 
 
 @compiled
 def begin(
-    plant: Opened, before: Flags, acting: Acting, stored: Row
+    plant: Opened, before: Flags, stored: Row, v: Row, step: float
 ) -> tuple[PartRows, RowSystem, OutRow]:
     """Return the rows of a part, their system, and the impulses (r,) from which they start.
 
     The rows start from the last step's impulses, from zeros without one. Where H_l is not positive,
     `lower[0, 0]` is no number. Arguments as of `second_half`.
     """
-    close(plant, before, acting)
-    rows = rows_of(plant, acting)
+    close(plant, before, step)
+    rows = rows_of(plant, v, step)
     start = np.zeros(len(rows.places))
     if len(stored):
         for i in range(len(start)):
@@ -73,9 +73,9 @@ def begin(
 
 
 @compiled(counted=False)
-def keep(plant: Opened, acting: Acting, rows: PartRows, solved: Solved) -> None:
+def keep(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write v (nv,) after the impulses, these themselves, and how the motors move then."""
-    end, half = plant.end, 0.5 * acting.step
+    end, half = plant.end, 0.5 * step
     end.work[0], end.work[1] = solved.used, solved.way
     end.impulse[:] = 0.0
     for i in range(len(solved.impulse)):
@@ -113,21 +113,13 @@ def hold_or_land(plant: Opened, pushes: Row) -> int:
 
 
 @compiled
-def second_half(
-    plant: Opened,
-    before: Flags,
-    kept: Flags,
-    stored: Row,
-    given: Row,
-    v: Row,
-    step: float,
-) -> int:
+def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, step: float) -> int:
     """Do the second half of a part, whose memory stands in the middle.
 
     Args:
-        plant: what moves, with the forces; `plant.end` is written.
+        plant: what moves, with the forces and the barriers that may close within the part,
+            `plant.end.kept`; the rest of `plant.end` is written.
         before: (2 j + c,) barriers closed at the start.
-        kept: (2 j + c,) barriers that may close within the part.
         stored: row impulses of the last step in the plant's layout; empty for none.
         given: (r,) row impulses where they are known already, else empty.
         v: (nv,) at the start.
@@ -137,15 +129,15 @@ def second_half(
         SMOOTH or LANDED, minus that where some overlap is left; ten and more where it failed, ten
         beyond what `Solved.way` says.
     """
-    acting, end = Acting(kept, v, step), plant.end
-    rows, system, start = begin(plant, before, acting, stored)
+    end = plant.end
+    rows, system, start = begin(plant, before, stored, v, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
     solved = solve_part(plant, rows, system, end.speed, start, step, 1.0, given)
-    keep(plant, acting, rows, solved)
+    keep(plant, step, rows, solved)
     if solved.way >= UNSOLVED:
         return 10 + solved.way
-    books_of(plant, acting, rows, solved)
+    books_of(plant, step, rows, solved)
     elements, both = len(rows.laws), len(rows.targets)
     turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
     contacts = solved.impulse[elements + both - len(rows.frictions) :]
@@ -154,7 +146,7 @@ def second_half(
     rounding = _ROUNDING * np.sum(np.abs(pressed))
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
-    left = arrive(plant, acting, rows.matrix[elements : elements + both], pressed)
+    left = arrive(plant, step, rows.matrix[elements : elements + both], pressed)
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
@@ -163,16 +155,14 @@ def second_half(
                 end.deflection[i] -= plant.gears.rows[i, c] * end.moved[c]
     if not 0.5 * step * turns <= TURN:
         started = plant.gears.motion.copy()
-        keep_passive(plant, acting)
+        keep_passive(plant, v, step)
         plant.gears.motion[:] = started
     result = hold_or_land(plant, pressed)
     return -result if left else result
 
 
 @compiled
-def part_of_step(
-    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
-) -> int:
+def part_of_step(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
     """Do a part from q (nq,); arguments and result as of `second_half`.
 
     Python is asked for what acts in the middle where loops do not know it, and for the rows where
@@ -182,21 +172,19 @@ def part_of_step(
     plant.forces.length[0], impulse = step, plant.hit.impulse
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    result = second_half(plant, before, kept, stored, impulse[:0], v, step)
+    result = second_half(plant, before, stored, impulse[:0], v, step)
     if result == 10 + UNDECIDED:
         impulse[:] = np.nan
         ask(plant.forces.undecided)
         count = 0
         while count < len(impulse) and impulse[count] == impulse[count]:
             count += 1
-        result = second_half(plant, before, kept, stored, impulse[:count], v, step)
+        result = second_half(plant, before, stored, impulse[:count], v, step)
     return result
 
 
 @compiled
-def part_with_mesh(
-    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
-) -> int:
+def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
     """Do a part in which effects see the torque that the gears then carry, see `part_of_step`.
 
     Secant steps of each gear alone, from what its effect remembers of the step before: what a gear
@@ -204,14 +192,14 @@ def part_with_mesh(
     """
     taken, mesh = plant.forces.mesh, plant.end.mesh_impulse
     taken[:] = np.nan
-    result = part_of_step(plant, before, kept, stored, q, v, step)
+    result = part_of_step(plant, before, stored, q, v, step)
     if len(taken) == 0 or result >= 10:
         return result
     miss, change, slope = np.zeros(len(taken)), np.zeros(len(taken)), np.zeros(len(taken))
     for i in range(len(taken)):
         taken[i] = mesh[i] / step
     for _ in range(_MESH_ROUNDS):
-        result, met = part_of_step(plant, before, kept, stored, q, v, step), True
+        result, met = part_of_step(plant, before, stored, q, v, step), True
         for i in range(len(taken)):
             carried, last = mesh[i] / step, miss[i]
             miss[i] = carried - taken[i]
@@ -228,12 +216,12 @@ def part_with_mesh(
 
 @compiled
 def part_in_rows(
-    plant: Opened, before: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
+    plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float
 ) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
     """Return the rows of a part, their system, the start of the rows, and H_l.
 
-    Laws and free speeds are those without coupling and flanks, see `couple` and `grip_laws`.
+    Laws and free speeds are those without coupling and flanks: `solve_part` puts these into them.
     """
     to_middle(plant, q, v, 0.5 * step, before)
-    rows, system, start = begin(plant, before, Acting(kept, v, step), stored)
+    rows, system, start = begin(plant, before, stored, v, step)
     return rows, system, start, plant.placed.inertia.copy()

@@ -26,20 +26,6 @@ from wbc.sim.step.gears import gear_laws, motor_speeds
 from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
 
 
-class Acting(NamedTuple):
-    """What a part starts from, beside the plant's memory.
-
-    Attributes:
-        kept: (2 j + c,) barriers that may close within the part.
-        v: (nv,) at the start.
-        step: h [s].
-    """
-
-    kept: Flags
-    v: Row
-    step: float
-
-
 class PartRows(NamedTuple):
     """The rows of a part, and what they act on.
 
@@ -203,11 +189,11 @@ def rub(plant: Opened, step: float, rows: PartRows) -> None:
 
 
 @compiled(counted=False)
-def aim(plant: Opened, acting: Acting, rows: PartRows) -> None:
+def aim(plant: Opened, step: float, rows: PartRows) -> None:
     """Write lowest speeds of the closed barriers, and depths of soft contacts."""
-    elements, step, touching = len(rows.laws), acting.step, len(rows.which)
+    elements, touching = len(rows.laws), len(rows.which)
     contacts = elements + len(rows.targets) - touching
-    lowest_speeds(plant, acting.kept, step, rows.matrix[elements:], rows.targets)
+    lowest_speeds(plant, step, rows.matrix[elements:], rows.targets)
     for c in range(len(rows.depths)):
         opens = dot(plant.end.speed, rows.matrix[contacts + c])
         gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
@@ -219,7 +205,7 @@ def act(plant: Opened) -> None:
     """Write the forces in the middle, and the level of dry friction."""
     forces, end = plant.forces, plant.end
     if len(forces.joints):
-        q, v = end.middle, end.speed
+        q, v = end.before, end.speed
         fill_joint_torques(forces.joints, forces.numbers, q, v, end.force, forces.friction)
     else:
         end.force[:] = 0.0
@@ -228,27 +214,28 @@ def act(plant: Opened) -> None:
 
 
 @compiled
-def rows_of(plant: Opened, acting: Acting) -> PartRows:
+def rows_of(plant: Opened, v: Row, step: float) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
     Args:
         plant: whose memory stands in the middle; gaps are written where any barrier is closed.
-        acting: what the part starts from.
+        v: (nv,) at the start.
+        step: h [s].
     """
     end, rubbing, touches = plant.end, 0, False
     act(plant)
-    for c in range(len(acting.v)):
+    for c in range(len(v)):
         rubbing += rubs_alone(plant, c)
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
-        gaps_at(plant, end.middle, end.closed, end.gap)
-    rows = rows_where(plant, end.closed, acting.v, rubbing)
-    free_velocity(plant, acting.step, rows)
-    gear_laws(plant, rows.motor, acting.step, rows.laws)
-    rub(plant, acting.step, rows)
+        gaps_at(plant, end.before, end.closed, end.gap)
+    rows = rows_where(plant, end.closed, v, rubbing)
+    free_velocity(plant, step, rows)
+    gear_laws(plant, rows.motor, step, rows.laws)
+    rub(plant, step, rows)
     if touches:
-        aim(plant, acting, rows)
+        aim(plant, step, rows)
     return rows
 
 

@@ -22,7 +22,6 @@ from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import set_momentum
-from wbc.sim.step.part_rows import Acting
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import (
     DEFLECTION,
@@ -105,18 +104,19 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
 
 
 @compiled
-def keep_passive(plant: Opened, acting: Acting) -> None:
+def keep_passive(plant: Opened, start: Row, step: float) -> None:
     """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
 
     Args:
         plant: its memory stands at the end, with the books.
-        acting: what the part starts from.
+        start: v (nv,) at the start of the part.
+        step: h [s].
     """
     end, motion, books, fast = plant.end, plant.gears.motion, plant.end.books, plant.end.velocity
     work = books[MOTOR]
     for i in range(len(fast)):
-        work += 0.5 * acting.step * end.force[i] * (end.speed[i] + end.after[i])
-    had, _, _ = survey(plant, end.start, acting.v)
+        work += 0.5 * step * end.force[i] * (end.speed[i] + end.after[i])
+    had, _, _ = survey(plant, end.start, start)
     for i in range(len(motion)):
         motion[i, DEFLECTION], motion[i, SPEED] = end.deflection[i], end.motor_speed[i]
     has, _, _ = survey(plant, end.position, fast)

@@ -29,17 +29,18 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
-from wbc.mechanics.newton import UNSOLVED, WAYS, distance, look_at, solve_system, velocity_after
+from wbc.mechanics.newton import (
+    UNSOLVED,
+    WAYS,
+    distance,
+    look_at,
+    solve_system,
+    tolerance_of,
+    velocity_after,
+)
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.self_locking import falling_rows, solve_in_ranges, undecided_rows
-
-TOLERANCE = 1e-10
-"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1.
-
-A target below zero does not count: a row reaches it only at speeds that count already, and a
-barrier that is kept in a short part has one that no speed comes near.
-"""
 
 NOT_POSITIVE = (
     "the inertia matrix of the links is not positive definite: some body without mass moves "
@@ -156,12 +157,6 @@ def solve_program(
     return StepSolution(program, system, velocity, impulse, used, method)
 
 
-def tolerance_of(system: RowSystem) -> float:
-    """Return the largest distance of a row from its law in a solution, as a speed."""
-    fastest = max(np.abs(system.free).max(initial=0.0), system.targets.max(initial=0.0))
-    return TOLERANCE * (1.0 + float(fastest))
-
-
 def solve_rows(
     system: RowSystem, start: FloatArray, names: Sequence[str]
 ) -> tuple[FloatArray, int, str]:
@@ -183,11 +178,11 @@ def solve_rows(
     impulse = np.empty(len(start))
     used, way = solve_system(system, start, tolerance, 1.0, impulse)
     if way == UNSOLVED:
-        raise unsolved(system, impulse, tolerance)
+        raise unsolved(system, impulse)
     return impulse, used, WAYS[way]
 
 
-def unsolved(system: RowSystem, impulse: FloatArray, tolerance: float) -> SimulationError:
+def unsolved(system: RowSystem, impulse: FloatArray) -> SimulationError:
     """Return the error for a step of which `impulse` (r,) is the nearest to a solution."""
     if not (np.isfinite(system.delassus).all() and np.isfinite(system.free).all()):
         return SimulationError(
@@ -196,10 +191,10 @@ def unsolved(system: RowSystem, impulse: FloatArray, tolerance: float) -> Simula
         )
     return SimulationError(
         f"a step with {len(system.laws)} gears and joints and {len(system.frictions)} contacts "
-        f"has no solution within {tolerance:.1e} (nearest: {distance(system, impulse):.1e}). "
-        "Usual causes: a contact target that the joints cannot reach (a limit and the ground in "
-        "conflict), or a self-locking gear whose falling branch leaves no solution; shorten the "
-        "step or change the state."
+        f"has no solution within {tolerance_of(system):.1e} (nearest: "
+        f"{distance(system, impulse):.1e}). Usual causes: a contact target that the joints cannot "
+        "reach (a limit and the ground in conflict), or a self-locking gear whose falling branch "
+        "leaves no solution; shorten the step or change the state."
     )
 
 

@@ -27,13 +27,14 @@ from wbc.mechanics.newton import (
     distance,
     solve_system,
     speeds_at,
+    tolerance_of,
     velocity_after,
 )
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.flanks import solve_gripped
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.part_rows import PartRows, Solved
-from wbc.sim.step.tables import ACCURACY, DISSIPATION, HERTZ, INERTIA, Opened
+from wbc.sim.step.tables import DISSIPATION, HERTZ, INERTIA, Opened
 
 UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
 """Self-locking gears may have several solutions; H_l is not positive definite."""
@@ -190,28 +191,6 @@ def lag_coupling(
         system.free[i] = dot(shifted, rows.matrix[i])
 
 
-@compiled
-def couple(
-    plant: Opened, rows: PartRows, system: RowSystem, speed: Row, after: Row, step: float
-) -> None:
-    """Put the inertial coupling of a solution that ends at `after` v (nv,) into the rows."""
-    if len(plant.gears.coupling):
-        free, laws = rows.free.copy(), system.laws.copy()
-        lag_coupling(plant, rows, system, speed, after, free, step, laws, rows.free)
-
-
-@compiled(counted=False)
-def accuracy_of(plant: Opened, system: RowSystem) -> float:
-    """Return the largest accepted distance of a row from its law, see `TOLERANCE`."""
-    fastest = 0.0
-    for i in range(len(system.free)):
-        fastest = max(fastest, abs(system.free[i]))
-    for i in range(len(system.targets)):
-        fastest = max(fastest, system.targets[i])
-    accuracy: float = plant.bounds[ACCURACY] * (1.0 + fastest)
-    return accuracy
-
-
 @compiled(counted=False)
 def settles(after: Row, last: OutRow) -> float:
     """Return by how much a round has changed v (nv,), zero where it is rounding."""
@@ -248,7 +227,7 @@ def solve_part(
     size, n, m = len(start), len(speed), len(plant.gears.rows)
     room = Solved(np.zeros(size), np.zeros(size), np.empty(n), np.zeros(m), np.zeros(m), 0, 0, 0.0)
     impulse, after, shifted, used, way = room.impulse, room.after, rows.free.copy(), 0, 0
-    tolerance, laws, last = accuracy_of(plant, system), system.laws.copy(), speed.copy()
+    tolerance, laws, last = tolerance_of(system), system.laws.copy(), speed.copy()
     if len(given):
         impulse[:] = given
     elif undecided(plant, laws):

@@ -186,7 +186,7 @@ class Ending(NamedTuple):
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
         work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
-        middle, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
+        before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
@@ -208,7 +208,7 @@ class Ending(NamedTuple):
     deflection: OutRow
     books: OutRow
     work: OutRow
-    middle: OutRow
+    before: OutRow
     speed: OutRow
     rate: OutRow
     force: OutRow
@@ -249,11 +249,11 @@ class Opened(NamedTuple):
 
     Attributes:
         tree, flight, obstacles, gears, placed, bodies, forces, end, hit: see there.
-        bounds: (8,) at RETURN_SPEED: at which an overlap is taken back at most; ACCURACY: of the
-            solution; DRIFT_FROM: overlap from which on it is taken back; TOUCH: gap up to which a
-            barrier counts as closed; HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for
-            rigid ones; REACH: memory, gap up to which those from height fields are known; SLOW:
-            way of a slow landing per square of the step, see `landing`.
+        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
+            from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
+            HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; REACH: memory,
+            gap up to which those from height fields are known; SLOW: way of a slow landing per
+            square of the step, see `landing`.
     """
 
     tree: Tree
@@ -272,7 +272,7 @@ JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
 planar one), first entry of q."""
 
-RETURN_SPEED, ACCURACY, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW = range(8)
+RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW = range(7)
 
 
 @compiled
