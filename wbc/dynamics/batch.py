@@ -61,8 +61,6 @@ def contact_torque(
         RobotError: a contact that the robot does not have.
     """
     result = np.zeros((len(position), robot.model.nv))
-    if not forces:
-        return result
     for name, force in forces.items():
         jacobians = contact_jacobians(robot, position, name)
         result += np.einsum("nij,ni->nj", jacobians, force)

@@ -11,6 +11,8 @@ from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.robot import Robot
 
+_WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Terms:
@@ -106,13 +108,8 @@ def evaluate(
     pin.forwardKinematics(model, data, position, velocity, space._zero)
     for i, frame in enumerate(space.frames):
         pin.updateFramePlacement(model, data, frame)
-        rows = slice(3 * i, 3 * i + 3)
-        # With one coordinate pinocchio returns a vector.
-        jacobian[rows] = pin.getFrameJacobian(
-            model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )[:3].reshape(3, -1)
-        drift[rows] = pin.getFrameClassicalAcceleration(
-            model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        ).linear
+        rows, at = slice(3 * i, 3 * i + 3), (model, data, frame, _WORLD)
+        jacobian[rows] = pin.getFrameJacobian(*at)[:3].reshape(3, -1)  # a vector of one coordinate
+        drift[rows] = pin.getFrameClassicalAcceleration(*at).linear
         points[i] = data.oMf[frame].translation
     return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, drift, points, data)

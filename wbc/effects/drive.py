@@ -111,7 +111,8 @@ def _screens(
     """
     column, row = robot.transmission.index(where), robot.velocity_index(where)
     stated = bool(np.isfinite(robot.transmission.torque_limit[column]))
-    if stated and any(_follows_target(motion, column) for motion in evidence.motions):
+    fed_back = [motion.feedback_torque for motion in evidence.motions]
+    if stated and any(own is not None and np.any(own[..., column]) for own in fed_back):
         return ()
     if evidence.currents is not None and evidence.currents[column]:
         return ()
@@ -161,12 +162,6 @@ class CurrentLimit(JointEffect):
         column = self.gear(robot)
         limit[column] = self.limit / np.abs(robot.transmission.gear_ratio[column])
         return np.clip(torque, -limit, limit)
-
-
-def _follows_target(motion: Motion, column: int) -> bool:
-    """Whether the torque of a gear was made of a target and what its drive measures."""
-    own = motion.feedback_torque
-    return own is not None and bool(np.any(own[..., column]))
 
 
 @final

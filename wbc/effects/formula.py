@@ -156,8 +156,14 @@ class TorqueTerm:
             power["m"] -= length if slides else torque
             power["rad"] -= 0 if slides else length
             power["s"] -= time
-        above = [_raised(name, n) for name, n in power.items() if n > 0]
-        below = [_raised(name, -n) for name, n in power.items() if n < 0]
+        above, below = (
+            [
+                name if n == sign else f"{name}^{sign * n}"
+                for name, n in power.items()
+                if sign * n > 0
+            ]
+            for sign in (1, -1)
+        )
         if not below:
             return " ".join(above) or "1"
         bottom = below[0] if len(below) == 1 else f"({' '.join(below)})"
@@ -190,10 +196,6 @@ class TorqueTerm:
             if factor is not without:
                 result = result * factor.value(robot, motion)
         return result
-
-
-def _raised(name: str, power: int) -> str:
-    return name if power == 1 else f"{name}^{power}"
 
 
 def _quantity(robot: Robot, motion: Motion, quantity: str, joint: str) -> FloatArray:
@@ -275,15 +277,8 @@ class CustomTorque(JointEffect):
             term.check(self.where)
             object.__setattr__(self, term.text, term.coefficient)
         parameters = tuple(
-            Parameter(
-                name=term.text,
-                unit=term.unit(),
-                null=0.0,
-                low=-_LARGEST,
-                high=_LARGEST,
-                scale=abs(term.coefficient) or 1.0,
-            )
-            for term in self.terms
+            Parameter(t.text, t.unit(), 0.0, -_LARGEST, _LARGEST, abs(t.coefficient) or 1.0)
+            for t in self.terms
         )
         object.__setattr__(self, "parameters", parameters)
         super().__post_init__()

@@ -57,7 +57,8 @@ class SupplySag(Effect):
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque left, (..., m)."""
-        return np.asarray(torque * self._factor(robot, motion, torque))
+        power = np.maximum(np.add(*self._powers(robot, motion, torque)), 0.0)
+        return np.asarray(torque * np.maximum(1.0 - self.coefficient * power, _SAG_LEAVES))
 
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque reported for a delivered one, (..., m).
@@ -77,10 +78,6 @@ class SupplySag(Effect):
             step = np.where(slope < 0.0, miss / np.where(slope < 0.0, slope, -1.0), share)
             share = np.clip(share - step, _SAG_LEAVES, 1.0)
         return np.asarray(torque / share)
-
-    def _factor(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        power = np.maximum(np.add(*self._powers(robot, motion, torque)), 0.0)
-        return np.asarray(np.maximum(1.0 - self.coefficient * power, _SAG_LEAVES))
 
     @staticmethod
     def _powers(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray]:

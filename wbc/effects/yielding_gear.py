@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, final, get_args
 
 from wbc.effects.joint_effect import GearNumbers
-from wbc.robot import Motion, Robot, SearchOffer, number
+from wbc.robot import Robot, SearchOffer, number
 from wbc.transmission import Flanks
 
 Side = Literal["link", "motor", "either"]
@@ -56,11 +55,6 @@ class YieldingGear(GearNumbers, ABC):
 _CREEPS = 0.5  # [s], damping over stiffness
 
 
-def _spring_recognisable(effect: JointCompliance, robot: Robot, motions: Sequence[Motion]) -> bool:
-    """Whether the gear gives and comes back: one that creeps writes down any slow drift."""
-    return effect.damping < _CREEPS * effect.stiffness
-
-
 @final
 @dataclass(frozen=True)
 class JointCompliance(YieldingGear):
@@ -88,7 +82,10 @@ class JointCompliance(YieldingGear):
     )
 
     has_play: ClassVar[bool] = False
-    search = replace(YieldingGear.search, recognisable=_spring_recognisable)
+    # A gear that gives and comes back: one that creeps writes down any slow drift.
+    search = replace(
+        YieldingGear.search, recognisable=lambda own, *_: own.damping < _CREEPS * own.stiffness
+    )
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
@@ -97,11 +94,6 @@ class JointCompliance(YieldingGear):
 
 
 _LEAST_PLAY = 1e-4  # [rad]
-
-
-def _play_recognisable(effect: Backlash, robot: Robot, motions: Sequence[Motion]) -> bool:
-    """Whether there is play to speak of: flanks without it are a spring."""
-    return effect.width > _LEAST_PLAY
 
 
 @final
@@ -138,7 +130,8 @@ class Backlash(YieldingGear):
     )
 
     has_play: ClassVar[bool] = True
-    search = replace(YieldingGear.search, recognisable=_play_recognisable)
+    # Flanks without play are a spring.
+    search = replace(YieldingGear.search, recognisable=lambda own, *_: own.width > _LEAST_PLAY)
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:

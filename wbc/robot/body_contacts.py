@@ -209,16 +209,12 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
         found.addGeometryObject(pin.GeometryObject(item.name, joint, frame, placement, shape))
     for solid in robot.surface.solids:
         if not robot.model.existFrame(solid.link):
-            known = [own.name for own in robot.model.frames]
+            known = [one.name for one in robot.model.frames]
             raise RobotError(unknown_name(f"frame of '{robot.name}'", solid.link, known))
         frame = robot.model.getFrameId(solid.link)
-        joint, placement = (
-            robot.model.frames[frame].parentJoint,
-            robot.model.frames[frame].placement,
-        )
-        found.addGeometryObject(
-            pin.GeometryObject(solid.link, joint, frame, placement, solid.shape)
-        )
+        own = robot.model.frames[frame]
+        at = own.parentJoint, frame, own.placement
+        found.addGeometryObject(pin.GeometryObject(solid.link, *at, solid.shape))
     return found
 
 

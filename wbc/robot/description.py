@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, checked, frozen
+from wbc.arrays import FloatArray, checked
 from wbc.errors import RobotError, unknown_name
 from wbc.files import take_schema
 from wbc.robot.library import find_description, find_model, robot_names
@@ -130,7 +130,7 @@ def build_robot(description: RobotDescription) -> Robot:
         sensor_only=only,
         surface=_surface(table.get("bodies", {}), f"{path}: bodies"),
     )
-    return replace(robot, poses=named_poses(robot, table.get("poses", {}), f"{path}"))
+    return replace(robot, poses=_poses(robot, table.get("poses", {}), f"{path}"))
 
 
 def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
@@ -255,7 +255,7 @@ def bare_robot(model: pin.Model, name: str = "robot") -> Robot:
 _BASE = ("base.position.x", "base.position.y", "base.position.z")
 
 
-def named_poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
+def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
     """Return pose name -> q (nq,), joints left out being at their neutral position.
 
     Args:
@@ -269,26 +269,23 @@ def named_poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray
     """
     if not isinstance(table, Mapping):
         raise RobotError(f"{place}: poses: one table per pose expected, [poses.NAME].")
-    return {
-        str(name): _pose(robot, entry, f"{place}: pose '{name}'") for name, entry in table.items()
-    }
-
-
-def _pose(robot: Robot, entry: Any, place: str) -> FloatArray:
-    if not isinstance(entry, Mapping):
-        raise RobotError(f"{place}: a table of joints expected, got {entry!r}.")
     known = (*robot.single_joints, *(_BASE if robot.has_free_flyer else ()))
-    q = robot.neutral()
-    for joint, value in entry.items():
-        if joint not in known:
-            raise RobotError(f"{place}: " + unknown_name("joint", joint, known))
-        if joint in _BASE:
-            q[_BASE.index(joint)] = number_in(value, "m", f"{place}: {joint}")
-            continue
-        model = robot.model.joints[robot.model.getJointId(joint)]
-        unit = "m" if model.shortname().startswith("JointModelP") else "rad"
-        q[robot.position_index(joint)] = number_in(value, unit, f"{place}: {joint}")
-    return frozen(q)
+    poses = {}
+    for name, entry in table.items():
+        at, q = f"{place}: pose '{name}'", robot.neutral()
+        if not isinstance(entry, Mapping):
+            raise RobotError(f"{at}: a table of joints expected, got {entry!r}.")
+        for joint, value in entry.items():
+            if joint not in known:
+                raise RobotError(f"{at}: " + unknown_name("joint", joint, known))
+            if joint in _BASE:
+                q[_BASE.index(joint)] = number_in(value, "m", f"{at}: {joint}")
+                continue
+            model = robot.model.joints[robot.model.getJointId(joint)]
+            unit = "m" if model.shortname().startswith("JointModelP") else "rad"
+            q[robot.position_index(joint)] = number_in(value, unit, f"{at}: {joint}")
+        poses[str(name)] = q
+    return poses
 
 
 def state_gear(joint: str, *keys: str) -> str:

@@ -64,8 +64,8 @@ class JointMap:
     def _made(
         cls, robot: Robot, names: tuple[str, ...], q: Sequence[int], v: Sequence[int]
     ) -> JointMap:
-        own = [joint for joint in robot.single_joints if joint in names]
-        for joint in robot.single_joints:
+        own = robot.single_joints
+        for joint in own:
             if joint not in names:
                 raise RobotError(
                     f"joint '{joint}' of '{robot.name}' is missing among the names: "

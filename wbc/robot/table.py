@@ -69,7 +69,12 @@ def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:
         array = np.asarray(given, dtype=np.float64)
     except ValueError as cause:
         raise RobotError(f"{place}: the rows of {given!r} differ in length.") from cause
-    return np.asarray(array * to_si(1.0, stated, unit, place))
+    if stated not in SI_UNITS:
+        raise RobotError(f"{place}: " + unknown_name("unit", stated, SI_UNITS))
+    dimension, factor = SI_UNITS[stated]
+    if dimension != unit:
+        raise RobotError(f"{place}: unit '{stated}' measures [{dimension}], expected [{unit}].")
+    return np.asarray(array * factor)
 
 
 def _holds_numbers(given: Any) -> bool:
@@ -111,17 +116,3 @@ SI_UNITS: dict[str, tuple[str, float]] = {
     "A": ("A", 1.0),
     "m/s^2": ("m/s^2", 1.0),
 }
-
-
-def to_si(value: float, unit: str, expected: str, place: str) -> float:
-    """Return `value` in SI after checking that `unit` measures what is `expected`.
-
-    Raises:
-        RobotError: an unknown unit, or one of another quantity; `place` says where it stands.
-    """
-    if unit not in SI_UNITS:
-        raise RobotError(f"{place}: " + unknown_name("unit", unit, SI_UNITS))
-    dimension, factor = SI_UNITS[unit]
-    if dimension != expected:
-        raise RobotError(f"{place}: unit '{unit}' measures [{dimension}], expected [{expected}].")
-    return value * factor
