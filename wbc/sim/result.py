@@ -96,7 +96,9 @@ class StepResult:
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        return np.asarray(reduce(add, [part.mesh_impulse for part in self.parts]) / self.duration)
+        return np.asarray(
+            reduce(add, [part.record["mesh_impulse"] for part in self.parts]) / self.duration
+        )
 
     @property
     def rotor_torque(self) -> FloatArray:

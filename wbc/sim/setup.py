@@ -60,7 +60,6 @@ class Setup:
         still: (nv,) zeros, the forces of no effects.
         none: (2 j + c,) no barrier.
         back: (2 j + c,) restitution of every barrier.
-        yielding: (2 j + c,) barriers that are compliant.
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
@@ -107,8 +106,6 @@ class Setup:
         self.still = frozen(np.zeros(robot.model.nv))
         self.none: BoolArray = frozen(np.zeros(size), bool)
         self.back = frozen(np.full(size, restitution))
-        contact = np.arange(size) >= self.barriers.limits
-        self.yielding: BoolArray = frozen(contact & (compliance[0] > 0.0), bool)
         bases = free_bases(robot)
         self.flies, self._pushed = bool(len(bases)), False
         self._error: BaseException | None = None

@@ -93,12 +93,6 @@ class Flow:
         return np.asarray(self.record["pushes"].reshape(-1, 3))
 
     @property
-    def mesh_impulse(self) -> FloatArray:
-        """T (m,) [N m s]."""
-        found: FloatArray = self.record["mesh_impulse"]
-        return found
-
-    @property
     def rotor_impulse(self) -> FloatArray:
         """Impulse (m,) [N m s] delivered on the rotors."""
         return self.step * self.forces.rotor

@@ -15,6 +15,7 @@ from wbc.mechanics.newton import UNSOLVED, WAYS
 from wbc.sim.barriers import TOUCH
 from wbc.sim.setup import Setup, copied
 from wbc.sim.state import SimState
+from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.impact import (
     CONTACT,
     ENERGY,
@@ -161,8 +162,7 @@ def settle(
     """
     closed, hit, velocity, impact = state.closed, setup.plant.hit, state.velocity, None
     if len(closed) != setup.barriers.size:
-        gap = setup.gaps(state.position)
-        check_outside(setup, np.where(setup.yielding, np.inf, gap))
+        check_outside(setup, setup.gaps(state.position)[: rigid_ones(setup.plant)])
         closed = setup.none
     setup.tell_coupling(state.position, velocity)
     setup.tell_motion(state)
@@ -259,7 +259,7 @@ def check_outside(setup: Setup, gap: FloatArray) -> None:
 
     Args:
         setup: the plant's.
-        gap: (2 j + c,).
+        gap: of the barriers that do not yield, (2 j + c,) at most.
 
     Raises:
         SimulationError: an overlap beyond TOUCH; it names the place and the depth.
