@@ -13,6 +13,21 @@ from wbc.mechanics.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
 @compiled(counted=False)
+def turned(pose: Row, way: Row, out: OutRow) -> None:
+    """Write a direction (3,) in the outer axes of a pose (9,) or (12,)."""
+    for k in range(3):
+        out[k] = pose[3 * k] * way[0] + pose[3 * k + 1] * way[1] + pose[3 * k + 2] * way[2]
+
+
+@compiled(counted=False)
+def placed_at(pose: Row, point: Row, out: OutRow) -> None:
+    """Write a point (3,) in the outer axes of a pose (12,)."""
+    turned(pose, point, out)
+    for k in range(3):
+        out[k] += pose[9 + k]
+
+
+@compiled(counted=False)
 def _about_axis(axis: Row, cos: float, sin: float, turn: OutRow) -> None:
     """Write the rotation (9,) about a unit axis (3,)."""
     x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
@@ -50,7 +65,7 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
         q: (nq,).
         poses: (n, 12) to write.
     """
-    own, mounted = local(9), local(9)
+    own, mounted, way = local(9), local(9), local(3)
     for i in range(len(joints)):
         parent, kind, at = joints[i, 0], joints[i, 1], joints[i, 2]
         shape, pose = shapes[i], poses[i]
@@ -60,33 +75,19 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
             for k in range(9, 12):
                 pose[k] = shape[k]
         else:
-            above = poses[parent]
-            _product(above[:9], shape[:9], mounted)
-            for k in range(3):
-                pose[9 + k] = (
-                    above[9 + k]
-                    + above[3 * k] * shape[9]
-                    + above[3 * k + 1] * shape[10]
-                    + above[3 * k + 2] * shape[11]
-                )
+            _product(poses[parent, :9], shape[:9], mounted)
+            placed_at(poses[parent], shape[9:12], pose[9:])
         if kind == PRISMATIC:
+            turned(mounted, shape[12:15], way)
             for k in range(9):
                 pose[k] = mounted[k]
             for k in range(3):
-                along = (
-                    mounted[3 * k] * shape[12]
-                    + mounted[3 * k + 1] * shape[13]
-                    + mounted[3 * k + 2] * shape[14]
-                )
-                pose[9 + k] += along * q[at]
+                pose[9 + k] += way[k] * q[at]
             continue
         if kind == FREE_FLYER:
+            turned(mounted, q[at : at + 3], way)
             for k in range(3):
-                pose[9 + k] += (
-                    mounted[3 * k] * q[at]
-                    + mounted[3 * k + 1] * q[at + 1]
-                    + mounted[3 * k + 2] * q[at + 2]
-                )
+                pose[9 + k] += way[k]
             _of_quaternion(q[at + 3 : at + 7], own)
         elif kind == REVOLUTE:
             _about_axis(shape[12:15], np.cos(q[at]), np.sin(q[at]), own)

@@ -18,6 +18,7 @@ from wbc.compiled import (
     compiled,
     local,
 )
+from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import field_gap
@@ -99,13 +100,11 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     obstacles, poses = plant.obstacles, plant.placed.poses
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
     for i in range(len(contacts)):
-        joint, own = obstacles.contact_at[i, 0], contacts[i]
-        for k in range(3):
-            points[i, k] = own[k]
-            if joint >= 0:
-                pose = poses[joint]
-                points[i, k] = pose[9 + k] + pose[3 * k] * own[0]
-                points[i, k] += pose[3 * k + 1] * own[1] + pose[3 * k + 2] * own[2]
+        joint = obstacles.contact_at[i, 0]
+        if joint >= 0:
+            placed_at(poses[joint], contacts[i], points[i])
+        else:
+            copy_to(contacts[i, :3], points[i])
     if obstacles.asked != 0:
         ask(obstacles.asked)
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)

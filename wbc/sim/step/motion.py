@@ -20,7 +20,7 @@ import numpy as np
 from wbc.arrays import IntArray
 from wbc.compiled import Flags, OutDense, OutRow, Row, compiled, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
-from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.momentum import momentum_at, velocity_at
 from wbc.mechanics.tree import Tree
@@ -131,15 +131,13 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
     """
     joints, shapes, bases, carried = tree.joints, tree.shapes, flight.bases, flight.carried
     for i in range(len(bases)):
-        joint, missing = bases[i, JOINT], local(3)
+        joint, missing, center = bases[i, JOINT], local(3), local(3)
         missing[:] = 0.0
         for body in range(len(joints)):
             if joints[body, 4] == joint:
-                pose, shape = poses[body], shapes[body]
+                placed_at(poses[body], shapes[body, 16:19], center)
                 for k in range(3):
-                    way = pose[3 * k] * shape[16] + pose[3 * k + 1] * shape[17]
-                    way += pose[3 * k + 2] * shape[18]
-                    missing[k] -= shape[15] * (pose[9 + k] + way)
+                    missing[k] -= shapes[body, 15] * center[k]
         for k in range(3):
             carried[i, 6 + k] += half / carried[i, 9] * carried[i, k]
             missing[k] = carried[i, 6 + k] + missing[k] / carried[i, 9]

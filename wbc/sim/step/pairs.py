@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.mechanics.kinematics import placed_at, turned
 from wbc.mechanics.linear import apart, copy_to, dot
 from wbc.sim.step.tables import Bodies, Opened
 
@@ -39,13 +40,6 @@ def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
 
 
 @compiled(counted=False)
-def turned(pose: Row, way: Row, out: OutRow) -> None:
-    """Write a direction (3,) in the outer axes of a pose (12,)."""
-    for k in range(3):
-        out[k] = pose[3 * k] * way[0] + pose[3 * k + 1] * way[1] + pose[3 * k + 2] * way[2]
-
-
-@compiled(counted=False)
 def between(outer: Row, inner: Row, pose: OutRow) -> None:
     """Write the pose (12,) of `inner` as `outer` sees it."""
     for i in range(3):
@@ -58,12 +52,10 @@ def between(outer: Row, inner: Row, pose: OutRow) -> None:
 
 
 @compiled(counted=False)
-def placed_points(pose: Row, points: Dense, placed: OutDense) -> None:
+def place_all(pose: Row, points: Dense, placed: OutDense) -> None:
     """Write points (n, 3) in the outer axes of a pose (12,)."""
     for i in range(len(points)):
-        turned(pose, points[i], placed[i])
-        for k in range(3):
-            placed[i, k] += pose[9 + k]
+        placed_at(pose, points[i], placed[i])
 
 
 @compiled(counted=False)
@@ -246,10 +238,9 @@ def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -
     """Write a gap, the normal and the place (6,), out of a pose (12,), into a touch (7,)."""
     touch[0] = gap
     turned(pose, found[:3], touch[1:4])
-    turned(pose, found[3:], touch[4:])
+    placed_at(pose, found[3:], touch[4:])
     for k in range(3):
         touch[1 + k] *= sign
-        touch[4 + k] += pose[9 + k]
 
 
 @compiled(counted=False)
@@ -274,18 +265,16 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     pose_of(poses, one[0], first)
     pose_of(poses, other[0], second)
     between(second, first, seen)
-    turned(seen, shapes[a, :3], middle)
-    for k in range(3):
-        middle[k] += seen[9 + k]
+    placed_at(seen, shapes[a, :3], middle)
     if clearance(bodies, b, middle) > 2.0 * size:
         return
     between(first, second, back)
     corners = np.empty((one[3], 3))
-    placed_points(seen, bodies.corners[one[2] : one[2] + one[3]], corners)
+    place_all(seen, bodies.corners[one[2] : one[2] + one[3]], corners)
     thin = min(shapes[a, 5], shapes[b, 5])
     deepest, round_a, round_b, slot = -0.5 * thin, shapes[a, 4], shapes[b, 4], 0
     theirs, edges = np.empty((other[3], 3)), np.empty((one[7], 12))
-    placed_points(back, bodies.corners[other[2] : other[2] + other[3]], theirs)
+    place_all(back, bodies.corners[other[2] : other[2] + other[3]], theirs)
     for f in range(one[7]):
         for k in range(0, 12, 3):
             turned(seen, bodies.edges[one[6] + f, k : k + 3], edges[f, k : k + 3])

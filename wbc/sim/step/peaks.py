@@ -16,9 +16,10 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.mechanics.kinematics import turned
 from wbc.mechanics.linear import apart, copy_to
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
-from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment, turned
+from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment
 from wbc.sim.step.tables import REACH, Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
