@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError, unknown_name
 from wbc.mechanics.tree import Tree
@@ -69,15 +69,9 @@ class Barriers:
         self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
         both, pairs = _pairs_of(hulls, robot.surface, terrain)
         last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
-        self.bodies = _tables_of(both, pairs, robot.surface, last, len(robot.contacts))
-        frames = [space.model.frames[number] for number in space.frames]
-        at = [(frame.parentJoint - 1, last.get(frame.parentJoint - 1, -1)) for frame in frames]
-        own = [
-            (*frame.placement.translation, contact.radius, contact.friction)
-            for frame, contact in zip(frames, robot.contacts, strict=True)
-        ]
-        contact_at = np.array(at, dtype=np.int64).reshape(-1, 2)
-        self.tables = self._at, self._range, contact_at, np.reshape(own, (-1, 5))
+        self.bodies = _tables_of(both, pairs, last, len(robot.contacts))
+        points = _points_of(space, self.bodies, last, len(terrain.solids))
+        self.tables = self._at, self._range, *points
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
         self.tangents = 1 if _moves_in_plane(space) and not pairs else 2
         self.limits, self.points = 2 * len(single), len(robot.contacts)
@@ -169,10 +163,28 @@ def _pairs_of(
     return [*hulls, *ground], pairs
 
 
+def _points_of(
+    space: Workspace, bodies: Bodies, last: Mapping[int, int], solids: int
+) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
+    """Return contact points, and what stands on both sides of barriers, as of `Obstacles`."""
+    frames, contacts = [space.model.frames[i] for i in space.frames], space.robot.contacts
+    joints = np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64)
+    balls = [
+        (*frame.placement.translation, contact.radius)
+        for frame, contact in zip(frames, contacts, strict=True)
+    ]
+    slots = bodies.slots[:, 0]
+    ground = [(last.get(joint, -1), -1, i) for i, joint in enumerate(joints.tolist())] * solids
+    met = np.column_stack((bodies.hulls[bodies.pairs[slots, :2], 1], len(joints) + slots))
+    sides = np.concatenate((np.reshape(ground, (-1, 3)), met)).astype(np.int64)
+    rubbing = [contact.friction for contact in contacts] * solids
+    frictions = [*rubbing, *[space.robot.surface.friction] * len(slots)]
+    return joints, np.reshape(balls, (-1, 4)), sides, np.array(frictions, dtype=np.float64)
+
+
 def _tables_of(
     hulls: Sequence[Hull],
     pairs: Sequence[tuple[int, int, int]],
-    surface: BodySurface,
     last: Mapping[int, int],
     points: int,
 ) -> Bodies:
@@ -212,6 +224,5 @@ def _tables_of(
         np.concatenate([np.empty((0, 12)), *(hull.edges for hull in hulls)]),
         np.array(ends, dtype=np.int64).reshape(-1, 2),
         np.array(table, dtype=np.int64).reshape(-1, 6),
-        np.full((len(pairs), 1), surface.friction),
         np.array(slots, dtype=np.int64).reshape(-1, 1),
     )

@@ -22,7 +22,7 @@ from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import field_gap
-from wbc.sim.step.pairs import FAR, meet_all, pair_of
+from wbc.sim.step.pairs import FAR, meet_all
 from wbc.sim.step.peaks import meet_fields
 from wbc.sim.step.tables import REACH, RETURN_SPEED, Opened, point_of_reference
 
@@ -100,7 +100,7 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     obstacles, poses = plant.obstacles, plant.placed.poses
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
     for i in range(len(contacts)):
-        joint = obstacles.contact_at[i, 0]
+        joint = obstacles.contact_at[i]
         if joint >= 0:
             placed_at(poses[joint], contacts[i], points[i])
         else:
@@ -152,35 +152,6 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
 
 
 @compiled(counted=False)
-def carrier(plant: Opened, barrier: int, side: int) -> int:
-    """Return the last row of v that moves one side of a contact barrier, -1 for ground at rest.
-
-    The normal points to the first side, 0, from the second, 1.
-    """
-    pair = pair_of(plant, barrier)
-    if pair >= 0:
-        row: int = plant.bodies.hulls[plant.bodies.pairs[pair, side], 1]
-        return row
-    if side == 1:
-        return -1
-    contact_at = plant.obstacles.contact_at
-    row = contact_at[barrier % len(contact_at), 1]
-    return row
-
-
-@compiled(counted=False)
-def friction_of(plant: Opened, barrier: int) -> float:
-    """Return the friction coefficient of a contact barrier."""
-    pair = pair_of(plant, barrier)
-    if pair >= 0:
-        own: float = plant.bodies.frictions[pair, 0]
-        return own
-    contacts = plant.obstacles.contacts
-    own = contacts[barrier % len(contacts), 4]
-    return own
-
-
-@compiled(counted=False)
 def wrench_at(touch: Row, about: Row, axis: Row, wrench: OutRow) -> None:
     """Write a unit force along an axis (3,) at a touch (7,) as a wrench (6,) about a point (3,)."""
     for k in range(3):
@@ -209,7 +180,7 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
         one = plant.obstacles.touch[b - limits]
         wrench_at(one, about, one[1:4], wrench)
         for side in range(2):
-            i, sign = carrier(plant, b - limits, side), 1.0 if side == 0 else -1.0
+            i, sign = plant.obstacles.sides[b - limits, side], 1.0 if side == 0 else -1.0
             while i >= 0:
                 rate[b] += sign * v[i] * dot(wrench, columns[i])
                 i = plant.tree.rows[i, 1]
@@ -275,7 +246,7 @@ def barrier_rows(
             matrix[at] = 0.0
             wrench_at(one, about, own[a], wrench)
             for side in range(2):
-                i, sign = carrier(plant, which[c], side), 1.0 if side == 0 else -1.0
+                i, sign = plant.obstacles.sides[which[c], side], 1.0 if side == 0 else -1.0
                 while i >= 0:
                     matrix[at, i] += sign * dot(wrench, columns[i])
                     i = rows[i, 1]
@@ -331,10 +302,9 @@ def world_pushes(plant: Opened, solved: Row, axes: Dense, which: Places, pushes:
         pushes: to write, world.
     """
     pushes[:] = 0.0
-    count, tangents, points = len(which), plant.obstacles.tangents, len(plant.obstacles.contacts)
+    count, tangents = len(which), plant.obstacles.tangents
     for c in range(count):
-        pair = pair_of(plant, which[c])
-        at = points + pair if pair >= 0 else which[c] % points
+        at = plant.obstacles.sides[which[c], 2]
         for x in range(3):
             push = solved[c] * axes[c * (1 + tangents), x]
             for a in range(tangents):

@@ -341,13 +341,3 @@ def meet_all(plant: Opened, first: int, closed: Flags) -> None:
         end = first + bodies.pairs[pair, 4]
         if bodies.pairs[pair, 5] < 0 and is_asked(plant, pair, closed):
             meet(bodies, plant.placed.poses, pair, touch[start:end])
-
-
-@compiled(counted=False)
-def pair_of(plant: Opened, barrier: int) -> int:
-    """Return the pair to which a contact barrier belongs, -1 where it is a point on the ground."""
-    points = len(plant.obstacles.touch) - len(plant.bodies.slots)
-    if barrier < points:
-        return -1
-    pair: int = plant.bodies.slots[barrier - points, 0]
-    return pair

@@ -21,7 +21,7 @@ from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.momentum import part_on_joints
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
-from wbc.sim.step.contacts import barrier_rows, friction_of, gaps_at, lowest_speeds
+from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
 from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
 
@@ -131,7 +131,7 @@ def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> No
             rows.places[row] = first + i
             row += 1
     for c in range(len(rows.which)):
-        rows.frictions[c] = friction_of(plant, rows.which[c])
+        rows.frictions[c] = plant.obstacles.frictions[rows.which[c]]
         for a in range(d):
             rows.places[row] = first + len(closed) + d * rows.which[c] + a
             row += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutDense, OutFlags, OutRow, OutTable, Table, compiled
+from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table, compiled
 from wbc.mechanics.tree import Tree
 from wbc.structures import structured
 
@@ -19,8 +19,12 @@ class Obstacles(NamedTuple):
     Attributes:
         limit_at: (j, 2) entry of q and row of v.
         limit_range: (j, 2) least and greatest value.
-        contact_at: (k, 2) joint (-1 for the world), and its last row of v (-1).
-        contacts: (k, 5) place on the joint (3), radius, friction.
+        contact_at: (k,) joint, -1 for the world.
+        contacts: (k, 4) place on the joint (3), radius.
+        sides: (c, 3) last row of v that moves either side of each contact barrier, -1 for ground at
+            rest (the normal points to the first side); and which point, or pair behind all points,
+            is pushed.
+        frictions: (c,).
         solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
         stands: (nq,) memory: q of `touch`.
@@ -32,8 +36,10 @@ class Obstacles(NamedTuple):
 
     limit_at: OutTable
     limit_range: OutDense
-    contact_at: OutTable
+    contact_at: OutPlaces
     contacts: OutDense
+    sides: OutTable
+    frictions: OutRow
     solids: OutDense
     points: OutDense
     stands: OutRow
@@ -92,7 +98,6 @@ class Bodies(NamedTuple):
         pairs: (p, 6) two hulls, first barrier, whether the corners of the first hull take part
             (those on the ground are contact points), last barrier + 1, and for height fields, which
             have no hull, the number of the solid, else -1.
-        frictions: (p, 1).
         slots: (s, 1) pair of each barrier.
     """
 
@@ -103,7 +108,6 @@ class Bodies(NamedTuple):
     edges: OutDense
     ends: OutTable
     pairs: OutTable
-    frictions: OutDense
     slots: OutTable
 
 
