@@ -6,13 +6,13 @@ linear and angular about the tree's centre of mass, world axes.
 
 from __future__ import annotations
 
-from wbc.compiled import Dense, OutRow, Row, compiled, local, view
+from wbc.compiled import Dense, OutRow, Row, inner, local, view
 from wbc.mechanics.inertia import momentum_of
 from wbc.mechanics.linear import copy_to, dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.tree import Tree
 
 
-@compiled(counted=False)
+@inner
 def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
     """Move a wrench (6,) from the centre of mass to the point of `columns_at`; back with -1."""
     for i in range(3):
@@ -21,7 +21,7 @@ def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
         wrench[3 + i] += sign / composite[0] * turning
 
 
-@compiled(counted=False)
+@inner
 def _solve(block: Dense, rows: OutRow) -> None:
     """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
     size = len(rows)
@@ -31,7 +31,7 @@ def _solve(block: Dense, rows: OutRow) -> None:
     rest_of_way(lower, rows)
 
 
-@compiled(counted=False)
+@inner
 def momentum_at(
     tree: Tree, columns: Dense, composite: Dense, root: int, velocity: Row, momentum: OutRow
 ) -> None:
@@ -56,7 +56,7 @@ def momentum_at(
     _to_point(composite[root], -1.0, momentum)
 
 
-@compiled(counted=False)
+@inner
 def velocity_at(
     tree: Tree,
     columns: Dense,
@@ -98,7 +98,7 @@ def velocity_at(
         velocity[first + i] = rows[i]
 
 
-@compiled(counted=False)
+@inner
 def part_on_joints(
     inertia: Dense,
     columns: Dense,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import dot, rest_of_way
 from wbc.mechanics.pieces import solve_pieces
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of
@@ -62,7 +62,7 @@ _WORK = 1e8
 """Multiplications and additions, thrice as many, after which no other way is begun."""
 
 
-@compiled(counted=False)
+@inner
 def speeds_at(delassus: Dense, free: Row, impulse: Row, speed: OutRow) -> None:
     """Write free + delassus @ impulse (r,)."""
     for i in range(len(free)):
@@ -97,7 +97,7 @@ def distance(system: RowSystem, impulse: Row) -> float:
     return look_at(system, impulse, np.empty(size), pieces, sliding)
 
 
-@compiled(counted=False)
+@inner
 def merit_of(pieces: Dense) -> float:
     """Return the sum of the squares of the residuals."""
     merit = 0.0
@@ -156,7 +156,7 @@ def newton(
     return -whole - shortened
 
 
-@compiled
+@compiled(inside=True)
 def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     """Return the system with a compliance in series with every row, unloaded at `about` (r,).
 
@@ -206,7 +206,7 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
     return -used - 1
 
 
-@compiled
+@compiled(inside=True)
 def shift_cones(
     system: RowSystem, convex: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow
 ) -> tuple[int, float]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import dot, factor, solve_factored
 from wbc.mechanics.rows import RowSystem
 
@@ -22,7 +22,7 @@ _ROUNDS = 3
 as much again. Fewer left stances of 120 rows short of 1e-10, more changed nothing."""
 
 
-@compiled(counted=False)
+@inner
 def blocks_of(
     system: RowSystem,
     pieces: Dense,
@@ -66,7 +66,7 @@ def blocks_of(
                 on_speed[row, 1 + b] += system.slope[row] * turn
 
 
-@compiled(counted=False)
+@inner
 def beside(system: RowSystem, i: int, b: int) -> int:
     """Return the row that entry b of row i of a block stands on; of an element its own."""
     contacts, tangents = len(system.frictions), system.tangents
@@ -78,7 +78,7 @@ def beside(system: RowSystem, i: int, b: int) -> int:
     return i - place % tangents + b - 1
 
 
-@compiled(counted=False)
+@inner
 def times(system: RowSystem, blocks: Dense, given: Dense, result: OutDense) -> None:
     """Write blocks (r, 3) times columns (r, c)."""
     first = len(blocks) - len(system.frictions) * system.tangents
@@ -91,7 +91,7 @@ def times(system: RowSystem, blocks: Dense, given: Dense, result: OutDense) -> N
                     result[i, c] += share * given[at, c]
 
 
-@compiled(counted=False)
+@inner
 def invert(system: RowSystem, on_speed: Dense, on_impulse: Dense, inverse: OutDense) -> None:
     """Write (C + spring S)^-1 (r, 3), contact by contact.
 
@@ -119,7 +119,7 @@ def invert(system: RowSystem, on_speed: Dense, on_impulse: Dense, inverse: OutDe
             inverse[t, 0] = -rubs * pressed
 
 
-@compiled(counted=False)
+@inner
 def through(ways: Dense, given: Dense, result: OutDense) -> None:
     """Write W x (n, c) of W' (r, n) and columns x (r, c)."""
     result[:] = 0.0
@@ -131,14 +131,14 @@ def through(ways: Dense, given: Dense, result: OutDense) -> None:
                     result[j, c] += share * given[i, c]
 
 
-@compiled(counted=False)
+@inner
 def spread(ways: Dense, given: Row, result: OutDense) -> None:
     """Write W' y (r, 1) of W' (r, n) and y (n,)."""
     for i in range(len(ways)):
         result[i, 0] = dot(given, ways[i])
 
 
-@compiled
+@compiled(inside=True)
 def change_in_velocities(
     system: RowSystem, on_speed: Dense, on_impulse: Dense, missing: Row, change: OutRow
 ) -> bool:
@@ -174,7 +174,7 @@ def change_in_velocities(
     return True
 
 
-@compiled
+@compiled(inside=True)
 def change_in_impulses(
     system: RowSystem, on_speed: Dense, on_impulse: Dense, missing: Row, change: OutRow
 ) -> bool:
@@ -209,7 +209,7 @@ def change_in_impulses(
     return True
 
 
-@compiled
+@compiled(inside=True)
 def solve_pieces(
     system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
 ) -> bool:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.linear import halfway, products
 
 
@@ -50,7 +50,7 @@ class RowSystem(NamedTuple):
     tangents: int
 
 
-@compiled(counted=False)
+@inner
 def products_of(rows: int, freedoms: int) -> int:
     """Return thrice the products of a system of the pieces, solved in impulses or in velocities.
 
@@ -61,7 +61,7 @@ def products_of(rows: int, freedoms: int) -> int:
     return min(rows**3, freedoms * freedoms * (3 * rows + freedoms))
 
 
-@compiled(counted=False)
+@inner
 def lines(delassus: Dense, laws: Dense, pairs: int, spring: OutRow, slope: OutRow) -> None:
     """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
 
@@ -126,7 +126,7 @@ def system_of(
     )
 
 
-@compiled(counted=False)
+@inner
 def branch_of(law: Row, point: float, slope: float) -> tuple[float, float, float]:
     """Return sign, gain and bring of the branch on which a law meets the line T - slope w = point.
 
@@ -161,7 +161,7 @@ def meeting_speed(law: Row, point: float, slope: float) -> float:
     return speed
 
 
-@compiled(counted=False)
+@inner
 def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
     """Return w of an element (9,) that carries an impulse T at u = W v.
 
@@ -181,7 +181,7 @@ def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
     return meeting_speed(law, point, law[7] * give * slope)
 
 
-@compiled(counted=False)
+@inner
 def element_piece(law: Row, slope: float, impulse: float, speed: float, piece: OutRow) -> None:
     """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
 
@@ -212,7 +212,7 @@ def element_piece(law: Row, slope: float, impulse: float, speed: float, piece: O
     piece[3] = missing / (on_speed + on_impulse * slope)
 
 
-@compiled(counted=False)
+@inner
 def pieces_at(
     system: RowSystem, impulse: Row, speed: Row, pieces: OutDense, sliding: OutDense
 ) -> float:

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.rows import RowSystem, branch_of
 
@@ -33,7 +33,7 @@ _SETTLED = 1e-12  # of x
 _FLAT = 0.1  # share of a slope that may be left along a step
 
 
-@compiled(counted=False)
+@inner
 def onto_cone(
     mu: float, slope: float, push: float, wish: Row, onto: OutRow, rise: OutDense
 ) -> None:
@@ -67,7 +67,7 @@ def onto_cone(
             rise[1 + a, 1 + b] = mu * mu * within * both + slope * mu * pressed / size * across
 
 
-@compiled(counted=False)
+@inner
 def answer(
     system: RowSystem, own: Row, about: Row, shift: Row, speed: Row, impulse: OutRow, rise: OutDense
 ) -> None:
@@ -121,7 +121,7 @@ def answer(
             impulse[first + a] = onto[1 + a]
 
 
-@compiled
+@compiled(inside=True)
 def stiffened(system: RowSystem, ways: Dense, rise: Dense, total: OutDense) -> None:
     """Write the lower half of 1 + W rise W' (n, n), of W' (r, n) and the rises of `answer`."""
     (size, n), d, contacts = ways.shape, system.tangents, len(system.frictions)
@@ -155,7 +155,7 @@ def stiffened(system: RowSystem, ways: Dense, rise: Dense, total: OutDense) -> N
                     total[j, k] += share * row_of[k]
 
 
-@compiled
+@compiled(inside=True)
 def minimise(
     system: RowSystem,
     ways: Dense,
@@ -233,7 +233,7 @@ def minimise(
     return used
 
 
-@compiled(counted=False)
+@inner
 def slips(system: RowSystem, speed: Row, shift: OutRow) -> float:
     """Write mu |u_t| (k,) of the contacts; return the largest change."""
     contacts, d, changed = len(system.frictions), system.tangents, 0.0
@@ -247,7 +247,7 @@ def slips(system: RowSystem, speed: Row, shift: OutRow) -> float:
     return changed
 
 
-@compiled(counted=False)
+@inner
 def compliance_of(system: RowSystem, own: OutRow) -> None:
     """Write a compliance (r,) of each row, a share of its own; one for each contact."""
     contacts, d, size = len(system.frictions), system.tangents, len(own)

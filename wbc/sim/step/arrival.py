@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled
+from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along, place
 from wbc.mechanics.linear import (
     factor,
@@ -52,7 +52,7 @@ _TRIES = 100
 _NEAR = 0.05  # [m, rad] a correction at most, and how near a barrier must be to bound it
 
 
-@compiled
+@compiled(inside=True)
 def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
     """Write the pushes (b,) that open gaps by what is missing: delassus @ push >= missing.
 
@@ -92,7 +92,7 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
             return
 
 
-@compiled(counted=False)
+@inner
 def metric_of(inertia: Dense, gears: Gears, metric: OutDense) -> None:
     """Write H_l (nv, nv) with the rotors of rigid gears: what is light moves first."""
     for i in range(len(inertia)):
@@ -106,7 +106,7 @@ def metric_of(inertia: Dense, gears: Gears, metric: OutDense) -> None:
                     metric[i, j] += gears.numbers[g, INERTIA] * turning[i] * turning[j]
 
 
-@compiled
+@compiled(inside=True)
 def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: OutRow) -> bool:
     """Write the least shift (nv,) that takes overlaps back; False where none can be found.
 
@@ -146,7 +146,7 @@ def rigid_ones(plant: Opened) -> int:
     return limits + len(plant.obstacles.touch)
 
 
-@compiled
+@compiled(inside=True)
 def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
@@ -192,7 +192,7 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
             return
 
 
-@compiled(counted=False)
+@inner
 def drifts(
     plant: Opened, pushes: Row, step: float, pressed: OutFlags, drift: OutRow
 ) -> tuple[float, float]:
@@ -223,7 +223,7 @@ def drifts(
     return off, deepest
 
 
-@compiled
+@compiled(inside=True)
 def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
     """Write the end of a part; return whether some overlap is left.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Row, compiled
+from wbc.compiled import Row, inner
 from wbc.mechanics.newton import TOLERANCE
 from wbc.sim.step.part_rows import PartRows, Solved
 from wbc.sim.step.solution import stored_at
@@ -29,7 +29,7 @@ moved; the speed by which a passive end misses the laws; and what was taken from
 velocity terms had made, see `passive`."""
 
 
-@compiled(counted=False)
+@inner
 def spring_energy(gear: Row, deflection: float) -> float:
     """Return what a compliant gear stores at a deflection [rad], beyond its play [J]."""
     half = 0.5 * gear[PLAY]
@@ -38,7 +38,7 @@ def spring_energy(gear: Row, deflection: float) -> float:
     return stored
 
 
-@compiled(counted=False)
+@inner
 def loose_losses(
     plant: Opened, step: float, rows: PartRows, solved: Solved, which: int, lost: float
 ) -> tuple[float, float]:
@@ -80,7 +80,7 @@ def loose_losses(
     return lost, 0.0
 
 
-@compiled(counted=False)
+@inner
 def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write the motors' work, and what is lost in gears and in friction of joints."""
     books, motor, mesh = plant.end.books, plant.end.motor_speed, plant.end.mesh_impulse
@@ -101,7 +101,7 @@ def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> No
         books[FRICTION] += (rows.laws[i, 5] + rows.laws[i, 6] * size) * size
 
 
-@compiled(counted=False)
+@inner
 def soft_loss(plant: Opened, step: float, rows: PartRows, solved: Solved, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
     stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
@@ -112,7 +112,7 @@ def soft_loss(plant: Opened, step: float, rows: PartRows, solved: Solved, contac
     return lost
 
 
-@compiled(counted=False)
+@inner
 def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
@@ -137,7 +137,7 @@ def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) ->
         books[CONTACT] += max(-push * mean, 0.0)
 
 
-@compiled(counted=False)
+@inner
 def books_of(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 

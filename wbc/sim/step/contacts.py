@@ -16,6 +16,7 @@ from wbc.compiled import (
     Row,
     ask,
     compiled,
+    inner,
     local,
 )
 from wbc.mechanics.kinematics import placed_at
@@ -31,7 +32,7 @@ _JUMPED = 0.1
 press opened by up to 5e-7 m, and where the nearest place changed by 3e-3 m."""
 
 
-@compiled(counted=False)
+@inner
 def box_gap(box: Row, point: Row, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a box (20,), and write the way out (3,).
 
@@ -62,7 +63,7 @@ def box_gap(box: Row, point: Row, normal: OutRow) -> float:
     return nearest
 
 
-@compiled(counted=False)
+@inner
 def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it."""
     if solid[0] == PLANE:
@@ -91,7 +92,7 @@ def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> No
         gaps[i] = solid_gap(solid, points[i], normals[i])
 
 
-@compiled(counted=False)
+@inner
 def touch_ground(plant: Opened, closed: Flags) -> None:
     """Write gap, normal and place of contact barriers, for the poses in memory.
 
@@ -128,7 +129,7 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
         meet_fields(plant, ground, closed[limits + ground :] if some else closed)
 
 
-@compiled(counted=False)
+@inner
 def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
     """Write all gaps (2 j + c,): lower limits, upper limits, contact points solid by solid, pairs.
 
@@ -151,7 +152,7 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 
 
-@compiled(counted=False)
+@inner
 def wrench_at(touch: Row, about: Row, axis: Row, wrench: OutRow) -> None:
     """Write a unit force along an axis (3,) at a touch (7,) as a wrench (6,) about a point (3,)."""
     for k in range(3):
@@ -160,7 +161,7 @@ def wrench_at(touch: Row, about: Row, axis: Row, wrench: OutRow) -> None:
         wrench[3 + k] = (touch[4 + i] - about[i]) * axis[j] - (touch[4 + j] - about[j]) * axis[i]
 
 
-@compiled(counted=False)
+@inner
 def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
     """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
 
@@ -186,7 +187,7 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
                 i = plant.tree.rows[i, 1]
 
 
-@compiled(counted=False)
+@inner
 def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
     """Write the normal and one tangent in x-z, or two tangents, as unit vectors (1 + d, 3).
 
@@ -208,7 +209,7 @@ def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
     axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
 
 
-@compiled(counted=False)
+@inner
 def barrier_rows(
     plant: Opened, closed: Flags, first: int, matrix: OutDense, axes: OutDense, which: OutPlaces
 ) -> None:
@@ -252,14 +253,14 @@ def barrier_rows(
                     i = rows[i, 1]
 
 
-@compiled(counted=False)
+@inner
 def other_place(plant: Opened, step: float) -> float:
     """Return the gap [m] from which on a closed barrier is at another place, in a part of h [s]."""
     gap: float = min(_JUMPED * plant.bounds[RETURN_SPEED] * step, 0.5 * FAR)
     return gap
 
 
-@compiled(counted=False)
+@inner
 def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
@@ -290,7 +291,7 @@ def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> N
             row += 1
 
 
-@compiled(counted=False)
+@inner
 def world_pushes(plant: Opened, solved: Row, axes: Dense, which: Places, pushes: OutDense) -> None:
     """Write the impulse on every contact point, and on the first hull of every pair (k + p, 3).
 

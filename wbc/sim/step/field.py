@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutRow, Row, compiled, local
+from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.linear import apart
 from wbc.sim.step.pairs import to_segment
 
@@ -24,7 +24,7 @@ _FLAT = 1e-5  # share of a curvature beside which another one is none
 _SETTLED = 1e-6  # [m]; the next step would be about this, squared, over the radius of curvature
 
 
-@compiled(counted=False)
+@inner
 def cell_of(field: Row, first: int, count: int, at: float) -> int:
     """Return the cell of an axis (count,), from `first` on, in which a place is, or the nearest."""
     share = (at - field[first]) / (field[first + count - 1] - field[first])
@@ -37,7 +37,7 @@ def cell_of(field: Row, first: int, count: int, at: float) -> int:
     return cell
 
 
-@compiled(counted=False)
+@inner
 def cubics(field: Row, first: int, count: int, at: float, found: OutRow) -> int:
     """Write Hermite's cubics at a place of an axis; return the cell.
 
@@ -64,7 +64,7 @@ def cubics(field: Row, first: int, count: int, at: float, found: OutRow) -> int:
     return low
 
 
-@compiled(counted=False)
+@inner
 def surface_at(field: Row, x: float, y: float, found: OutRow) -> None:
     """Write z, its slopes along x and y, and its derivatives xx, xy and yy (6,) at a place."""
     a, b = int(field[1]), int(field[2])
@@ -83,14 +83,14 @@ def surface_at(field: Row, x: float, y: float, found: OutRow) -> None:
         found[4], found[5] = found[4] + along_x[4 + p] * slope, found[5] + along_x[p] * bend
 
 
-@compiled(counted=False)
+@inner
 def way_out(at: Row, normal: OutRow) -> None:
     """Write the normal (3,) out of a field; `at` (6,) see `surface_at`."""
     size = sqrt(1.0 + at[1] * at[1] + at[2] * at[2])
     normal[0], normal[1], normal[2] = -at[1] / size, -at[2] / size, 1.0 / size
 
 
-@compiled(counted=False)
+@inner
 def newton_step(
     a: float, b: float, d: float, slope_x: float, slope_y: float, place: OutRow
 ) -> float:
@@ -101,7 +101,7 @@ def newton_step(
     return max(abs(x), abs(y))
 
 
-@compiled(counted=False)
+@inner
 def go_nearest(
     field: Row, start: Row, end: Row, reach: float, width: float, place: OutRow, at: OutRow
 ) -> bool:
@@ -157,7 +157,7 @@ def go_nearest(
     return False
 
 
-@compiled(counted=False)
+@inner
 def field_gap(field: Row, point: Row, reach: float, normal: OutRow) -> float:
     """Return the distance of a point (3,) from a field, and write the way out (3,).
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import OutDense, Row, compiled
+from wbc.compiled import OutDense, Row, compiled, inner
 from wbc.mechanics.newton import PASSIVE, UNSOLVED, solve_system, speeds_at
 from wbc.mechanics.rows import RowSystem, own_speed
 from wbc.sim.step.part_rows import PartRows, Solved
@@ -30,7 +30,7 @@ _ROUNDS = 200
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
-@compiled(counted=False)
+@inner
 def flanks_at(
     gear: Row, place: float, rate: float, step: float, end: float
 ) -> tuple[float, float, float, bool]:
@@ -59,7 +59,7 @@ def flanks_at(
     return impulse, slope, damped, slope > 0.0 or impulse != 0.0
 
 
-@compiled(counted=False)
+@inner
 def take_hold(gears: Gears, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
     """Write the flanks (m, 5) of loose gears that start at relative speeds (m,) and end at `end`.
 
@@ -74,7 +74,7 @@ def take_hold(gears: Gears, relative: Row, step: float, end: Row, flanks: OutDen
             flanks[i, HELD] = 1.0 if found[3] else 0.0
 
 
-@compiled(counted=False)
+@inner
 def lean_on_flanks(
     gears: Gears, safely: bool, near: OutDense, rounds: OutDense, laws: OutDense
 ) -> None:
@@ -93,7 +93,7 @@ def lean_on_flanks(
         laws[i, 8] = own[IMPULSE] - slope * own[END] if holds and soft else 0.0
 
 
-@compiled(counted=False)
+@inner
 def misses_flanks(
     gears: Gears, ways: Row, near: OutDense, passed: OutDense, impulse: Row, rounds: OutDense
 ) -> tuple[bool, float]:
@@ -125,7 +125,7 @@ def misses_flanks(
     return met, missed
 
 
-@compiled
+@compiled(inside=True)
 def solve_gripped(
     gears: Gears,
     rows: PartRows,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
-from wbc.compiled import OutDense, OutRow, Row, compiled
+from wbc.compiled import OutDense, OutRow, Row, inner
 from wbc.mechanics.linear import dot
 from wbc.robot import Robot
 from wbc.sim.state import SimState
@@ -108,7 +108,7 @@ class Drivetrain:
         return self.ratio * (joint + deflection), self.ratio * speed
 
 
-@compiled(counted=False)
+@inner
 def motor_speeds(gears: Gears, v: Row, speed: OutRow) -> None:
     """Write the speeds (m,) of the motor outputs at v (nv,)."""
     rows, at, motion = gears.rows, gears.at, gears.motion
@@ -116,7 +116,7 @@ def motor_speeds(gears: Gears, v: Row, speed: OutRow) -> None:
         speed[i] = motion[i, SPEED] if at[i, 1] == 1 else dot(v, rows[i])
 
 
-@compiled(counted=False)
+@inner
 def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
     """Write the laws (m, 9) of the gears over a step: what rotors bring along, and their losses.
 
@@ -138,7 +138,7 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         law[7], law[8] = np.inf, 0.0
 
 
-@compiled(counted=False)
+@inner
 def rotor_brings(gear: Row, brought: float, law: OutRow) -> None:
     """Write what a rotor brings along an impact's path, in its direction and in the other one.
 
@@ -155,7 +155,7 @@ def rotor_brings(gear: Row, brought: float, law: OutRow) -> None:
     law[1] = brought if brought < 0.0 else kept
 
 
-@compiled(counted=False)
+@inner
 def rotor_energy(gears: Gears, v: Row, motor: Row) -> float:
     """Return what rotors add to the kinetic energy at v (nv,), with motor outputs at (m,)."""
     energy = 0.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, compiled
+from wbc.compiled import Flags, OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
@@ -35,7 +35,7 @@ _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
 
 
-@compiled(counted=False)
+@inner
 def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
     """Write the laws (m, 9) of the gears along the velocity path of an impact.
 
@@ -58,7 +58,7 @@ def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
         law[2], law[3], law[4], law[7] = gear[INERTIA], gear[INVERSE], gear[BACKWARD], np.inf
 
 
-@compiled(counted=False)
+@inner
 def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
     """Return the kinetic energy at v (nv,) with motor outputs at (m,), where the memory stands."""
     energy = rotor_energy(plant.gears, v, motor)
@@ -67,7 +67,7 @@ def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
     return energy
 
 
-@compiled(counted=False)
+@inner
 def mesh_loss(plant: Opened, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
     """Return the energy lost in the meshes of the rigid gears along the straight path [J].
 
@@ -112,7 +112,7 @@ def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
     gaps_at(plant, q, plant.hit.closed[:0], gap)
 
 
-@compiled
+@compiled(inside=True)
 def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
@@ -123,7 +123,7 @@ def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
     return rows
 
 
-@compiled(counted=False)
+@inner
 def reaches(plant: Opened, before: Flags, kept: Flags, q: Row) -> bool:
     """Write the barriers that are reached, and those that take part; return whether there are any.
 
@@ -138,7 +138,7 @@ def reaches(plant: Opened, before: Flags, kept: Flags, q: Row) -> bool:
     return found
 
 
-@compiled(counted=False)
+@inner
 def impact_targets(
     plant: Opened, before: Flags, back: Row, v: Row, left: float, rows: PartRows
 ) -> bool:
@@ -162,7 +162,7 @@ def impact_targets(
     return coming
 
 
-@compiled
+@compiled(inside=True)
 def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     """Write losses of an impact from v (nv,)."""
     found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)

@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Flags, OutRow, Row, compiled
+from wbc.compiled import Flags, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.impact import gaps_of
@@ -24,7 +24,7 @@ _TRIES = 40
 _SOON = 1e-6  # [s] over which gaps tell their speeds
 
 
-@compiled(counted=False)
+@inner
 def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool:
     """Write which barriers land; return whether only points do, none from farther than `short`.
 
@@ -45,7 +45,7 @@ def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool
     return found and slowly
 
 
-@compiled(counted=False)
+@inner
 def nearest(plant: Opened, closed: Flags, start: Row, gap: Row, out: OutRow) -> float:
     """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
 
@@ -59,7 +59,7 @@ def nearest(plant: Opened, closed: Flags, start: Row, gap: Row, out: OutRow) -> 
     return least
 
 
-@compiled(counted=False)
+@inner
 def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
     """Return the share of the way at which the first gap closes.
 
@@ -82,7 +82,7 @@ def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
     return min(max(first, 1e-4), 1.0 - 1e-4)
 
 
-@compiled
+@compiled(inside=True)
 def to_landing(
     plant: Opened,
     closed: Flags,

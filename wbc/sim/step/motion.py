@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import IntArray
-from wbc.compiled import Flags, OutDense, OutRow, Row, compiled, local
+from wbc.compiled import Flags, OutDense, OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
 from wbc.mechanics.linear import copy_to, dot
@@ -74,7 +74,7 @@ def _planar(model: Any, number: int) -> bool:
     return names == _PLANAR_ORDER and level and inner == [number + 1, number + 2]
 
 
-@compiled(counted=False)
+@inner
 def look(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
     """Write columns and bodies in given poses."""
     poses, about = placed.poses, point_of_reference(flight.bases, placed.poses)
@@ -83,14 +83,14 @@ def look(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
     composites_of(tree.joints, placed.bodies, placed.composite)
 
 
-@compiled(counted=False)
+@inner
 def weigh(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
     """Write columns, bodies and H_l in given poses."""
     look(tree, flight, placed)
     inertia_at(tree.rows, placed.composite, placed.columns, placed.inertia)
 
 
-@compiled(counted=False)
+@inner
 def carry(tree: Tree, flight: Flight, placed: PlacedTree, v: Row) -> None:
     """Keep the momentum (6) that every tree has at v (nv,)."""
     for i in range(len(flight.bases)):
@@ -98,7 +98,7 @@ def carry(tree: Tree, flight: Flight, placed: PlacedTree, v: Row) -> None:
         momentum_at(tree, placed.columns, placed.composite, root, v, carried)
 
 
-@compiled(counted=False)
+@inner
 def keep_centers(flight: Flight, placed: PlacedTree) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
     bases, about = flight.bases, point_of_reference(flight.bases, placed.poses)
@@ -109,7 +109,7 @@ def keep_centers(flight: Flight, placed: PlacedTree) -> None:
             flight.carried[i, 6 + k] = about[k] + behind[1 + k] / behind[0]
 
 
-@compiled(counted=False)
+@inner
 def set_momentum(tree: Tree, flight: Flight, placed: PlacedTree, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
     for i in range(len(flight.bases)):
@@ -118,7 +118,7 @@ def set_momentum(tree: Tree, flight: Flight, placed: PlacedTree, v: OutRow) -> N
         velocity_at(tree, placed.columns, placed.composite, root, first, size, carried, v)
 
 
-@compiled(counted=False)
+@inner
 def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
@@ -154,7 +154,7 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
                     poses[body, 9 + k] += missing[k]
 
 
-@compiled(counted=False)
+@inner
 def look_ahead(plant: Opened, v: Row, step: float) -> None:
     """Write up to which gap height fields are known: how far a body may come in a step, twice.
 
@@ -179,7 +179,7 @@ def look_ahead(plant: Opened, v: Row, step: float) -> None:
     plant.bounds[REACH] = min(_NEAR + 2.0 * step * (speed + step * sqrt(weight)), AHEAD)
 
 
-@compiled(counted=False)
+@inner
 def stands_at(plant: Opened, q: Row) -> bool:
     """Return whether the touches are those at q (nq,)."""
     same = True
@@ -188,7 +188,7 @@ def stands_at(plant: Opened, q: Row) -> bool:
     return same
 
 
-@compiled(counted=False)
+@inner
 def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 

@@ -12,7 +12,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import placed_at, turned
 from wbc.mechanics.linear import apart, copy_to, dot
 from wbc.sim.step.tables import Bodies, Opened
@@ -29,7 +29,7 @@ _INSIDE = 1e-6  # [m] by which a place may lie beside a face or beyond the end o
 _SAME = 1e-5  # [m] within which two barriers are one
 
 
-@compiled(counted=False)
+@inner
 def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
     """Write the pose (12,) of a joint, -1 for the world."""
     if joint >= 0:
@@ -39,7 +39,7 @@ def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
     pose[0] = pose[4] = pose[8] = 1.0
 
 
-@compiled(counted=False)
+@inner
 def between(outer: Row, inner: Row, pose: OutRow) -> None:
     """Write the pose (12,) of `inner` as `outer` sees it."""
     for i in range(3):
@@ -51,14 +51,14 @@ def between(outer: Row, inner: Row, pose: OutRow) -> None:
             pose[9 + i] += outer[3 * j + i] * (inner[9 + j] - outer[9 + j])
 
 
-@compiled(counted=False)
+@inner
 def place_all(pose: Row, points: Dense, placed: OutDense) -> None:
     """Write points (n, 3) in the outer axes of a pose (12,)."""
     for i in range(len(points)):
         placed_at(pose, points[i], placed[i])
 
 
-@compiled(counted=False)
+@inner
 def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
     """Write the nearest place (3,) of a segment to a point; return its share of the way."""
     along, square = 0.0, apart(start, end)
@@ -71,14 +71,14 @@ def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
     return share
 
 
-@compiled(counted=False)
+@inner
 def beyond(plane: Row, point: Row) -> float:
     """Return the distance of a point (3,) from a plane (4,), see `Hull`."""
     height: float = dot(point, plane) - plane[3]
     return height
 
 
-@compiled(counted=False)
+@inner
 def corner_gap(
     bodies: Bodies,
     which: int,
@@ -152,7 +152,7 @@ def corner_gap(
     return distance
 
 
-@compiled(counted=False)
+@inner
 def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) -> float:
     """Return the gap between two edges (12,) that cross, FAR where they do not.
 
@@ -203,7 +203,7 @@ def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) ->
     return dot(normal, way) - radius
 
 
-@compiled(counted=False)
+@inner
 def beyond_faces(bodies: Bodies, which: int, points: Dense) -> float:
     """Return how far points (n, 3) are all beyond one face of a hull, in its axes, at most.
 
@@ -220,7 +220,7 @@ def beyond_faces(bodies: Bodies, which: int, points: Dense) -> float:
     return most
 
 
-@compiled(counted=False)
+@inner
 def clearance(bodies: Bodies, which: int, point: Row) -> float:
     """Return a lower bound of the distance of a point (3,) from a hull, in its axes."""
     hull, near, away = bodies.hulls[which], local(3), -np.inf
@@ -233,7 +233,7 @@ def clearance(bodies: Bodies, which: int, point: Row) -> float:
     return away
 
 
-@compiled(counted=False)
+@inner
 def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -> None:
     """Write a gap, the normal and the place (6,), out of a pose (12,), into a touch (7,)."""
     touch[0] = gap
@@ -243,7 +243,7 @@ def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -
         touch[1 + k] *= sign
 
 
-@compiled(counted=False)
+@inner
 def doubled(touch: OutDense, i: int) -> bool:
     """Return whether a touch (s, 7) is where one before it is."""
     for j in range(i):
@@ -252,7 +252,7 @@ def doubled(touch: OutDense, i: int) -> bool:
     return False
 
 
-@compiled
+@compiled(inside=True)
 def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints."""
     a, b, whole = bodies.pairs[pair, 0], bodies.pairs[pair, 1], bodies.pairs[pair, 3] == 1
@@ -320,7 +320,7 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
             touch[i, 0] = FAR
 
 
-@compiled(counted=False)
+@inner
 def is_asked(plant: Opened, pair: int, closed: Flags) -> bool:
     """Return whether a flag of the pairs' barriers (s,) is set for a pair, or there are none."""
     found = len(closed) == 0
@@ -329,7 +329,7 @@ def is_asked(plant: Opened, pair: int, closed: Flags) -> bool:
     return found
 
 
-@compiled(counted=False)
+@inner
 def meet_all(plant: Opened, first: int, closed: Flags) -> None:
     """Write the touches of pairs of hulls, which begin at `first`, for the poses in memory.
 

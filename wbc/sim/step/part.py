@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled
+from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
@@ -33,7 +33,7 @@ _ROUNDING = 1e-12
 """Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
 
 
-@compiled(counted=False)
+@inner
 def close(plant: Opened, before: Flags, step: float) -> None:
     """Write which barriers hold in a part.
 
@@ -54,7 +54,7 @@ def close(plant: Opened, before: Flags, step: float) -> None:
             end.closed[i] = end.gap[i] < half * _FASTEST
 
 
-@compiled
+@compiled(inside=True)
 def begin(
     plant: Opened, before: Flags, stored: Row, v: Row, step: float
 ) -> tuple[PartRows, RowSystem, OutRow]:
@@ -72,7 +72,7 @@ def begin(
     return rows, part_system(rows, plant.obstacles.tangents), start
 
 
-@compiled(counted=False)
+@inner
 def keep(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
     """Write v (nv,) after the impulses, these themselves, and how the motors move then."""
     end, half = plant.end, 0.5 * step
@@ -90,7 +90,7 @@ def keep(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
             end.deflection[i] = plant.gears.motion[i, DEFLECTION] + moved
 
 
-@compiled(counted=False)
+@inner
 def hold_or_land(plant: Opened, pushes: Row) -> int:
     """Write which barriers stay closed, pressed ones or in touch; return LANDED or SMOOTH.
 
@@ -112,7 +112,7 @@ def hold_or_land(plant: Opened, pushes: Row) -> int:
     return result
 
 
-@compiled
+@compiled(inside=True)
 def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, step: float) -> int:
     """Do the second half of a part, whose memory stands in the middle.
 
@@ -161,7 +161,7 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
     return -result if left else result
 
 
-@compiled
+@compiled(inside=True)
 def part_of_step(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
     """Do a part from q (nq,); arguments and result as of `second_half`.
 
@@ -183,7 +183,7 @@ def part_of_step(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step
     return result
 
 
-@compiled
+@compiled(inside=True)
 def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
     """Do a part in which effects see the torque that the gears then carry, see `part_of_step`.
 

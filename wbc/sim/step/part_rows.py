@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, local
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner, local
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies
 from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
@@ -81,7 +81,7 @@ class Solved(NamedTuple):
     missed: float
 
 
-@compiled
+@compiled(inside=True)
 def bias_of(tree: Tree, flight: Flight, placed: PlacedTree, v: Row, bias: OutRow) -> None:
     """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
     size, columns = (len(tree.joints), 6), placed.columns
@@ -96,7 +96,7 @@ def bias_of(tree: Tree, flight: Flight, placed: PlacedTree, v: Row, bias: OutRow
         part_on_joints(placed.inertia, columns, behind, first, size, weight, bias)
 
 
-@compiled
+@compiled(inside=True)
 def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
     """Write v + h H_l^-1 (forces) (nv,) of the middle."""
     free, speed = rows.free, plant.end.speed
@@ -110,7 +110,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
         free[i] += speed[i]
 
 
-@compiled(counted=False)
+@inner
 def rubs_alone(plant: Opened, c: int) -> bool:
     """Return whether a coordinate has dry friction, and no gear that shares it."""
     gears = plant.gears
@@ -122,7 +122,7 @@ def rubs_alone(plant: Opened, c: int) -> bool:
     return True
 
 
-@compiled(counted=False)
+@inner
 def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> None:
     """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
     first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
@@ -137,7 +137,7 @@ def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> No
             row += 1
 
 
-@compiled
+@compiled(inside=True)
 def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move at v (nv,).
 
@@ -175,7 +175,7 @@ def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
     return rows
 
 
-@compiled(counted=False)
+@inner
 def rub(plant: Opened, step: float, rows: PartRows) -> None:
     """Write rows and laws of the coordinates that rub alone."""
     row = m = len(plant.gears.rows)
@@ -188,7 +188,7 @@ def rub(plant: Opened, step: float, rows: PartRows) -> None:
             row += 1
 
 
-@compiled(counted=False)
+@inner
 def aim(plant: Opened, step: float, rows: PartRows) -> None:
     """Write lowest speeds of the closed barriers, and depths of soft contacts."""
     elements, touching = len(rows.laws), len(rows.which)
@@ -200,7 +200,7 @@ def aim(plant: Opened, step: float, rows: PartRows) -> None:
         rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
 
 
-@compiled(counted=False)
+@inner
 def act(plant: Opened) -> None:
     """Write the forces in the middle, and the level of dry friction."""
     forces, end = plant.forces, plant.end
@@ -213,7 +213,7 @@ def act(plant: Opened) -> None:
         end.force[i] += forces.outer[i]
 
 
-@compiled
+@compiled(inside=True)
 def rows_of(plant: Opened, v: Row, step: float) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
@@ -239,7 +239,7 @@ def rows_of(plant: Opened, v: Row, step: float) -> PartRows:
     return rows
 
 
-@compiled
+@compiled(inside=True)
 def part_system(rows: PartRows, tangents: int) -> RowSystem:
     """Return what a part is to its rows."""
     return system_of(

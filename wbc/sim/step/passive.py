@@ -83,7 +83,7 @@ def survey(plant: Opened, q: Row, v: Row) -> tuple[float, float, int]:
     return energy, deepest, lowest
 
 
-@compiled
+@compiled(inside=True)
 def fastest_turn(plant: Opened, v: Row) -> float:
     """Return how fast a body turns at most [rad/s] at v (nv,), where the memory stands."""
     most, motion = 0.0, np.empty((len(plant.tree.joints), 6))
@@ -93,7 +93,7 @@ def fastest_turn(plant: Opened, v: Row) -> float:
     return sqrt(most)
 
 
-@compiled
+@compiled(inside=True)
 def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
     for i in range(len(v)):
@@ -103,7 +103,7 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     return energy
 
 
-@compiled
+@compiled(inside=True)
 def keep_passive(plant: Opened, start: Row, step: float) -> None:
     """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
 

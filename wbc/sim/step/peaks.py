@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, local
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import turned
 from wbc.mechanics.linear import apart, copy_to
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
@@ -32,7 +32,7 @@ _PART = 0.125  # of a cell, from which on it is not cut further
 _STARTS = 512  # most places from which to look for touches of a body
 
 
-@compiled(counted=False)
+@inner
 def is_same(field: Row, touch: Row, place: Row) -> bool:
     """Return whether a touch (7,) is at a place (3,), or so near that both close together."""
     a, b = int(field[1]), int(field[2])
@@ -40,7 +40,7 @@ def is_same(field: Row, touch: Row, place: Row) -> bool:
     return same
 
 
-@compiled(counted=False)
+@inner
 def offer(field: Row, touch: OutDense, feature: int, gap: float, normal: Row, place: Row) -> None:
     """Write a touch at a place (3,) among those of a body (s, 7), unless it is there already.
 
@@ -66,7 +66,7 @@ def offer(field: Row, touch: OutDense, feature: int, gap: float, normal: Row, pl
             touch[at, 1 + x], touch[at, 4 + x] = normal[x], place[x]
 
 
-@compiled(counted=False)
+@inner
 def spacing_of(field: Row) -> float:
     """Return the mean spacing of the grid along its finer axis [m]."""
     a, b = int(field[1]), int(field[2])
@@ -75,7 +75,7 @@ def spacing_of(field: Row) -> float:
     return finer
 
 
-@compiled(counted=False)
+@inner
 def may_touch(
     at: Row, bend: float, size: float, x: float, y: float, reach: float, under: Dense, tube: Row
 ) -> bool:
@@ -112,7 +112,7 @@ def may_touch(
     return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < reach * (1.0 + steep)
 
 
-@compiled
+@compiled(inside=True)
 def starts_of(
     field: Row,
     low: Row,
@@ -167,7 +167,7 @@ def starts_of(
     return count
 
 
-@compiled
+@compiled(inside=True)
 def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     """Write the touches of a ball, or of what two of them and the line between them are round.
 
@@ -206,7 +206,7 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
             offer(field, touch, 0, gap, normal, spot)
 
 
-@compiled(counted=False)
+@inner
 def rise_along(at: Row, way: Row) -> float:
     """Return how fast the slope of a height over the field rises along a way (3,)."""
     x, y = way[0], way[1]
@@ -214,7 +214,7 @@ def rise_along(at: Row, way: Row) -> float:
     return rise
 
 
-@compiled(counted=False)
+@inner
 def least_along(field: Row, start: Row, way: Row, low: float, high: float, at: OutRow) -> float:
     """Return where the height of an edge over the field is least, as a share of its way.
 
@@ -239,7 +239,7 @@ def least_along(field: Row, start: Row, way: Row, low: float, high: float, at: O
     return share
 
 
-@compiled(counted=False)
+@inner
 def cell_ahead(field: Row, x: float, y: float, way: Row) -> tuple[float, float]:
     """Return the largest curvature in the cell of a place, and the share of a way that is in it."""
     a, b, share = int(field[1]), int(field[2]), np.inf
@@ -253,7 +253,7 @@ def cell_ahead(field: Row, x: float, y: float, way: Row) -> tuple[float, float]:
     return bend, share
 
 
-@compiled(counted=False)
+@inner
 def steady_share(slope: float, beyond: float, turns: float) -> float:
     """Return the share of a way on which a height has no least place within reach.
 
@@ -268,7 +268,7 @@ def steady_share(slope: float, beyond: float, turns: float) -> float:
     return steep / turns if turns > 0.0 else 1.0
 
 
-@compiled(counted=False)
+@inner
 def bounds_underside(edge: Row, pose: Row, way: Row) -> bool:
     """Return whether a face beside an edge (12,), see `Hull`, faces down.
 
@@ -290,7 +290,7 @@ def bounds_underside(edge: Row, pose: Row, way: Row) -> bool:
     return down
 
 
-@compiled(counted=False)
+@inner
 def meet_edges(
     plant: Opened, which: int, field: Row, pose: Row, known: int, touch: OutDense
 ) -> None:
@@ -340,7 +340,7 @@ def meet_edges(
             came, before, share = share, slope, min(share + max(step, part), 1.0)
 
 
-@compiled(counted=False)
+@inner
 def underneath(under: Dense, x: float, y: float) -> int:
     """Return the highest of planes z = p + q x + r y at a place: the face under a hull there."""
     best, highest = -1, -np.inf
@@ -351,7 +351,7 @@ def underneath(under: Dense, x: float, y: float) -> int:
     return best
 
 
-@compiled(counted=False)
+@inner
 def go_under(under: Dense, field: Row, width: float, place: OutRow, at: OutRow) -> bool:
     """Move a place (2,) to where a hull's height over a field is least, among those about it.
 
@@ -383,7 +383,7 @@ def go_under(under: Dense, field: Row, width: float, place: OutRow, at: OutRow) 
     return False
 
 
-@compiled
+@compiled(inside=True)
 def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense) -> None:
     """Write the touches in the faces of a hull, in a pose (12,); the rest as of `meet_round`."""
     bodies, points, hull = plant.bodies, plant.obstacles.points, plant.bodies.hulls[which]
@@ -427,7 +427,7 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
             offer(field, touch, 0, gap, normal, place)
 
 
-@compiled(counted=False)
+@inner
 def meet_fields(plant: Opened, first: int, closed: Flags) -> None:
     """Write the touches of pairs with fields, as `meet_all` does those of all other pairs."""
     bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)

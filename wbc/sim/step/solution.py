@@ -19,7 +19,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutDense, OutRow, Row, compiled
+from wbc.compiled import OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import dot, halfway, rest_of_way
 from wbc.mechanics.newton import (
     PASSIVE,
@@ -48,13 +48,13 @@ NEVER = -1e9
 _NEAR = 1e-5  # share of a depth below which a difference quotient is the slope in the middle
 
 
-@compiled(counted=False)
+@inner
 def stored_at(stiffness: float, depth: float) -> float:
     """Return what a contact stores at a depth [m]: U, none outside."""
     return 0.4 * stiffness * depth * depth * sqrt(depth) if depth > 0.0 else 0.0
 
 
-@compiled(counted=False)
+@inner
 def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple[float, float]:
     """Return the mean force [N] between two depths [m], and its derivative by the second."""
     stiffness, way = plant.bounds[HERTZ], after - before
@@ -71,7 +71,7 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
     return share * force, share * slope + rate * force
 
 
-@compiled
+@compiled(inside=True)
 def solve_compliant(
     plant: Opened,
     rows: PartRows,
@@ -127,7 +127,7 @@ def solve_compliant(
     return work, UNSOLVED, 0.0
 
 
-@compiled(counted=False)
+@inner
 def undecided(plant: Opened, laws: OutDense) -> bool:
     """Return whether a rigid self-locking gear turns against its rotor's momentum."""
     found = False
@@ -138,7 +138,7 @@ def undecided(plant: Opened, laws: OutDense) -> bool:
     return found and not plant.gears.loose and len(plant.gears.coupling) == 0
 
 
-@compiled(counted=False)
+@inner
 def lag_coupling(
     plant: Opened,
     rows: PartRows,
@@ -191,7 +191,7 @@ def lag_coupling(
         system.free[i] = dot(shifted, rows.matrix[i])
 
 
-@compiled(counted=False)
+@inner
 def settles(after: Row, last: OutRow) -> float:
     """Return by how much a round has changed v (nv,), zero where it is rounding."""
     moved, largest = 0.0, 0.0

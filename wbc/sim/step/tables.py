@@ -279,7 +279,7 @@ planar one), first entry of q."""
 RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW = range(7)
 
 
-@compiled
+@compiled(inside=True)
 def point_of_reference(bases: Table, poses: OutDense) -> OutRow:
     """Return the point (3,) of all spatial vectors: the first free base, or the first joint."""
     joint = bases[0, FRAME] if len(bases) else 0
