@@ -50,13 +50,16 @@ def blocks_of(
     first = size - contacts * tangents
     on_speed[:], on_impulse[:] = 0.0, 0.0
     for i in range(size):
-        own = 1 + (i - first) % tangents if i >= first else 0
-        on_speed[i, own], on_impulse[i, own] = pieces[i, 0], pieces[i, 1]
         missing[i] = pieces[i, 2]
+    for i in range(first):
+        on_speed[i, 0], on_impulse[i, 0] = pieces[i, 0], pieces[i, 1]
     for contact in range(contacts):
         turning, normal = sliding[contact, 2], first - contacts + contact
-        for a in range(tangents if turning >= 0.0 else 0):
+        for a in range(tangents):
             row, way = first + contact * tangents + a, sliding[contact, a]
+            on_speed[row, 1 + a], on_impulse[row, 1 + a] = pieces[row, 0], pieces[row, 1]
+            if turning < 0.0:
+                continue
             along = frictions[contact] * way
             on_impulse[row, 0] -= along
             missing[row] = along * impulse[normal] - impulse[row] + system.grips[contact] * way
@@ -67,28 +70,20 @@ def blocks_of(
 
 
 @inner
-def beside(system: RowSystem, i: int, b: int) -> int:
-    """Return the row that entry b of row i of a block stands on; of an element its own."""
-    contacts, tangents = len(system.frictions), system.tangents
-    place = i - len(system.free) + contacts * tangents
-    if place < 0:
-        return i
-    if b == 0:
-        return len(system.free) - contacts * (1 + tangents) + place // tangents
-    return i - place % tangents + b - 1
-
-
-@inner
 def times(system: RowSystem, blocks: Dense, given: Dense, result: OutDense) -> None:
     """Write blocks (r, 3) times columns (r, c)."""
-    first = len(blocks) - len(system.frictions) * system.tangents
-    result[:] = 0.0
-    for i in range(len(blocks)):
-        for b in range(1 + system.tangents if i >= first else 1):
-            share, at = blocks[i, b], beside(system, i, b)
-            if share != 0.0:
-                for c in range(given.shape[1]):
-                    result[i, c] += share * given[at, c]
+    contacts, tangents = len(system.frictions), system.tangents
+    first, width = len(blocks) - contacts * tangents, given.shape[1]
+    for i in range(first):
+        for c in range(width):
+            result[i, c] = blocks[i, 0] * given[i, c]
+    for contact in range(contacts):
+        start, normal = first + contact * tangents, first - contacts + contact
+        for i in range(start, start + tangents):
+            for c in range(width):
+                result[i, c] = blocks[i, 0] * given[normal, c]
+                for b in range(tangents):
+                    result[i, c] += blocks[i, 1 + b] * given[start + b, c]
 
 
 @inner
@@ -175,41 +170,6 @@ def change_in_velocities(
 
 
 @compiled(inside=True)
-def change_in_impulses(
-    system: RowSystem, on_speed: Dense, on_impulse: Dense, missing: Row, change: OutRow
-) -> bool:
-    """Write the same in impulses.
-
-    What is left open stays near the point of the pieces, by a proximal term whose effect on the
-    rest a second solve with the same factors removes.
-    """
-    delassus, spring, size = system.delassus, system.spring, len(change)
-    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
-    correction, first = np.empty(size), size - len(system.frictions) * system.tangents
-    for i in range(size):
-        total[i] = 0.0
-        own = 0 if i < first else 1 + (i - first) % system.tangents
-        for b in range(1 + system.tangents if i >= first else 1):
-            share, at = on_speed[i, b], beside(system, i, b)
-            if share != 0.0:
-                for j in range(size):
-                    total[i, j] += share * delassus[at, j]
-            total[i, at] += on_impulse[i, b]
-        total[i, i] += spring[i] * on_speed[i, own]
-        change[i] = missing[i]
-    if not factor(total, pivots):
-        return False
-    solve_factored(total, pivots, change)
-    for i in range(size):
-        own = 0 if i < first else 1 + (i - first) % system.tangents
-        correction[i] = spring[i] * on_speed[i, own] * change[i]
-    solve_factored(total, pivots, correction)
-    for i in range(size):
-        change[i] += correction[i]
-    return True
-
-
-@compiled(inside=True)
 def solve_pieces(
     system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
 ) -> bool:
@@ -217,15 +177,46 @@ def solve_pieces(
 
     Rows that depend on each other (more stuck gears and sticking contacts than the robot has
     freedoms) leave their split open; what is left open stays near `impulse` (r,), the point of the
-    pieces.
+    pieces. In impulses that is a proximal term, whose effect on the rest a second solve with the
+    same factors removes.
     """
-    size = len(impulse)
-    on_speed, on_impulse, missing = np.empty((size, 3)), np.empty((size, 3)), np.empty(size)
-    blocks_of(system, pieces, sliding, impulse, on_speed, on_impulse, missing)
+    size, contacts, tangents = len(impulse), len(system.frictions), system.tangents
+    on_speed, on_impulse, change = np.empty((size, 3)), np.empty((size, 3)), np.empty(size)
+    blocks_of(system, pieces, sliding, impulse, on_speed, on_impulse, change)
     if len(system.ways):
-        good = change_in_velocities(system, on_speed, on_impulse, missing, solved)
-    else:
-        good = change_in_impulses(system, on_speed, on_impulse, missing, solved)
+        good = change_in_velocities(system, on_speed, on_impulse, change, solved)
+        for i in range(size):
+            solved[i] += impulse[i]
+        return good
+    delassus, spring, first = system.delassus, system.spring, size - contacts * tangents
+    total, pivots, held = np.empty((size, size)), np.empty(size, dtype=np.int64), np.empty(size)
+    for i in range(first):
+        held[i] = spring[i] * on_speed[i, 0]
+        for j in range(size):
+            total[i, j] = on_speed[i, 0] * delassus[i, j]
+        total[i, i] += on_impulse[i, 0] + held[i]
+    for contact in range(contacts):
+        start, normal = first + contact * tangents, first - contacts + contact
+        for i in range(start, start + tangents):
+            own = on_speed[i, 1 + i - start]
+            held[i] = spring[i] * own
+            for j in range(size):
+                total[i, j] = own * delassus[i, j]
+            total[i, i] += held[i]
+            total[i, normal] += on_impulse[i, 0]
+            for b in range(tangents):
+                share, at = on_speed[i, 1 + b], start + b
+                total[i, at] += on_impulse[i, 1 + b]
+                if at != i and share != 0.0:
+                    for j in range(size):
+                        total[i, j] += share * delassus[at, j]
+    if not factor(total, pivots):
+        return False
+    solve_factored(total, pivots, change)
     for i in range(size):
-        solved[i] += impulse[i]
-    return good
+        solved[i] = impulse[i] + change[i]
+        held[i] *= change[i]
+    solve_factored(total, pivots, held)
+    for i in range(size):
+        solved[i] += held[i]
+    return True
