@@ -134,15 +134,9 @@ def parse_sweep(text: str) -> SweepParameter:
 
 
 _UNITS = {
-    "inertia": "kg",
-    "backward_inertia": "kg",
-    "forward_inertia": "kg",
-    "conventional": "N",
-    "lift": "N",
-    "hold": "N",
-    "backdriving_force": "N",
-    "holding_torque": "N m",
-    "holding_torque_lossless": "N m",
+    **dict.fromkeys(("inertia", "backward_inertia", "forward_inertia"), "kg"),
+    **dict.fromkeys(("conventional", "lift", "hold", "backdriving_force"), "N"),
+    **dict.fromkeys(("holding_torque", "holding_torque_lossless"), "N m"),
 }
 
 

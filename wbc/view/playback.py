@@ -105,16 +105,10 @@ def _arrow_scale(track: Track, reach: float) -> float:
 
 
 def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
-    entries: list[dict[str, Any]] = [
-        {
-            "time": impact.time,
-            "label": f"impact of {impact.contact}, {impact.force:.0f} N at {impact.time:.3f} s",
-        }
-        for impact in track.impacts
-    ]
-    entries += [{"time": float(t), "label": f"{name} at {t:.3f} s"} for name, t in marks.items()]
-    inside = [e for e in entries if track.time[0] <= e["time"] <= track.time[-1]]
-    return sorted(inside, key=lambda entry: float(entry["time"]))
+    found = [(i.time, f"impact of {i.contact}, {i.force:.0f} N") for i in track.impacts]
+    found += [(float(time), name) for name, time in marks.items()]
+    inside = sorted(one for one in found if track.time[0] <= one[0] <= track.time[-1])
+    return [{"time": time, "label": f"{name} at {time:.3f} s"} for time, name in inside]
 
 
 def _leaves(robot: Robot, track: Track, reach: float) -> bool:
