@@ -89,6 +89,9 @@ def test_a_printed_playback_shows_all_of_the_scene(tab: Any) -> None:
     ends = "() => document.querySelector('#pane canvas').getBoundingClientRect().right"
     assert tab.evaluate(ends) <= 700
     assert not tab.is_visible("#bar")
+    size = "document.querySelector('#pane canvas').toDataURL().length"
+    printed = f"() => {{ dispatchEvent(new Event('beforeprint')); return {size}; }}"
+    assert tab.evaluate(printed) > 2 * tab.evaluate(f"() => {size}")  # empty between frames
     tab.emulate_media(media="screen")
     tab.set_viewport_size(shown)
 

@@ -216,6 +216,9 @@ def test_the_file_holds_every_part_and_asks_no_network(page: Path) -> None:
     for word in ("Noise floor", "Attainable", "sure", "90&nbsp;% interval", "Odds"):
         assert f"<b>{word}</b>" in text
     places = [text.index(f'id="{part}"') for part in (*answer, "ranking")]
+    marks = set(re.findall(r'class="dot (\w+)"', text))
+    assert marks >= {"line", "before", "unused"}
+    assert all(f".dot.{mark} " in text for mark in marks)  # of the legend: each has a colour
     assert places == sorted(places)  # the answer comes first, what else was tried after it
     for words in (
         "after 0.5\u00a0s",
