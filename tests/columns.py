@@ -1,7 +1,5 @@
 """Columns of a file, read and written without the library."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Settings of every test."""
 
-from __future__ import annotations
-
 import os
 
 from hypothesis import settings

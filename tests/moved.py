@@ -1,7 +1,5 @@
 """Logs of robots on sums of sines, made by inverse dynamics, and of a servo that is simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Data that lie beside the repository, in ../shared/data, and are no part of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

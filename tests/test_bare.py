@@ -1,7 +1,5 @@
 """The library without its extras, and as a wheel in an empty environment."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Functions are compiled when they are needed, kept on disk, and found again."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Many jobs in several processes, and how far they are."""
 
-from __future__ import annotations
-
 import os
 import signal
 

@@ -1,7 +1,5 @@
 """Files say which version of their format they have: older ones are read, newer ones refused."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What benchmarks conclude: probabilities, wrong columns, and the classic fit."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

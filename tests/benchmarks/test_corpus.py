@@ -1,7 +1,5 @@
 """The corpus itself: what a case follows from, what may rightly be said, how it is judged."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

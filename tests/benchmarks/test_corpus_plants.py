@@ -1,7 +1,5 @@
 """The corpus' plants against one another, and the library's effects against the plants."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

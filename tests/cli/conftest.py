@@ -1,7 +1,5 @@
 """Logs of the fixed leg as files, made once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

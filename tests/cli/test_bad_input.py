@@ -1,7 +1,5 @@
 """Every kind of bad input: one message that names the way out, exit code 2, nothing written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands: what they print, write, load and complete, and how they refuse bad input."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess

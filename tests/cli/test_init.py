@@ -1,7 +1,5 @@
 """`wbc init`: from a stranger's files to a verdict, on recorded sets and on a generated log."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable

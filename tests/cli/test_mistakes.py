@@ -4,8 +4,6 @@ Twenty-two of them, on a leg of two joints whose motion and torques are exact bu
 a map mends the log, the map that `--fix` writes gives the columns back.
 """
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Callable
 from dataclasses import replace

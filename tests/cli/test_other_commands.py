@@ -1,7 +1,5 @@
 """Servos, benches, columns and parameters: from files to an answer on the command line."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

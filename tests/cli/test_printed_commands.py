@@ -1,7 +1,5 @@
 """Every command and option that a message prints is copied out of the message, and works."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Ways out that a message prints with an option, a command or a line of TOML are walked."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

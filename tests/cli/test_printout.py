@@ -1,7 +1,5 @@
 """What a command prints: the answer first, a screen of detail, all of it when asked."""
 
-from __future__ import annotations
-
 from io import StringIO
 
 import numpy as np

@@ -3,8 +3,6 @@
 Each folder of the outside data holds a README with the answer that is wanted.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Robots, controllers and random states that several tests share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

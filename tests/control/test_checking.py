@@ -1,7 +1,5 @@
 """Every exported task and contact against finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """In the plant: what the controller knows of its gears decides, and unknown loads are learned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

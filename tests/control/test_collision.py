@@ -1,7 +1,5 @@
 """Bodies keep apart from obstacles and from each other; coal itself is the judge."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

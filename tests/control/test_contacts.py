@@ -1,7 +1,5 @@
 """Contact sets that change, cones and flat feet, contacts that repeat each other, rolling feet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ motion with given directions is the equality, each direction's sign of mesh powe
 Nothing of `wbc.control` assembles it.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

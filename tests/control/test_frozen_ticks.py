@@ -3,8 +3,6 @@
 Written by `python -m tests.control.test_frozen_ticks`, from the code of 25 November 2026.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

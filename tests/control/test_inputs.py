@@ -1,7 +1,5 @@
 """`step` never raises and never takes nonsense: every bad input is a status that names it."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,7 +1,5 @@
 """Joints whose axes move in their bodies, and turns of any size, against pinocchio."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,7 +1,5 @@
 """Joints driven against their stops and beyond, in a plant whose motors are what they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

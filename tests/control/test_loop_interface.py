@@ -1,7 +1,5 @@
 """What a loop asks of a tick: weights, time steps, targets, hooks, threads and the same bits."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

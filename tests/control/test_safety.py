@@ -1,7 +1,5 @@
 """`step` never raises, is bounded and safe; without a solution it holds and lets down."""
 
-from __future__ import annotations
-
 import gc
 from itertools import islice
 

@@ -1,7 +1,5 @@
 """Every kind of task, contact, limit, effort and level through two solvers and the guess."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import coal

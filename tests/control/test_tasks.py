@@ -1,7 +1,5 @@
 """Targets far away, limits of tasks, and efforts among equal motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The leg whose causes are to be told apart, and rivals among them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wbc.design.experiment import MotionLimits, Rivals, parse_cause

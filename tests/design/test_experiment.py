@@ -1,7 +1,5 @@
 """Motions that decide: the odds said before against odds of simulated measurements."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ and accelerations are differences of the positions; torques come from the links 
 cause in them, distances from the solids of the URDF. Beside a wall no two links meet.
 """
 
-from __future__ import annotations
-
 import json
 from contextlib import redirect_stdout
 from dataclasses import replace

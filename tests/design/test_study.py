@@ -1,7 +1,5 @@
 """Studies: sweeps, the catalogue of gearboxes, tables on disk and fronts."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

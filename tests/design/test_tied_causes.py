@@ -1,7 +1,5 @@
 """Rivals from a saved diagnosis: which they are, what logs leave open of their values, the odds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -9,8 +9,6 @@ regression test, but it must not promise what does not happen. A line `...` stan
 that the page leaves out.
 """
 
-from __future__ import annotations
-
 import code
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """Every link of the pages leads to a file that is there, and to its title; so do pictures."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

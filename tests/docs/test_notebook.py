@@ -1,7 +1,5 @@
 """The notebook runs, and answers show themselves in it and in a console."""
 
-from __future__ import annotations
-
 import ast
 import base64
 import json

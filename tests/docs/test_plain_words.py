@@ -1,7 +1,5 @@
 """Pages for users: plain words, at most about two screens, terms linked where they first stand."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Evaluated terms and the dissipative equation against derivatives, MuJoCo and brute force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

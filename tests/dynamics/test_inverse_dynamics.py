@@ -1,7 +1,5 @@
 """Inverse dynamics of logs against samples, forward dynamics, and rotors on joints of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The leg that most effects are tried on."""
 
-from __future__ import annotations
-
 import pytest
 
 from wbc import Robot, load_robot

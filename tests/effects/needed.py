@@ -1,7 +1,5 @@
 """Motions of a robot, and what a log of them needs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from wbc.arrays import FloatArray

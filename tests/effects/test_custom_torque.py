@@ -1,7 +1,5 @@
 """Formulas against their definition, at rest in the plant, and in files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every effect explains itself, and tables of effects give what their hooks give."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, final

@@ -1,7 +1,5 @@
 """Friction with a memory, under load or by direction: the plant beside independent integration."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple

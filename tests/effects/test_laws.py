@@ -1,7 +1,5 @@
 """Each effect against its definition, written out here once more, in the torques that logs need."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A saved robot is the robot again, and every mistake in such a file is named."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

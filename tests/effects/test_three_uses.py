@@ -4,8 +4,6 @@ Logs ask the hooks of effects, in NumPy; plant and controller have the laws of m
 into their loops. Whether a law is the right one is asked of logs by the plants of other tests.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import final

@@ -1,7 +1,5 @@
 """Effects that are much alike: what tells them apart, and what no log can show of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

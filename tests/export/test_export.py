@@ -1,7 +1,5 @@
 """What was found, in the formats of other simulators: read back there, it moves as it does here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """The losses of an exported robot in MuJoCo's step, beside our plant's."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The classic fit finds what is hidden, says what its numbers are sums of, and holds out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

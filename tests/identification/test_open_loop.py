@@ -1,7 +1,5 @@
 """The open-loop error: a robot simulated from measured states, held beside the log."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must hold of every diagnosis, whatever the method."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path

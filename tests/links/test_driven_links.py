@@ -3,8 +3,6 @@
 That they move as the plant does is asked in tests/recover.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Links behind soft and loose gears, against an ODE solver that shares nothing with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Column maps: names, units, signs, rows; maps that messages print, upon other maps."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

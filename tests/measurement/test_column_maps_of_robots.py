@@ -1,7 +1,5 @@
 """The maps beside the robots against the outside data they are for."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

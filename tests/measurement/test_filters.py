@@ -1,7 +1,5 @@
 """Filters and derivatives, held against polynomials, SciPy and exact motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

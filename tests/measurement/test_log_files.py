@@ -1,7 +1,5 @@
 """Files of logs: written and read, and bad ones; units and vectors as people write them."""
 
-from __future__ import annotations
-
 import gzip
 import tempfile
 from pathlib import Path

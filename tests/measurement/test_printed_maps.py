@@ -1,7 +1,5 @@
 """Every column map that a message prints is copied out of the message, and works."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Repeats, copies and holes among logs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

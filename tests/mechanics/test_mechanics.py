@@ -1,7 +1,5 @@
 """Compiled trees of bodies and small matrices against pinocchio and NumPy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

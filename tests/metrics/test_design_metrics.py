@@ -1,7 +1,5 @@
 """Many designs at once against the metrics of one robot, up to rounding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

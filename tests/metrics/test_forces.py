@@ -1,7 +1,5 @@
 """Forces that a robot lifts, holds and softens, against statics, momenta and the mesh law."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog

@@ -1,7 +1,5 @@
 """Inertia tensors, and the inertia by direction, against accelerations and the simulator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

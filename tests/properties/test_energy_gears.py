@@ -4,8 +4,6 @@ At every instant that needs eta_b <= 1. A value between 1 and 1/eta_f would only
 cycle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

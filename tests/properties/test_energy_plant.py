@@ -1,7 +1,5 @@
 """Energy of the plant: no step of a random robot makes any, and the books of runs close with h."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

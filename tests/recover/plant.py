@@ -5,8 +5,6 @@ every flaw is an array over lanes that is zero (or one) where the lane does not 
 friction and gear losses are solved implicitly at the velocity level, so joints really stick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache

@@ -1,7 +1,5 @@
 """Logs of robots that MuJoCo moved, by a generator that shares nothing with this library."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The logs are those of generated six-axis arms, by MuJoCo; the robot that is give
 inertias. What could imitate them is on offer.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Flaws of a closed-form plant, alone, together and outside the list, found from short logs."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from itertools import islice

@@ -1,7 +1,5 @@
 """A joint without a gear rubs and has an encoder, too: in the plant, and found in its logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Logs of the planar leg from an independent plant: what was hidden must be found."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.outside import outside

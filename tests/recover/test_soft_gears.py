@@ -1,7 +1,5 @@
 """Soft gears in one leg, against an ODE solver that shares no code with the library."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from math import cos, sin, tanh

@@ -1,7 +1,5 @@
 """A torque sensor behind a gear: what is wrong before it and behind it, told apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

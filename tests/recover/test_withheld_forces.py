@@ -1,7 +1,5 @@
 """Legs whose feet have no force sensors: what is still found, and what is said not to be seen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

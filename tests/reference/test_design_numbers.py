@@ -5,8 +5,6 @@ hip. With z up and joints about +y the contact Jacobian is [[-.69282, -.34641], 
 with z counted downwards has -.2 in its last entry, which flips the sign of both off-diagonals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

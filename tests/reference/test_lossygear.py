@@ -1,7 +1,5 @@
 """The time step against the three LossyGear demos of the Modelica Standard Library."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ differently goes another way. `python -m pytest tests/reference/test_measured_to
 the figures of docs/measurements/recorded.md.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 The logs live outside the repository, in `../shared/data`; without them these tests are skipped.
 """
 
-from __future__ import annotations
-
 import tomllib
 from itertools import product
 

@@ -3,8 +3,6 @@
 The foot is a sphere so small that it does not roll, and the contact as stiff as the step allows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

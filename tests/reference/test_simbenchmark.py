@@ -7,8 +7,6 @@ bounce on the ground alone; its quadruped in weightlessness is set in motion by 
 instead of by a ball.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

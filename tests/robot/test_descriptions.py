@@ -1,7 +1,5 @@
 """Descriptions and model files: what they may say, and what mistakes in them are answered with."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

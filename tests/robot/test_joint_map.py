@@ -1,7 +1,5 @@
 """Joint orders of MuJoCo, of a URDF and of a ROS message: the same state, the same torques."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin

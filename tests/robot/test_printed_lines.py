@@ -1,7 +1,5 @@
 """Every line of robot.toml that a message prints is copied into the file, and works."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

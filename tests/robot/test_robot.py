@@ -1,7 +1,5 @@
 """Robots: names, poses, copies, endless joints; shipped ones say where their numbers are from."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import tomllib

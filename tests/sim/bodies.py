@@ -1,7 +1,5 @@
 """Free bodies with contact points, balls or collision geometry, and runs that watch them."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import coal

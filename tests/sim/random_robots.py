@@ -1,7 +1,5 @@
 """Random tree robots with lossy gears of any topology, on any base, with points that touch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

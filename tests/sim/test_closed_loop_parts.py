@@ -1,7 +1,5 @@
 """What stands between controller and plant: noise, dead time, first-order lag."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

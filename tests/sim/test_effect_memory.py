@@ -1,7 +1,5 @@
 """Effects with a state of their own: the plant carries it, as independent solutions do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise

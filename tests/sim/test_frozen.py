@@ -3,8 +3,6 @@
 `python -m tests.sim.test_frozen` records them anew; a commit that does so says why.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compliant gears, gears with play, and rotors that couple to their housings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What no plant, ground, body, sensor or loop can be is refused by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

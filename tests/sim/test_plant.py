@@ -1,7 +1,5 @@
 """The plant against conservation laws and textbook answers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings are logs, sensors are seeded, effects act through their hooks alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

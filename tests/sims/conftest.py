@@ -1,7 +1,5 @@
 """Studies write into a folder of their own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

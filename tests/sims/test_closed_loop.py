@@ -1,7 +1,5 @@
 """The controller on plants from outside, and in the loops that the documentation shows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

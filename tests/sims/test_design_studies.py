@@ -1,7 +1,5 @@
 """The studies of choosing a gearbox: the numbers that the page about it states."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

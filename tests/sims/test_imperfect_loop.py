@@ -1,7 +1,5 @@
 """Noise, late torques and wrong efficiencies: never worse than knowing nothing, within a margin."""
 
-from __future__ import annotations
-
 import pytest
 
 from sims.closed_loop import ERROR, TRAVEL

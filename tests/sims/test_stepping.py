@@ -1,7 +1,5 @@
 """TALOS takes steps on lossy gears, forward and up 5 cm, and does not fall."""
 
-from __future__ import annotations
-
 import pytest
 
 from sims.stepping import DONE, FELL, HEIGHT, POINT, REFUSED, TRANSPORT, WAY, main, pushed

@@ -1,7 +1,5 @@
 """Every study at reduced length: what it says about the physics has to hold, and it reports."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Solo12 trots a metre on lossy gears; who knows the losses keeps speed and height."""
 
-from __future__ import annotations
-
 import pytest
 
 from sims.trot import FELL, SPEED, TRANSPORT, main

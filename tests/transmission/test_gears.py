@@ -1,7 +1,5 @@
 """Gears: their numbers, the mesh law, and wedge and planetary gear against balances."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A recording made by hand: the planar leg drops, lands and squats."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator
 from typing import Any

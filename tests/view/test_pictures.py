@@ -1,7 +1,5 @@
 """Pictures of a playback, through a real browser where there is one."""
 
-from __future__ import annotations
-
 import asyncio
 from pathlib import Path
 

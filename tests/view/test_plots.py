@@ -1,7 +1,5 @@
 """Plots hold the numbers they claim; what is drawn is read back from the figure."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

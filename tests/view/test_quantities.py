@@ -1,7 +1,5 @@
 """What pages show of a log: averages and impacts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

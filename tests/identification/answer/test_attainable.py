@@ -1,7 +1,5 @@
 """What any model could explain of logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Whatever happens while causes are sought, the best answer so far remains."""
 
-from __future__ import annotations
-
 import signal
 import time
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Robots ranked, the model that is used, and what names say beside it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What an answer says: arguments that it refuses, units, what to do now and what to record next."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

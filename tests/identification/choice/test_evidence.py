@@ -1,7 +1,5 @@
 """How hypotheses are compared: one number in nats, held against formulas and drawn noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The search: causes give way to the one that they imitate, and unlikely numbers cost."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -4,8 +4,6 @@ Motions are sums of sines, so that positions, speeds and accelerations are exact
 Lagrange's equations ask for, with no code of the library, plus what the added torque takes.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Columns of effects equal what the residual of a whole robot loses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

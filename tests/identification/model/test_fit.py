@@ -1,7 +1,5 @@
 """Fits: trials that fail, intervals, numbers drawn to a prior."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

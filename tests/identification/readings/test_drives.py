@@ -1,7 +1,5 @@
 """What drives report ends on the rotor; logs of one robot with other drives: `LOG@ROBOT`."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

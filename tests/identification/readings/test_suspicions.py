@@ -1,7 +1,5 @@
 """Suspicions on recorded and simulated logs: none where the columns are right, named where not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The noise of sensors and the floor that it makes, on columns whose noise is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Logs that say little, that move only some joints, or that must not be believed."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The plant is independent of the library; its drives follow a target by kp and kd.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Logs whose columns hold something else than their names say, and logs with holes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random grounds, robots that stand over them, and what a step makes of their energy."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bodies on the ground: they lie on it, lose energy and come to rest, as they do in MuJoCo."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Compliant contacts: Hunt and Crossley's law against its closed relations, energy and rest."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Contacts that belong to a solid; boxes, edges, balls and height fields; small overlaps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

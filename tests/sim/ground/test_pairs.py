@@ -1,7 +1,5 @@
 """Bodies against edges of the ground and against each other: distances as coal has them, rest."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path

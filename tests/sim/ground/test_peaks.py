@@ -1,7 +1,5 @@
 """Planks on height fields that stick out between their corners: they lie there, as on a stair."""
 
-from __future__ import annotations
-
 import coal
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """Round friction cones in space: dense random steps, checked against the laws in the books."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

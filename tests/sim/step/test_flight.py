@@ -1,7 +1,5 @@
 """Free flight against its conservation laws, whatever the base frame and the step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Robots on self-locking gears: they run wherever a step has one solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -6,8 +6,6 @@ drives, and at rest any T for which some t within the rotor's stiction lies betw
 T / eta_f.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from dataclasses import dataclass, replace

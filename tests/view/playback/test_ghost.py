@@ -1,7 +1,5 @@
 """The ghost lies on a right model's measurement and leaves a wrong one's in its direction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

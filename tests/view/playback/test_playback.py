@@ -1,7 +1,5 @@
 """The page is read back: what it shows is where the robot was, and it asks no network."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """The page in a real browser, opened as a file: what its buttons do and what it never asks for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The report of a diagnosis: what its page says, and that it works in a browser."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Shapes of links and of the ground stand where the robot and the plant have them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import coal
