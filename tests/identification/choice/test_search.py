@@ -68,7 +68,8 @@ HIDDEN: dict[str, list[Effect]] = {
         CoulombFriction("knee", 0.4),
     ],
     "nor is a strong one": [TorqueConstant("knee", 1.1), CoulombFriction("knee", 0.6)],
-    "causes that no other explains stay": [
+    # Where the order in which a drive's causes act was not tried, efficiencies were certain.
+    "a factor and a sag of one drive in the order in which they act": [
         LoadFriction("hip", 0.1),
         SupplySag("robot", 2e-3),
         TorqueConstant("knee", 0.8),
@@ -80,9 +81,7 @@ HIDDEN: dict[str, list[Effect]] = {
 def test_the_search_ends_at_what_is_hidden(name: str) -> None:
     hidden = HIDDEN[name]
     trials = Trials(EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0)))
-    begun = trials.of(tuple(hidden) if "stay" in name else ())
-    assert begun is not None
-    end = Search(Proposer(trials, AT_ONCE)).climb(begun)
+    end = Search(Proposer(trials, AT_ONCE)).climb(trials.nothing)
     assert set(end.keys) == {effect.key for effect in hidden}
 
 

@@ -154,12 +154,12 @@ def _drives(effect: Effect) -> bool:
 
 
 def _in_order(one: Effect, other: Effect, record: Record, robot: Robot) -> bool:
-    """Whether it counts which of two drive effects acts first, the second one at whatever numbers.
+    """Whether it counts which of two drive effects acts first.
 
     What acts on a joint is at its motor, the rest on all.
     """
     together = one.where == other.where or "robot" in (one.where, other.where)
-    return together and not _scales(one, record, robot)
+    return together and not (_scales(one, record, robot) and _scales(other, record, robot))
 
 
 def _scales(effect: Effect, record: Record, robot: Robot) -> bool:
