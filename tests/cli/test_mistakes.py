@@ -59,11 +59,7 @@ MENDED = [
         exchanged("position", "velocity"),
         "the positions of hip and knee are exchanged?",
     ),
-    (
-        "swapped torques",
-        exchanged("rotor_torque"),
-        "the torques of hip and knee are exchanged?",
-    ),
+    ("swapped torques", exchanged("rotor_torque"), "the torques of hip and knee are exchanged?"),
     ("speed of the rotor", scaled(20.0, "knee.velocity"), "the velocity is that of the rotor?"),
     ("speed in rpm", scaled(30.0 / np.pi, "hip.velocity"), "the velocity is in rpm?"),
     (

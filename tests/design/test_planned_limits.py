@@ -18,11 +18,7 @@ import pytest
 
 from tests.design.rivals import rivals
 from wbc.cli import main
-from wbc.design.experiment import (
-    MotionLimits,
-    design_experiment,
-    random_paths,
-)
+from wbc.design.experiment import MotionLimits, design_experiment, random_paths
 from wbc.design.experiment.motions import LinkDistances
 from wbc.effects import load_robot
 from wbc.robot import Robot, collision_solids

@@ -15,16 +15,8 @@ import pytest
 from tests.control.scenes import CERTAIN
 from tests.effects.test_effect_catalogue import Drag
 from tests.sim.random_robots import geared
-from wbc import load_robot
+from wbc import control, load_robot
 from wbc.arrays import FloatArray
-from wbc.control import (
-    CenterOfMassTask,
-    Controller,
-    ControllerSettings,
-    PointContact,
-    PostureTask,
-    Reference,
-)
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import CurrentLimit, CustomTorque, effect_class
 from wbc.robot import Motion, Robot
@@ -134,12 +126,13 @@ STANDING = {
 def test_the_controller_commands_what_a_log_of_its_motion_needs(name: str, mix: str) -> None:
     robot = lossy(name, mix) if mix in MIXES else load_robot(name)
     robot, m = replace(robot, rotors_turn_with_links=mix not in MIXES), robot.transmission.size
-    task, contacts = PostureTask.of(robot), [PointContact(name=foot) for foot in STANDING[name]]
-    tasks = [task, CenterOfMassTask(weight=0.01)] if contacts else [task]
-    settings = ControllerSettings(speed_blend=CERTAIN)
-    controller = Controller(robot, tasks, contacts, [], settings)
+    contacts = [control.PointContact(name=foot) for foot in STANDING[name]]
+    task = control.PostureTask.of(robot)
+    tasks = [task, control.CenterOfMassTask(weight=0.01)] if contacts else [task]
+    settings = control.ControllerSettings(speed_blend=CERTAIN)
+    controller = control.Controller(robot, tasks, contacts, [], settings)
     for q, v, a in states(robot):
-        wanted = Reference(q[robot.actuated_position], v[robot.actuated], a[robot.actuated])
+        wanted = control.Reference(q[robot.actuated_position], v[robot.actuated], a[robot.actuated])
         command = controller.step(Motion(q, v), {task.name: wanted})
         assert command.status.usable, command.message
         assert command.consistent

@@ -7,22 +7,15 @@ import numpy as np
 import pytest
 
 from tests.sim.random_robots import geared
+from wbc import metrics
 from wbc.dynamics import dissipative_equation, evaluate
 from wbc.effects import load_robot
-from wbc.metrics import (
-    backward_generalized_inertia,
-    directional_inertia,
-    forward_generalized_inertia,
-    generalized_inertia,
-    share_of_accelerations_forward,
-    with_contact_at,
-)
 from wbc.sim import Plant
 
 POSE = {"hip": -0.4, "knee": 0.9}
 
 
-KINDS = [(generalized_inertia, 0.0), (backward_generalized_inertia, -1.0)]
+KINDS = [(metrics.generalized_inertia, 0.0), (metrics.backward_generalized_inertia, -1.0)]
 
 
 @pytest.mark.parametrize(("kind", "mode"), KINDS)
@@ -48,7 +41,7 @@ def test_a_self_locking_gear_is_the_limit_of_a_vanishing_backward_efficiency() -
     q = robot.configuration(**POSE)
     eta_b = robot.transmission.backward_efficiency[0]
     legs = [geared(robot, backward_efficiency=[eta_b, knee]) for knee in (1e-9, 0.0, -0.5)]
-    tensors = [backward_generalized_inertia(leg, q, "foot", "xz") for leg in legs]
+    tensors = [metrics.backward_generalized_inertia(leg, q, "foot", "xz") for leg in legs]
     np.testing.assert_allclose(tensors[0], tensors[1], rtol=1e-6)
     np.testing.assert_array_equal(tensors[1], tensors[2])
 
@@ -56,11 +49,12 @@ def test_a_self_locking_gear_is_the_limit_of_a_vanishing_backward_efficiency() -
 def test_the_forward_tensor_holds_in_57_percent_of_the_directions_of_the_case_study() -> None:
     robot = load_robot("planar_leg_fixed")
     q = robot.pose("paper")
-    found = directional_inertia(robot, q, "foot", "xz", 3600)
+    found = metrics.directional_inertia(robot, q, "foot", "xz", 3600)
     assert found.share_forward == pytest.approx(0.57, abs=0.005)
     # Of the directions of acceleration it is 46 %: one gear more often drives, the other is driven.
-    assert share_of_accelerations_forward(robot, q, "foot", "xz") == pytest.approx(0.459, abs=0.002)
-    inverse = np.linalg.inv(forward_generalized_inertia(robot, q, "foot", "xz"))
+    accelerations = metrics.share_of_accelerations_forward(robot, q, "foot", "xz")
+    assert accelerations == pytest.approx(0.459, abs=0.002)
+    inverse = np.linalg.inv(metrics.forward_generalized_inertia(robot, q, "foot", "xz"))
     n = found.directions
     along = np.einsum("ki,ij,kj->k", n, inverse, n)
     np.testing.assert_allclose(found.forward_tensor * along, 1.0)
@@ -76,7 +70,7 @@ def test_the_simulator_starts_as_the_exact_inertia_says(name: str) -> None:
     robot = geared(load_robot(name).with_gravity([0.0, 0.0, 0.0]), torque_limit=1e3)
     q = robot.pose("paper")
     directions = np.array([[np.cos(a), np.sin(a)] for a in np.deg2rad([10, 45, 70, 100, 160, 250])])
-    found = directional_inertia(robot, q, "foot", "xz", directions)
+    found = metrics.directional_inertia(robot, q, "foot", "xz", directions)
     terms = evaluate(robot, q, np.zeros(robot.model.nv))
     jacobian = terms.contact_jacobian[[0, 2]]
     gears, plant, step = robot.transmission, Plant(replace(robot, contacts=())), 1e-5
@@ -90,7 +84,7 @@ def test_the_simulator_starts_as_the_exact_inertia_says(name: str) -> None:
 def test_self_locking_gears_still_drive_forward() -> None:
     robot = load_robot("planar_leg_fixed")
     locking = geared(robot, backward_efficiency=[-0.2, 0.0])
-    found = directional_inertia(locking, robot.pose("paper"), "foot", "xz")
+    found = metrics.directional_inertia(locking, robot.pose("paper"), "foot", "xz")
     exact = found.all_forward
     assert np.all(np.isfinite(found.driven[exact]))
     np.testing.assert_allclose(found.driven[exact], found.forward_tensor[exact])
@@ -103,9 +97,9 @@ def test_a_driven_link_without_inertia_of_its_own_is_moved_by_its_rotor() -> Non
     q = robot.configuration(joint_2=0.4, joint_3=1.2)
     links = evaluate(robot, q, np.zeros(robot.model.nv)).mass_matrix
     assert np.linalg.matrix_rank(links) < robot.model.nv
-    robot = with_contact_at(robot, "link_6")
-    found = directional_inertia(robot, q, "link_6", "xyz", 50)
-    inverse = np.linalg.inv(generalized_inertia(robot, q, "link_6", "xyz"))
+    robot = metrics.with_contact_at(robot, "link_6")
+    found = metrics.directional_inertia(robot, q, "link_6", "xyz", 50)
+    inverse = np.linalg.inv(metrics.generalized_inertia(robot, q, "link_6", "xyz"))
     along = np.einsum("ki,ij,kj->k", found.directions, inverse, found.directions)
     np.testing.assert_allclose(found.lossless * along, 1.0)
     np.testing.assert_allclose(found.driven, found.lossless, rtol=1e-6)  # its gears are perfect

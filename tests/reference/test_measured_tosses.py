@@ -104,10 +104,7 @@ def face(rotation: Rotation) -> tuple[int, float]:
     ids=["rigid", "compliant"],
 )
 def test_measured_tosses_are_predicted_through_the_first_impact(
-    friction: float,
-    law: dict[str, object],
-    tosses: list[Toss],
-    request: pytest.FixtureRequest,
+    friction: float, law: dict[str, object], tosses: list[Toss], request: pytest.FixtureRequest
 ) -> None:
     plant = cube(friction, **law)
     flight, speed, place, faces, jump = [], [], [], 0, []

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from wbc.effects import (
-    CoulombFriction,
-    LoadFriction,
-    RotorInertia,
-    SupplySag,
-    ViscousFriction,
-    load_robot,
-)
+from wbc import effects, load_robot
 from wbc.errors import RobotError
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
@@ -36,7 +29,7 @@ def moved(robot: Robot, one: ServoRun, step: float, drive: DcDrive = DRIVE) -> n
 
 def test_a_winding_that_warms_gives_way_under_a_held_load() -> None:
     step, duration, heating, cooling = 1e-3, 2.0, 0.15, 0.8
-    robot = PENDULUM.with_effect(ViscousFriction("shaft", 0.05))
+    robot = PENDULUM.with_effect(effects.ViscousFriction("shaft", 0.05))
     drive = DcDrive(7.4, source_resistance=0.5, heating=heating, cooling=cooling)
     reached = moved(robot, run(1.2, 2000), step, drive)
 
@@ -64,7 +57,7 @@ def test_dry_friction_holds_inside_its_cone_and_not_outside() -> None:
     angle = 0.2
     weight, free = MASS * 9.81 * LEVER * np.sin(angle), run(0.0, 400, first=angle, enabled=0.0)
     held, falling = (
-        moved(PENDULUM.with_effect(CoulombFriction("shaft", share * weight)), free, 0.005)
+        moved(PENDULUM.with_effect(effects.CoulombFriction("shaft", share * weight)), free, 0.005)
         for share in (1.01, 0.99)
     )
     assert np.ptp(held) == 0.0
@@ -74,7 +67,7 @@ def test_dry_friction_holds_inside_its_cone_and_not_outside() -> None:
 def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other() -> None:
     # Slowly: t = T / (1 - c) on the way up, t = T / (1 + c) on the way down.
     c, step = 0.3, 0.002
-    robot = PENDULUM.with_effect(LoadFriction("shaft", c))
+    robot = PENDULUM.with_effect(effects.LoadFriction("shaft", c))
     ramp = np.concatenate([np.linspace(0.0, 1.5, 10000), np.linspace(1.5, 0.0, 10000)])
     slow = ServoRun("slow", 2.0, ramp, np.ones(ramp.size), np.zeros(ramp.size))
     reached = moved(robot, slow, step)
@@ -86,10 +79,9 @@ def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other() -> Non
 
 
 def test_variants_side_by_side_equal_each_alone() -> None:
-    robots = [
-        PENDULUM.with_effects(RotorInertia("shaft", inertia), CoulombFriction("shaft", level))
-        for inertia, level in ((0.001, 0.0), (0.004, 0.05))
-    ]
+    inertias = (effects.RotorInertia("shaft", inertia) for inertia in (0.001, 0.004))
+    rubs = (effects.CoulombFriction("shaft", level) for level in (0.0, 0.05))
+    robots = list(map(PENDULUM.with_effects, inertias, rubs))
     drives = [DcDrive(7.4), DcDrive(6.0, source_resistance=1.0, current_limit=0.8)]
     runs = [run(0.4, 300), run(-0.8, 200, first=0.1)]
     together = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004)
@@ -104,6 +96,6 @@ def test_variants_side_by_side_equal_each_alone() -> None:
 
 
 def test_an_effect_that_no_table_holds_is_refused_by_name() -> None:
-    robot = PENDULUM.with_effect(SupplySag("robot", 0.01))
+    robot = PENDULUM.with_effect(effects.SupplySag("robot", 0.01))
     with pytest.raises(RobotError, match="supply_sag"):
         moved(robot, run(0.0, 3), 0.01)

@@ -108,9 +108,7 @@ def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     ],
     ids=["nothing", "drives", "a lossy gear", "a gear at the edge of loss", "a wrong zero"],
 )
-def test_derivatives_are_differences_of_the_residual_of_a_whole_robot(
-    beside: list[Effect],
-) -> None:
+def test_derivatives_are_differences_of_the_residual_of_a_whole_robot(beside: list[Effect]) -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
     of_link = {name: 0.05 for name in LinkInertias.null_values(leg, "robot")}
