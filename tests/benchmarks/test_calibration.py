@@ -36,12 +36,8 @@ def test_the_share_that_is_true_is_counted_by_what_was_stated() -> None:
 
 
 def test_large_causes_must_reach_certainty() -> None:
-    results = [
-        result("coulomb_friction", 0.99),
-        result("coulomb_friction", 0.9),
-        result("torque_offset", 0.99),
-        result("coulomb_friction", 0.99, size=2.0),
-    ]
+    results = [result("coulomb_friction", probability) for probability in (0.99, 0.9)]
+    results += [result("torque_offset", 0.99), result("coulomb_friction", 0.99, size=2.0)]
     assert reached(results) == (1, 3)
 
 

@@ -27,10 +27,10 @@ SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.00
 QUICK = (24, 42, 430)
 
 
-def case_of(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> Case:
-    machine = draw_machine(np.random.default_rng(4), "arm2")
+def case_of(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",), family: str = "arm2") -> Case:
+    machine = draw_machine(np.random.default_rng(4), family)
     noise = 0.005 * np.ones(len(machine.driven))
-    runs = tuple(Excitation(kind, 30 + k, 5.0, k) for k, kind in enumerate(kinds))
+    runs = tuple(Excitation(kind, 30 + k, 4.0, k) for k, kind in enumerate(kinds))
     return Case(0, machine, flaws, runs, "fair", SENSORS, noise)
 
 

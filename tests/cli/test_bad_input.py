@@ -85,20 +85,14 @@ def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFacto
 
 @pytest.mark.parametrize(("command", "says"), BAD)
 def test_bad_input_exits_with_two_names_the_way_out_and_writes_nothing(
-    command: str,
-    says: str,
-    room: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: str, says: str, room: Path, monkeypatch: pytest.MonkeyPatch, told: Told
 ) -> None:
     monkeypatch.chdir(room)
     before = {path: path.stat().st_mtime_ns for path in room.rglob("*")}
-    assert main(command.replace("LEG", " ".join(LEG)).split()) == 2
-    captured = capsys.readouterr()
-    assert says in captured.err
-    assert captured.err.startswith("wbc: ")
-    assert "Traceback" not in captured.err
-    assert captured.out == ""
+    said = told(*command.replace("LEG", " ".join(LEG)).split(), code=2)
+    assert says in said
+    assert said.startswith("wbc: ")  # and nothing before it on the standard output
+    assert "Traceback" not in said
     assert {path: path.stat().st_mtime_ns for path in room.rglob("*")} == before
 
 

@@ -64,22 +64,17 @@ def test_a_strangers_files_become_a_verdict(
     assert len(answer.splitlines()) < 60
 
 
-@pytest.mark.parametrize(("first", "second", "sign"), [("a", "b", 1.0), ("knee", "hip", -1.0)])
+@pytest.mark.parametrize(("one", "other", "sign"), [("a", "b", 1.0), ("knee", "hip", -1.0)])
 def test_units_sides_signs_and_joints_are_guessed_from_the_rows(
-    first: str,
-    second: str,
-    sign: float,
-    excited_log: Callable[..., Log],
-    told: Told,
-    tmp_path: Path,
+    one: str, other: str, sign: float, excited_log: Callable[..., Log], told: Told, tmp_path: Path
 ) -> None:
     log = excited_log(duration=6.0)
     foreign = {"t": 1e3 * log.time}
-    for theirs, ours in ((first, "knee"), (second, "hip")):
+    for theirs, ours in ((one, "knee"), (other, "hip")):
         foreign[f"ang_{theirs}_deg"] = np.degrees(log.column(f"{ours}.position"))
         foreign[f"speed_{theirs}"] = 20.0 * log.column(f"{ours}.velocity")
         foreign[f"trq_{theirs}"] = 20.0 * log.column(f"{ours}.rotor_torque")
-    foreign[f"trq_{first}"] *= sign
+    foreign[f"trq_{one}"] *= sign
     path = tmp_path / "run.parquet"
     pq.write_table(pa.table(foreign), path)
     assert "(probability" in told("init", "planar_leg_fixed", path, "--out", tmp_path)

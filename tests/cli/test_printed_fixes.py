@@ -35,14 +35,11 @@ FIXES = [
 ]
 _MODEL = f'name = "leg"\nmodel = "{(ROOT / "robots/planar_leg/planar_leg.urdf").as_posix()}"\n'
 _LOCK = "lock = ['base_x', 'base_z', 'base_pitch']\n"
-_GEARS = "".join(
-    f"""
-    [gears.{joint}]
-    gear_ratio = {{ value = 20.0, unit = "1", source = "data sheet" }}
-    rotor_inertia = {{ value = 6.67e-5, unit = "kg m^2", source = "data sheet" }}
-    """
-    for joint in ("hip", "knee")
-)
+_GEARS = """
+[gears."*"]
+gear_ratio = { value = 20.0, unit = "1", source = "data sheet" }
+rotor_inertia = { value = 6.67e-5, unit = "kg m^2", source = "data sheet" }
+"""
 _FOUND = {"effect": "coulomb_friction", "where": "hip", "parameters": {"level": 0.7}}
 _RIVAL = {"effect": "viscous_friction", "where": "hip", "parameters": {"coefficient": 0.4}}
 _RANKED = {

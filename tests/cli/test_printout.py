@@ -1,5 +1,6 @@
 """What a command prints: the answer first, a screen of detail, all of it when asked."""
 
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -7,45 +8,29 @@ import pytest
 from rich.console import Console
 
 from tests.cli.conftest import LEG, Told
-from wbc import load_robot
+from tests.view.report.test_report import answer
 from wbc.cli import main
 from wbc.cli.models import print_diagnosis
 from wbc.effects import CoulombFriction
-from wbc.identification import (
-    Alternative,
-    Diagnosis,
-    ErrorLevel,
-    Estimate,
-    Finding,
-    OutputLevel,
-    Ranked,
-    Step,
-    Support,
-)
+from wbc.identification import Diagnosis, Estimate, Ranked, Step
 from wbc.identification.open_loop import OpenLoop
-
-
-def finding(joint: str) -> Finding:
-    effect, level = CoulombFriction(joint, 0.5), Estimate(0.5012, "N m", 0.48, 0.52)
-    support, rivals = Support(0.9, 1.0, 0.0, 0.0, explained=True), ("viscous_friction", joint)
-    said = f"level is hardly identifiable at {joint}: 0.1 to 9 N m; move it faster and further"
-    return Finding(effect, {"level": level}, support, (Alternative(*rivals),), (said,))
 
 
 @pytest.fixture(scope="module")
 def long_answer() -> Diagnosis:
     """A robot of thirty joints about which there is much to say."""
-    joints = [f"joint_{k}" for k in range(30)]
-    return Diagnosis(
+    joints, one, findings = [f"joint_{k}" for k in range(30)], answer(), []
+    for joint in joints[:12]:
+        effect, level = CoulombFriction(joint, 0.5), Estimate(0.5012, "N m", 0.48, 0.52)
+        said = f"level is hardly identifiable at {joint}: 0.1 to 9 N m; move it faster and further"
+        parts = {"effect": effect, "parameters": {"level": level}, "warnings": (said,)}
+        findings.append(replace(one.findings[0], **parts))
+    return replace(
+        one,
         verdict="named",
-        findings=tuple(map(finding, joints[:12])),
-        next_experiment="Turn every joint.",
-        error=ErrorLevel(40.0, 1.02, 1.0, "repeats"),
-        outputs=tuple(OutputLevel(joint, "N m", 4.0, 0.1, 0.1, 0.1) for joint in joints),
-        explained=0.98,
+        findings=tuple(findings),
+        outputs=tuple(replace(one.outputs[0], output=joint) for joint in joints),
         steps=tuple(Step("coulomb_friction", joint, 30.0) for joint in joints[:12]),
-        remainder="",
-        robot=load_robot("planar_leg_fixed"),
         warnings=tuple(f"the log run{k}.csv is short" for k in range(20)),
         ranking=tuple(
             Ranked((("backlash", joint),), (), 2.0, 3.0, 0.1, -20.0, "worse") for joint in joints

@@ -27,10 +27,8 @@ def logs(draw: st.DrawFn) -> Log:
     rows = draw(st.integers(2, 30))
     steps = draw(arrays(np.float64, rows, elements=st.floats(1e-4, 0.01)))
     name = st.from_regex(r"[a-z_][a-z0-9_. ,]{0,8}[a-z]", fullmatch=True)
-    names, values = (
-        st.lists(name, min_size=1, unique=True),
-        arrays(np.float64, rows, elements=FINITE),
-    )
+    names = st.lists(name, min_size=1, unique=True)
+    values = arrays(np.float64, rows, elements=FINITE)
     columns = {f"{name}.current": draw(values) for name in draw(names)[:4]}
     return Log(np.cumsum(steps), columns)
 

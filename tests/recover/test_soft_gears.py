@@ -126,22 +126,13 @@ def problem_of(logs: list[Log]) -> EstimationProblem:
 
 KNEE = JointCompliance("knee", 400.0, 1.0)
 TWO = JointCompliance("hip", 800.0, 5.0), JointCompliance("knee", 300.0, 1.5)
+SOFTER = JointCompliance("hip", 400.0, 3.0), JointCompliance("knee", 200.0, 1.0)
 # What is hidden, and by how much a stiffness may miss.
 FITS: dict[str, tuple[tuple[Effect, ...], float]] = {
-    "a payload beside two soft gears": (
-        (
-            JointCompliance("hip", 400.0, 3.0),
-            JointCompliance("knee", 200.0, 1.0),
-            PayloadMass("foot", 0.1),
-        ),
-        0.01,
-    ),
+    "a payload beside two soft gears": ((*SOFTER, PayloadMass("foot", 0.1)), 0.01),
     # The knee swings at 19 Hz; encoders this noisy leave a band of 4 Hz to the residual.
     "noise is not taken for a damped swing": ((JointCompliance("knee", 1500.0, 1.0),), 0.03),
-    "friction of a soft link follows the link's speed": (
-        (KNEE, ViscousFriction("knee", 0.3)),
-        0.01,
-    ),
+    "friction of a soft link follows its speed": ((KNEE, ViscousFriction("knee", 0.3)), 0.01),
     "so does drag": ((KNEE, QuadraticDrag("knee", 0.2)), 0.01),
     "friction of two soft links follows both": (
         (*TWO, CoulombFriction("hip", 0.8), CoulombFriction("knee", 0.4)),

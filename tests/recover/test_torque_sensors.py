@@ -99,9 +99,7 @@ def test_a_formula_behind_the_sensor_knows_nothing_of_the_gear(sensed: list[Log]
 SENSOR_ONLY = """
 model = "{model}"
 lock = ["base_x", "base_z", "base_pitch"]
-[gears.hip]
-torque_sensor = true
-[gears.knee]
+[gears."*"]
 torque_sensor = true
 """
 

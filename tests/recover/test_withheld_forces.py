@@ -5,13 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.corpus.case import Case
-from benchmarks.corpus.excitation import Excitation
-from benchmarks.corpus.families import draw_machine
 from benchmarks.corpus.flaws import Flaw
 from benchmarks.corpus.record import record_cases
-from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.trial import logs_of, robot_of, without_forces
+from tests.benchmarks.test_corpus import case_of
 from tests.moved import waving
 from wbc import Robot, load_robot
 from wbc.dynamics import contact_torque
@@ -23,7 +20,6 @@ from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log
 
-SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
 NAMES = """transmission_efficiency load_friction coulomb_friction viscous_friction torque_constant
 torque_offset rotor_inertia payload_mass center_of_mass"""
 KINDS = [EFFECTS[name] for name in NAMES.split()]
@@ -32,10 +28,8 @@ KNEE = {"forward_efficiency": 0.8, "backward_efficiency": 0.72}
 
 def biped_with(*flaws: Flaw, kinds: tuple[str, ...] = ("multisine",)) -> tuple[Robot, list[Log]]:
     """Return two planar legs that stand, with these flaws, as a plant of its own moves them."""
-    machine = draw_machine(np.random.default_rng(4), "biped")
-    runs = tuple(Excitation(kind, 30 + k, 4.0, k) for k, kind in enumerate(kinds))
-    case = Case(0, machine, flaws, runs, "fair", SENSORS, 0.01 * np.ones(4))
-    return robot_of(case), logs_of(record_cases([(case, runs)])[0])
+    case = case_of(*flaws, kinds=kinds, family="biped")
+    return robot_of(case), logs_of(record_cases([(case, case.excitations)])[0])
 
 
 Biped = tuple[Robot, list[Log]]
@@ -66,11 +60,8 @@ def test_the_losses_of_a_knee_are_named_without_force_sensors(biped: Biped) -> N
 
 def test_a_robot_that_stands_needs_no_flags(biped: Biped) -> None:
     robot, logs = biped
-    with_flags, without = (
-        compare(robot, [without_forces(log, flags=flags) for log in logs])
-        for flags in (True, False)
-    )
-    assert without.error == pytest.approx(with_flags.error)
+    with_flags, bare = ([without_forces(log, flags=f) for log in logs] for f in (True, False))
+    assert compare(robot, bare).error == pytest.approx(compare(robot, with_flags).error)
 
 
 @pytest.mark.parametrize(("feet", "sensors"), [(1, 0), (2, 0), (3, 0), (4, 0), (4, 5), (2, 12)])

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import wbc
 from tests.moved import exact_log
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
+from wbc.view import write_playback
 
 DROP = 0.05
 STEP = 2e-3
@@ -44,6 +46,13 @@ def squat(leg: Robot) -> Log:
     vertical[landing : landing + 3] = [900.0, 500.0, 250.0]
     force = np.stack([0.05 * vertical, np.zeros_like(time), vertical], axis=1)
     return exact_log(leg, Motion(q, v, a, time=time), {"foot": force})
+
+
+@pytest.fixture(scope="session")
+def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The playback of the recording."""
+    path = tmp_path_factory.mktemp("view") / "squat.html"
+    return write_playback(path, leg, squat, marks={"squat": 0.7})
 
 
 @pytest.fixture(scope="module")

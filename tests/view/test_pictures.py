@@ -8,14 +8,7 @@ import pytest
 from PIL import Image
 
 from wbc.errors import ViewError
-from wbc.measurement import Log
-from wbc.robot import Robot
-from wbc.view import write_animation, write_picture, write_playback
-
-
-@pytest.fixture(scope="module")
-def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_playback(tmp_path_factory.mktemp("view") / "squat.html", leg, squat)
+from wbc.view import write_animation, write_picture
 
 
 def has_colour(picture: np.ndarray, rgb: tuple[int, int, int], reach: int) -> bool:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tests.outside import ROOT, outside
+from tests.outside import outside, recorded
 from tests.recover.plant import JOINTS, RATIO, REFLECTED, Flaws, Lane
 from wbc.cli import main
 from wbc.effects import (
@@ -74,7 +74,6 @@ def _log(torque: Torque, seed: int, size: float, noise: float) -> Log:
 
 
 LEG = load_robot("planar_leg_fixed").lossless()
-PENDULUM = "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*"
 
 HIDDEN: dict[str, tuple[Torque, dict[str, dict[str, float]]]] = {
     "friction that differs by direction, and drag of the product of speeds": (
@@ -252,9 +251,7 @@ def test_a_practice_log_of_a_standing_leg_that_lacks_nothing() -> None:
 
 def test_a_ball_screw_rubs_less_in_one_direction() -> None:
     """The published identification has viscous, Coulomb friction and offset; more is there."""
-    columns = ROOT / "robots" / "emps" / "columns.toml"
-    (log,) = load_logs([outside("emps/emps_estimation.parquet")], columns)
-    slide = load_robot("emps")
+    slide, (log,) = recorded("emps")
     rubs = ViscousFriction("slide", 203.5034), CoulombFriction("slide", 20.3935)
     published = slide.with_effects(*rubs, TorqueOffset("slide", 3.1648))
     end = int(0.6 * len(log))
@@ -270,9 +267,7 @@ def test_a_ball_screw_rubs_less_in_one_direction() -> None:
 
 
 def test_a_double_pendulum_on_trajectories_that_nobody_fitted() -> None:
-    columns = ROOT / "robots" / "double_pendulum" / "columns.toml"
-    given = load_logs([outside(PENDULUM)], columns)
-    arm = load_robot("double_pendulum")
+    arm, given = recorded("double_pendulum")
     found = discover(arm, given[::4])
     assert found.outcome == "partial"
     for proposal in found.proposals:

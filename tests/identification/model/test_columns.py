@@ -47,11 +47,8 @@ def problem(request: pytest.FixtureRequest) -> EstimationProblem:
 def _others(robot: Robot) -> Sequence[Effect]:
     """Return drives, and a lossy gear, beside which columns are different ones."""
     first, second, *_ = robot.transmission.joints
-    return (
-        TorqueConstant(first, 1.3),
-        CurrentLimit(second, 1.0),
-        TransmissionEfficiency(second, 0.7, 0.6),
-    )
+    drives = TorqueConstant(first, 1.3), CurrentLimit(second, 1.0)
+    return *drives, TransmissionEfficiency(second, 0.7, 0.6)
 
 
 @pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside drives and a lossy gear"])

@@ -19,13 +19,8 @@ TIME = np.arange(0.0, 6.0, STEP)
 
 def test_every_way_a_drive_reports_torque_ends_on_the_rotor() -> None:
     time, constants = np.arange(3.0), np.array([np.nan, np.nan, 0.1])
-    sizes = {
-        "a.rotor_torque": 1.0,
-        "a.motor_torque": 100.0,
-        "b.motor_torque": 1.0,
-        "c.current": 1.0,
-    }
-    columns = {name: size * time for name, size in sizes.items()}
+    columns = {name: time for name in ("a.rotor_torque", "b.motor_torque", "c.current")}
+    columns["a.motor_torque"] = 100.0 * time
     log = Log(time, columns, LogSource(ignored=("tau_x",)))
     ratios, joints = np.array([20.0, -6.0, 9.0]), ("a", "b", "c")
     gears = Transmission(joints, ratios, np.zeros(3), torque_constant=constants)

@@ -8,38 +8,16 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.moved import moved
-from tests.outside import foreign, outside
+from tests.outside import RECORDED, foreign, outside, recorded
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
 from wbc.identification.readings.robot_checks import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
-from wbc.robot.library import robots_directory
 from wbc.sim.excitation import record_with
 
 LEG = load_robot("planar_leg_fixed").lossless()
-RECORDED = {
-    "double_pendulum": "dfki_double_pendulum/double_pendulum.parquet#A.0/trajectory*",
-    "double_pendulum_c0": "dfki_double_pendulum/double_pendulum.parquet#C.0/*",
-    "double_pendulum_c1": "dfki_double_pendulum/double_pendulum.parquet#C.1/*",
-    "emps": "emps/emps_estimation.parquet",
-    "staubli_tx40": "staubli_tx40/tx40.parquet",
-    "tiago": "tiago/tiago.parquet",
-    "go2": "go2_position_control/go2_air.parquet",
-    "ricmonk": "ricmonk/TVLQR_?xForward*.parquet",
-    "xl330_pendulum": "bam_servo/bam.parquet#xl330*",
-}
-
-
-def recorded(name: str) -> tuple[Robot, tuple[Log, ...]]:
-    file, mark, part = RECORDED[name].partition("#")
-    folder = outside(file.partition("/")[0])
-    paths = [f"{path}{mark}{part}" for path in sorted(folder.glob(file.partition("/")[2]))]
-    robot = load_robot(name)
-    gears = robot.transmission
-    ratios = dict(zip(gears.joints, map(float, gears.gear_ratio), strict=True))
-    return robot, load_logs(paths, robots_directory() / name / "columns.toml", gear_ratios=ratios)
 
 
 def practice(case: str, letters: str) -> tuple[Log, ...]:
@@ -70,7 +48,8 @@ ARM = "strangers/11_duplicate_stamps"
 JOINTS = ("yaw", "shoulder", "elbow")
 
 
-Arm = tuple[Robot, tuple[Log, ...]]
+Logs = tuple[Log, ...]
+Arm = tuple[Robot, Logs]
 
 
 @pytest.fixture(scope="module")
@@ -127,12 +106,7 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("name", "columns", "severity", "says"), MISTAKES)
 def test_a_mistake_in_all_logs_of_a_machine_is_named(
-    name: str,
-    columns: dict[str, dict[str, float]],
-    severity: str,
-    says: str,
-    arm: Arm,
-    leg: tuple[Log, ...],
+    name: str, columns: dict[str, dict[str, float]], severity: str, says: str, arm: Arm, leg: Logs
 ) -> None:
     robot, logs = {"arm": arm, "leg": (LEG, leg)}.get(name) or recorded(name)
     wrong = [mended(log, {"columns": columns}) for log in logs[:3]]
@@ -253,11 +227,8 @@ def test_friction_far_above_the_need_of_a_flange_is_no_other_unit(
         "<body name='flange' pos='0 0 -.4'><joint name='wrist' axis='0 1 0'/>"
         f"<inertial pos='0 0 0' mass='.3' {flange}/></body></body></worldbody></mujoco>"
     )
-    gear = "".join(
-        f'[gears.{j}]\ngear_ratio = {{ value = 1.0, unit = "1", source = "given" }}\n'
-        'rotor_inertia = { value = 0.0, unit = "kg m^2", source = "given" }\n'
-        for j in ("shoulder", "wrist")
-    )
+    gear = '[gears."*"]\ngear_ratio = { value = 1.0, unit = "1", source = "given" }\n'
+    gear += 'rotor_inertia = { value = 0.0, unit = "kg m^2", source = "given" }\n'
     (tmp_path / "robot.toml").write_text(f'name = "arm"\nmodel = "arm.xml"\nbase = "fixed"\n{gear}')
     robot = load_robot(tmp_path / "robot.toml")
     waves = [[(1.0, r, 0.0), (0.4, 2.0 * r, 0.0)] for r in (1.1, 1.7)]

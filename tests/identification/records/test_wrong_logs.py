@@ -56,9 +56,8 @@ def test_a_base_that_moves_is_told_to_a_robot_that_believes_it_fixed(
     assert compare(LEG, held).warnings == ()
     free = held[1].with_columns({column: 0.5 + noise + 0.01 * np.sin(3.0 * time)})
     (warning,) = compare(LEG, [held[0], free]).warnings
-    assert warning.startswith(
-        f"run1.csv: the base moves ({column.removesuffix('.position')} by 0.02"
-    )
+    place = column.removesuffix(".position")
+    assert warning.startswith(f"run1.csv: the base moves ({place} by 0.02")
     assert "'planar_leg_fixed' is fixed" in warning
     assert moving_bases(load_robot("planar_leg"), [free]) == []
 

@@ -20,10 +20,10 @@ KNEE = 1
 ROBOT = wbc.load_robot("planar_leg_fixed").lossless()
 
 
-def swing(robot: Robot) -> Log:
-    """Eight seconds of the fixed leg, exact motion and the torques `robot` needs for it."""
+def swing(robot: Robot, noise: float = 0.0, seed: int = 0) -> Log:
+    """Eight seconds of the fixed leg, exact motion and the torques `robot` needs, with noise."""
     waves = [[(0.5, rate, 0.0)] for rate in (2.1, 3.3)]
-    return moved(robot, np.arange(0.0, 8.0, 2e-3), waves, noise=(0.0, 0.0, 0.0))
+    return moved(robot, np.arange(0.0, 8.0, 2e-3), waves, noise=(0.0, 0.0, noise), seed=seed)
 
 
 def test_a_right_model_lies_on_the_measurement() -> None:
@@ -83,16 +83,7 @@ def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 def test_residuals_before_and_after_and_their_plots() -> None:
     truth = ROBOT.with_effect(CoulombFriction("hip", 0.7))
-    rng = np.random.default_rng(0)
-    clean = swing(truth)
-    torques = [name for name in clean.names if "torque" in name]
-    logs = [
-        clean.with_columns(
-            {n: clean.column(n) + 2e-3 * rng.standard_normal(len(clean)) for n in torques}
-        )
-        for _ in range(2)
-    ]
-    problem = EstimationProblem.from_logs(ROBOT, logs)
+    problem = EstimationProblem.from_logs(ROBOT, [swing(truth, 2e-3, seed) for seed in (0, 1)])
     given, fitted = (series_of(one, problem.records) for one in (ROBOT, truth))
     plots = residual_plots(problem, given, fitted)
     assert [panel["output"] for panel in plots["panels"]] == ["hip", "knee"]

@@ -32,12 +32,6 @@ def floats(text: str, *shape: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def page(leg: Robot, squat: Log, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("view") / "squat.html"
-    return write_playback(path, leg, squat, marks={"squat": 0.7})
-
-
-@pytest.fixture(scope="module")
 def scene(page: Path) -> dict:
     return scene_of(page)
 

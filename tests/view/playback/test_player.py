@@ -111,23 +111,16 @@ def test_the_next_mark_is_the_impact_and_its_force_shows_with_its_cone(
     tab: Any, squat: Log
 ) -> None:
     tab.evaluate("player.seek(0)")
+    assert tab.inner_text("#mark") == "next impact"
     tab.click("#mark")
     landing = squat.time[np.argmax(squat.column("foot.force.z") > 0.0)]
     assert tab.evaluate("player.time") == pytest.approx(landing, abs=1.0 / 60.0)
-    assert tab.inner_text("#note").startswith("impact of foot, 9")
+    note = tab.inner_text("#note")  # impact of foot, 9... N at ... s
+    assert note.startswith("impact of foot, 9")
     assert tab.evaluate("player.visible(['contacts', 'foot', 'shaft'])")
     assert colour_of(tab, "contacts", "foot", "cone") == pytest.approx(rgb(YELLOW), abs=0.01)
-    tab.get_by_label("cones").uncheck()
-    assert not tab.evaluate("player.visible(['contacts', 'foot', 'cone'])")
-    tab.get_by_label("cones").check()
-
-
-def test_the_force_of_an_impact_stands_at_its_arrow_as_a_number(tab: Any) -> None:
-    tab.evaluate("player.seek(0)")
-    assert tab.inner_text("#mark") == "next impact"
-    tab.click("#mark")
+    # The force stands at its arrow as a number.
     label = tab.locator(".force")
-    note = tab.inner_text("#note")  # impact of foot, 9... N at ... s
     assert label.inner_text() == f"{note.split(', ')[1].split(' at')[0]} (arrow cut)"
     box = label.bounding_box()
     assert min(box["x"], box["y"]) >= 0.0
@@ -198,11 +191,12 @@ def test_joints_take_the_colour_of_power_or_of_the_residual(tab: Any, leg: Robot
     tab.get_by_label("residual").check()
 
 
-def test_the_ghost_can_be_hidden(tab: Any) -> None:
-    assert tab.evaluate("player.visible(['ghost'])")
-    tab.get_by_label("ghost").uncheck()
-    assert not tab.evaluate("player.visible(['ghost'])")
-    tab.get_by_label("ghost").check()
+def test_what_is_unchecked_is_hidden(tab: Any) -> None:
+    tab.evaluate("player.seek(0), document.getElementById('mark').click()")
+    for box, path in (("ghost", ["ghost"]), ("cones", ["contacts", "foot", "cone"])):
+        for shown in (False, True):
+            tab.get_by_label(box).set_checked(shown)
+            assert tab.evaluate("path => player.visible(path)", path) == shown
 
 
 def test_a_phone_shows_it_too_and_nothing_was_asked_of_the_network(tab: Any) -> None:
