@@ -124,13 +124,14 @@ def report(
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
     limit = _INERTIA * inertia / size
     count = min(samples, MOST_SAMPLES)
-    gains, left, heavy = _likelihoods(reduced, GAINS / size, rotor, limit, count)
+    held = _Held(reduced, _Subsets.of(reduced[:, :-3]))
+    gains, left, heavy = _likelihoods(held, GAINS / size, rotor, limit, count)
     ratios = np.zeros(_RATIOS.size)
     if rotor > 0.0:
         inertias = rotor / size * _RATIOS ** (power + 2.0)
-        ratios = log_likelihood(_held(reduced, _RATIOS**power / size, inertias), count)
+        ratios = log_likelihood(held.left(_RATIOS**power / size, inertias), count)
     best = int(np.argmax(gains))
-    rest, found = _positive(reduced[:, :-1], reduced[:, -1:])
+    rest, found = _Subsets.of(reduced[:, :-1]).fitted(reduced[:, -1:])
     share = abs(float(found[-1, 0] * reduced[-2, -2]))  # of the report, that only the need explains
     whole = drawn + rotor * need.change[:, joint]
     own, target = reduced[:, :-2] / size, reduced[:, -1]
@@ -243,22 +244,24 @@ def need_columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _likelihoods(
-    reduced: FloatArray, gains: FloatArray, rotor: float, limit: float, count: float
+    given: _Held, gains: FloatArray, rotor: float, limit: float, count: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the log likelihood at each gain, the share of power left there, and `heavy`.
 
     A rotor unlike its data sheet has its price.
     """
-    free, found = _positive(reduced[:, :-2], reduced[:, -1:] - gains * reduced[:, -2:-1])
+    reduced = given.reduced
+    targets = reduced[:, -1:] - gains * reduced[:, -2:-1]
+    free, found = _Subsets.of(reduced[:, :-2]).fitted(targets)
     left, inertia, over = free.copy(), np.minimum(found[-1], limit), found[-1] > limit
-    left[over] = _held(reduced, gains[over], inertia[over])
+    left[over] = given.left(gains[over], inertia[over])
     likelihood = log_likelihood(left, count)
     if rotor <= 0.0:
         turned = log_likelihood(free[_USUAL], count)
         return likelihood, left, float(logsumexp(GAIN_PRIOR[_USUAL] + turned))
     size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
     price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    held = log_likelihood(_held(reduced, gains, gains * rotor), count)
+    held = log_likelihood(given.left(gains, gains * rotor), count)
     return np.maximum(likelihood + price, held), left, -inf
 
 
@@ -267,33 +270,48 @@ def log_likelihood(left: FloatArray, count: FloatArray | float) -> FloatArray:
     return np.asarray(-0.5 * count * np.log(np.minimum(left, _WORST) + _PHYSICS))
 
 
-def _held(reduced: FloatArray, gains: FloatArray, inertias: FloatArray) -> FloatArray:
-    """Return the share of power left at each gain and coefficient of the acceleration."""
-    targets = reduced[:, -1:] - gains * reduced[:, -2:-1] - inertias * reduced[:, -3:-2]
-    return _positive(reduced[:, :-3], targets)[0]
+class _Subsets(NamedTuple):
+    """Subsets of a few causes, solved for any target; no cause but the first may be below zero.
 
-
-def _positive(causes: FloatArray, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what causes leave of each target at least, (G,) squares, and their coefficients.
-
-    None but the first, the offset, may be below zero. So few causes have few subsets: the best
-    coefficients are the least squares of one of them.
-
-    Args:
-        causes: (R, n).
-        targets: (R, G).
-
-    Returns:
-        (G,), (n, G).
+    The first is the offset. So few causes have few subsets: the best coefficients are the least
+    squares of one of them.
     """
-    used = np.array([(1.0, *others) for others in product((0.0, 1.0), repeat=causes.shape[1] - 1)])
-    subsets = causes * used[:, None]
-    found = (np.linalg.pinv(subsets, rcond=ROUNDING) @ targets) * used[:, :, None]
-    left = np.sum((targets - subsets @ found) ** 2, axis=1)
-    left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
-    best = np.argmin(left, axis=0)
-    each = np.arange(best.size)
-    return left[best, each], found[best, :, each].T
+
+    columns: FloatArray
+    """(S, R, n) of each subset, zero where a cause is not in it."""
+    inverses: FloatArray
+    """(S, n, R), likewise."""
+
+    @classmethod
+    def of(cls, causes: FloatArray) -> _Subsets:
+        """Solve the subsets of causes (R, n)."""
+        others = product((0.0, 1.0), repeat=causes.shape[1] - 1)
+        used = np.array([(1.0, *other) for other in others])
+        columns = causes * used[:, None]
+        return cls(columns, np.linalg.pinv(columns, rcond=ROUNDING) * used[:, :, None])
+
+    def fitted(self, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what is left of targets (R, G) at least, (G,) squares, and coefficients (n, G)."""
+        found = self.inverses @ targets
+        left = np.sum((targets - self.columns @ found) ** 2, axis=1)
+        left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
+        best = np.argmin(left, axis=0)
+        each = np.arange(best.size)
+        return left[best, each], found[best, :, each].T
+
+
+class _Held(NamedTuple):
+    """A report whose gain and coefficient of the acceleration are given."""
+
+    reduced: FloatArray
+    """(R, 7) causes, need and report; the last of the causes is the acceleration."""
+    others: _Subsets
+    """The causes but the acceleration."""
+
+    def left(self, gains: FloatArray, inertias: FloatArray) -> FloatArray:
+        """Return the share of power left at each gain and coefficient of the acceleration."""
+        need, change = self.reduced[:, -2:-1], self.reduced[:, -3:-2]
+        return self.others.fitted(self.reduced[:, -1:] - gains * need - inertias * change)[0]
 
 
 class Judged(NamedTuple):

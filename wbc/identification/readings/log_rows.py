@@ -287,10 +287,9 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
         change += motion.acceleration
     missing = (link_torque(robot, motion) - contacts)[:, :_BASE]
     data = robot.model.createData()
-    for row, (q, wrench) in enumerate(zip(motion.position, missing, strict=True)):
-        inertia = pin.crba(robot.model, data, q)[:_BASE, :_BASE]
-        whole = np.triu(inertia) + np.triu(inertia, 1).T
-        change[row, :_BASE] -= np.linalg.solve(whole, wrench)
+    upper = [pin.crba(robot.model, data, q)[:_BASE, :_BASE].copy() for q in motion.position]
+    inertia = np.triu(upper) + np.swapaxes(np.triu(upper, 1), 1, 2)
+    change[:, :_BASE] -= np.linalg.solve(inertia, missing[:, :, None])[:, :, 0]
     return change
 
 
