@@ -5,9 +5,8 @@ import pinocchio as pin
 import pytest
 
 import wbc.control
-from wbc import control
+from wbc import control, load_robot
 from wbc.control.checking import check_contact, check_task
-from wbc.effects import load_robot
 
 SOLO = load_robot("solo12")
 LEG = load_robot("planar_leg")

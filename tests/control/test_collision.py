@@ -11,10 +11,9 @@ from scipy.spatial import ConvexHull
 
 from sims.legged import feet
 from tests.control.scenes import moved_on, place_of, still, trunk
-from wbc import control
+from wbc import control, load_robot
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.collision import CollisionRows
-from wbc.effects import load_robot
 from wbc.errors import ControlError
 
 TALOS = load_robot("talos")

@@ -14,9 +14,8 @@ import qpsolvers
 from scipy.linalg import block_diag
 
 from tests.control import scenes
-from wbc import control
+from wbc import control, load_robot
 from wbc.dynamics import dissipative_equation, evaluate
-from wbc.effects import load_robot
 from wbc.robot import Motion
 
 REGULARISATION = 1e-6

@@ -10,11 +10,10 @@ import pytest
 from sims.legged import feet
 from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
 from tests.sim.random_robots import geared
-from wbc import control
+from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp.level import Level, Refusal
 from wbc.control.qp.solvers import solve
-from wbc.effects import load_robot
 from wbc.robot import Motion
 
 ROBOTS = ["solo12", "talos"]

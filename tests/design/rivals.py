@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from wbc import Robot, load_robot
 from wbc.design.experiment import MotionLimits, Rivals, parse_cause
-from wbc.effects import load_robot
-from wbc.robot import Robot
 
 LEG = load_robot("planar_leg_fixed").lossless()
 LIMITS = MotionLimits.of(LEG, span=1.0, speed=6.0)

@@ -44,10 +44,8 @@ def planned(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     name, out = request.param, tmp_path_factory.mktemp("planned") / "set points.csv"
     odds = out.with_name("odds.json")
     joint, link = ROBOTS[name]
-    heavy, load = (
-        f"rotor_inertia@{joint}:reflected_inertia={ROTOR}",
-        f"payload_mass@{link}:mass={LOAD}",
-    )
+    heavy = f"rotor_inertia@{joint}:reflected_inertia={ROTOR}"
+    load = f"payload_mass@{link}:mass={LOAD}"
     options = f"--lossless --span {SPAN} --speed {SPEED} --acceleration {ACCELERATION} --rounds 1"
     options += f" --rate {RATE} --duration {DURATION} --noise 0.05"
     files = ["--out", str(out), "--json", str(odds)]
@@ -193,10 +191,8 @@ def distance_to_wall(robot: Robot, positions: np.ndarray) -> float:
     box, rod = coal.Box(*(2.0 * _HALF)), coal.Cylinder(0.02, 0.26)
     least, still, asked = np.inf, coal.Transform3s(np.eye(3), _WALL), coal.DistanceRequest()
     for one, two in positions:
-        elbow, turn = (
-            0.3 * np.array([-np.sin(one), 0.0, -np.cos(one)]),
-            pin.utils.rotate("y", one + two),
-        )
+        elbow = 0.3 * np.array([-np.sin(one), 0.0, -np.cos(one)])
+        turn = pin.utils.rotate("y", one + two)
         here = coal.Transform3s(turn, elbow - 0.15 * turn[:, 2])
         least = min(least, coal.distance(box, still, rod, here, asked, coal.DistanceResult()))
     return float(least)

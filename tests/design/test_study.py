@@ -9,9 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from wbc import design
+from wbc import design, load_robot
 from wbc.cli import main
-from wbc.effects import load_robot
 from wbc.errors import DesignError, WbcError
 from wbc.metrics import sweep
 

@@ -11,11 +11,10 @@ import pytest
 from tests.control.scenes import center_of_mass, random_state
 from tests.reference.test_mujoco import leg_model
 from tests.sim.random_robots import geared
+from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, dissipative_equation, evaluate, redundant_model
-from wbc.effects import load_robot
 from wbc.errors import TransmissionError
-from wbc.robot import Robot
 
 
 def lossy(robot: Robot, rng: np.random.Generator) -> Robot:

@@ -8,9 +8,8 @@ import pytest
 
 from tests.control.scenes import random_state
 from tests.sim.random_robots import geared
-from wbc import dynamics
+from wbc import dynamics, load_robot
 from wbc.arrays import FloatArray
-from wbc.effects import load_robot
 from wbc.errors import DynamicsError, RobotError
 from wbc.robot import Motion, Robot
 

@@ -8,10 +8,11 @@ import pinocchio as pin
 import pytest
 
 from tests.effects.test_effect_catalogue import away_from_null
+from tests.reference.test_mujoco import plant_run, run
 from wbc import Robot, effects, load_robot
 from wbc.cli import main
 from wbc.export import export_robot
-from wbc.sim import Plane, Plant, SimState, simulate
+from wbc.sim import Plane, Plant
 
 _DURATION, _STEP = 0.6, 2e-4  # [s]; no joint reaches its stop
 
@@ -26,18 +27,13 @@ SAID = (  # what MJCF can say
 )
 
 
-def motor_torque(time: float) -> np.ndarray:
+def motor_torque(time: float, *_: np.ndarray) -> np.ndarray:
     """Return what both motors are asked for, at their outputs [N m]."""
     return np.array([4.0 * np.sin(5.0 * time), 3.0 * np.cos(4.0 * time)])
 
 
 def ours(robot: Robot, q: np.ndarray) -> np.ndarray:
-    plant, ratio = Plant(robot, terrain=Plane(height=-10.0)), robot.transmission.gear_ratio
-
-    def asked(state: SimState) -> np.ndarray:
-        return motor_torque(state.time + 0.5 * _STEP) / ratio
-
-    return simulate(plant, asked, plant.state(q), _DURATION, dt=_STEP).state.position
+    return plant_run(Plant(robot, Plane(height=-10.0)), q, motor_torque, _STEP, _DURATION)
 
 
 def theirs(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -48,12 +44,7 @@ def theirs(robot: Robot, q: np.ndarray) -> np.ndarray:
     # As stiff a dry friction as the step allows.
     model.dof_solref[:], model.dof_solimp[:] = [2.0 * _STEP, 1.0], [0.999, 0.9999, 1e-3, 0.5, 2.0]
     model.tendon_solref_fri[:] = [2.0 * _STEP, 1.0]
-    data = mujoco.MjData(model)
-    data.qpos[:] = q
-    for tick in range(round(_DURATION / _STEP)):
-        data.ctrl[:] = motor_torque((tick + 0.5) * _STEP)
-        mujoco.mj_step(model, data)
-    return np.array(data.qpos)
+    return run(model, q, motor_torque, _DURATION)
 
 
 def test_mujoco_moves_the_exported_leg_as_our_plant_does() -> None:

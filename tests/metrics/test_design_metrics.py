@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from tests.sim.random_robots import geared
-from wbc import metrics
-from wbc.effects import load_robot
+from wbc import Robot, load_robot, metrics
 from wbc.errors import DynamicsError, TransmissionError
-from wbc.robot import Robot
 
 LEG, ARM = load_robot("planar_leg"), load_robot("planar_leg_fixed")
 ROUNDING = {"rtol": 1e-9, "atol": 1e-12}

@@ -5,10 +5,8 @@ import pytest
 from scipy.optimize import linprog
 
 from tests.sim.random_robots import geared
-from wbc import metrics
+from wbc import Robot, load_robot, metrics
 from wbc.dynamics import evaluate
-from wbc.effects import load_robot
-from wbc.robot import Robot
 from wbc.transmission import mesh_input_interval
 
 POSE = {"hip": -0.5, "knee": 1.1}

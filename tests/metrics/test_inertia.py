@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from tests.sim.random_robots import geared
-from wbc import metrics
+from wbc import load_robot, metrics
 from wbc.dynamics import dissipative_equation, evaluate
-from wbc.effects import load_robot
 from wbc.sim import Plant
 
 POSE = {"hip": -0.4, "knee": 0.9}

@@ -10,10 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wbc import metrics
+from wbc import Robot, load_robot, metrics
 from wbc.dynamics import evaluate
-from wbc.effects import load_robot
-from wbc.robot import Robot
 
 POSE = {"hip": -np.pi / 6, "knee": np.pi / 3}
 UP = (0.0, 1.0)

@@ -68,8 +68,9 @@ ARMATURE, DRIVEN = float(LEG.transmission.reflected_inertia[0]), LEG.actuated
 STAND = LEG.configuration(hip=-0.5, knee=1.0, base_z=2 * 0.4 * np.cos(0.5))
 
 
-def _plant_run(position, torque, step, duration) -> np.ndarray:
-    plant, ratio = Plant(LEG), LEG.transmission.gear_ratio
+def plant_run(plant: Plant, position, torque, step, duration) -> np.ndarray:
+    """Return q after `duration` in our plant under the same joint torques."""
+    ratio = plant.robot.transmission.gear_ratio
 
     def held(state):
         return torque(state.time + 0.5 * step, state.position, state.velocity) / ratio
@@ -97,7 +98,7 @@ def test_free_motion_converges_to_mujoco_at_first_order() -> None:
     start = LEG.configuration(hip=0.4, knee=-0.9, base_z=5.0)
     model = leg_model(2.5e-5, armature=ARMATURE, ground=False, integrator="RK4")
     truth = run(model, start, _swing, 0.5)
-    ends = [_plant_run(start, _swing, step, 0.5) for step in (2e-3, 1e-3, 5e-4)]
+    ends = [plant_run(Plant(LEG), start, _swing, step, 0.5) for step in (2e-3, 1e-3, 5e-4)]
     _halves([np.abs(end - truth).max() for end in ends], 5e-3)
 
 
@@ -105,5 +106,5 @@ def test_sticking_contact_converges_to_mujoco() -> None:
     gaps = []
     for step in (1e-3, 5e-4, 2.5e-4):
         theirs = run(leg_model(step, armature=ARMATURE, ground=True), STAND, _squat, 0.4)
-        gaps.append(np.abs(_plant_run(STAND, _squat, step, 0.4) - theirs).max())
+        gaps.append(np.abs(plant_run(Plant(LEG), STAND, _squat, step, 0.4) - theirs).max())
     _halves(gaps, 1e-3)

@@ -13,9 +13,8 @@ import pytest
 
 from sims.leg import balanced_pose, with_gears
 from tests.sim.random_robots import geared, random_robot, softened
-from wbc import load_robot
+from wbc import Robot, load_robot
 from wbc.effects import EFFECTS, CoulombFriction, ViscousFriction
-from wbc.robot import Robot
 from wbc.sim import Box, HeightField, Plane, Plant, SimState, Sphere, Stairs, Together
 
 DATA = Path(__file__).with_name("frozen.json")
