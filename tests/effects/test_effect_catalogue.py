@@ -153,10 +153,6 @@ def test_a_users_effect_is_asked_once_for_all_places_where_it_can_be(
 
 
 def test_a_size_of_two_digits_has_no_exponent() -> None:
-    for level, said in (
-        (162.3, "160 N m"),
-        (20.6, "21 N m"),
-        (0.5012, "0.5 N m"),
-        (1234.0, "1200"),
-    ):
+    sizes = {162.3: "160 N m", 20.6: "21 N m", 0.5012: "0.5 N m", 1234.0: "1200"}
+    for level, said in sizes.items():
         assert f"Coulomb friction of {said}" in CoulombFriction("knee", level).said()

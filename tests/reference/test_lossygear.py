@@ -1,12 +1,12 @@
 """The time step against the three LossyGear demos of the Modelica Standard Library."""
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from pyarrow.csv import read_csv
 
 from tests.outside import outside
 from tests.sim.bodies import one_joint
@@ -63,12 +63,8 @@ def demo(number: int) -> Demo:
 
 def reference(number: int) -> np.ndarray:
     """Return rows (time, phi, w) of Dymola's result."""
-    with outside(f"lossygear/lossygear_demo{number}.csv").open() as file:
-        rows = list(csv.reader(file))
-    header = [name.strip().strip('"').lower() for name in rows[0]]
-    names = "time", "inertia2.phi", "inertia2.w"
-    picked = [next(i for i, h in enumerate(header) if h.startswith(name)) for name in names]
-    return np.array([[float(row[i]) for i in picked] for row in rows[1:]])
+    table = read_csv(outside(f"lossygear/lossygear_demo{number}.csv"))
+    return np.column_stack([table[name] for name in ("time", "Inertia2.phi", "Inertia2.w")])
 
 
 def _stepped(number: int, step: float) -> tuple[np.ndarray, ...]:

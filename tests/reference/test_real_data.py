@@ -14,7 +14,7 @@ from tests.outside import ROOT, outside
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.measurement import Log, load_logs
-from wbc.robot import Motion, Robot
+from wbc.robot import Motion
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
@@ -33,11 +33,6 @@ def logs_of(robot: str, name: str) -> tuple[Log, ...]:
 
 def low_pass(values: np.ndarray, rate: float, cutoff: float) -> np.ndarray:
     return sosfiltfilt(butter(4, cutoff / (0.5 * rate), output="sos"), values, axis=0)
-
-
-def channels(log: Log, robot: Robot, quantity: str, time: np.ndarray) -> np.ndarray:
-    names = [f"{joint}.{quantity}" for joint in robot.joints]
-    return np.stack([np.interp(time, log.time, log.columns[name]) for name in names], axis=1)
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -65,15 +60,15 @@ def rms_of_published(name: str, path: str, cutoff: float) -> tuple[np.ndarray, n
     """Return rms torque errors per joint [N m] of a robot as given and as published."""
     (log,) = logs_of(name, path)
     given = load_robot(ROOT / "robots" / name / "robot.toml")
-    rate = 1.0 / float(np.median(np.diff(log.time)))
-    position = low_pass(channels(log, given, "position", log.time), rate, cutoff)
+    rate = 1.0 / log.sample_time
+    position = low_pass(log.stack("position", given.joints), rate, cutoff)
     velocity = np.gradient(position, 1.0 / rate, axis=0)
     motion = Motion(position, velocity, np.gradient(velocity, 1.0 / rate, axis=0))
     gears = given.transmission
     if f"{given.joints[0]}.rotor_torque" in log.columns:
-        measured = channels(log, given, "rotor_torque", log.time)
+        measured = log.stack("rotor_torque", given.joints)
     else:
-        measured = channels(log, given, "motor_torque", log.time) / gears.gear_ratio
+        measured = log.stack("motor_torque", given.joints) / gears.gear_ratio
     thin, errors = slice(int(rate), -int(rate), int(0.02 * rate)), []
     for robot in (given, load_robot(ROOT / "robots" / name / "published.toml")):
         needed, _ = rotor_torque(robot, motion, link_torque(robot, motion))
@@ -117,8 +112,8 @@ def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
     (log,) = logs_of("staubli_tx40", "staubli_tx40/tx40.parquet")
     robot = load_robot("staubli_tx40")
     gears, rate = robot.transmission, 5000.0
-    position = low_pass(channels(log, robot, "position", log.time), rate, 50.0)
-    rotors = channels(log, robot, "rotor_position", log.time)
+    position = low_pass(log.stack("position", robot.joints), rate, 50.0)
+    rotors = log.stack("rotor_position", robot.joints)
     # Zero positions shift the motors by a constant only.
     model = position @ gears.motor_from_joint.T * gears.gear_ratio
     assert np.ptp(model - low_pass(rotors, rate, 50.0), axis=0).max() < 1e-3

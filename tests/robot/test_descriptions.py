@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.control import Controller, PostureTask, RotorTorqueLimit
-from wbc.control import JointLimit as Limit
+from wbc.control import Controller, PostureTask
 from wbc.effects import load_robot
 from wbc.errors import RobotError, TransmissionError, WbcError
 from wbc.robot import Motion, find_description, robot_names, robots_directory
@@ -265,15 +264,3 @@ def test_a_closed_chain_is_refused_by_controller_and_plant_unless_cut(tmp_path: 
     command = Controller(robot, [PostureTask.of(robot)]).step(Motion(np.zeros(3), np.zeros(3)))
     assert command.status.usable
     Plant(robot)
-
-
-def test_a_joint_limit_without_arguments_is_that_of_the_robot(tmp_path: Path) -> None:
-    robot = load_robot(described(tmp_path, HEAD + EVERY))
-    stop = Motion(np.array([0.0, 1.999, 0.0]), np.array([0.0, 0.5, 0.0]))
-    tasks = [PostureTask.of(robot, ("hip", "motor")), PostureTask.of(robot, ("knee",), name="knee")]
-    one, other = (
-        Controller(robot, tasks, limits=[RotorTorqueLimit(), limit]).step(stop)
-        for limit in (Limit(), Limit.of(robot))
-    )
-    np.testing.assert_array_equal(one.rotor_torque, other.rotor_torque)
-    assert one.acceleration[1] < -80.0
