@@ -1,8 +1,5 @@
 """The time step against the three LossyGear demos of the Modelica Standard Library."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,16 +10,6 @@ from tests.sim.bodies import one_joint
 from wbc.effects import CoulombFriction
 from wbc.robot import Robot
 from wbc.sim import Plant
-
-
-@dataclass(frozen=True)
-class Demo:
-    """Inputs and initial speed of one demo; see the README beside the data."""
-
-    robot: Robot
-    rotor_torque: Callable[[float], np.ndarray]
-    external: Callable[[float], np.ndarray]
-    speed: float
 
 
 def _robot(rotor: float, link: float, ratio: float, efficiency: float, **friction: float) -> Robot:
@@ -49,16 +36,21 @@ def _ramp(time: float) -> np.ndarray:
     return np.array([-10.0 + 2.5 * time])
 
 
-def demo(number: int) -> Demo:
-    """Return demo 1, 2 or 3."""
-    if number == 1:
-        return Demo(_robot(1.0, 1.5, 2.0, 0.5), _swinging, _ramp, 0.0)
-    if number == 2:
-        robot = _robot(1.0, 1.5, 2.0, 0.5, coulomb=0.5, viscous=0.5)
-        return Demo(robot, _swinging, _ramp, 0.0)
+def _nothing(_: float) -> np.ndarray:
+    return np.zeros(1)
+
+
+def _late(time: float) -> np.ndarray:
+    return np.array([0.0 if time < 0.5 else 1.0])
+
+
+# Robot, rotor torque, torque on the link, first speed and duration; see the README of the data.
+DEMOS = {
+    1: (_robot(1.0, 1.5, 2.0, 0.5), _swinging, _ramp, 0.0, 0.5),
+    2: (_robot(1.0, 1.5, 2.0, 0.5, coulomb=0.5, viscous=0.5), _swinging, _ramp, 0.0, 0.5),
     # tau_bf1 = 0.625, tau_bf2 = 2.5, both on flange a: 0.5 N m on each side.
-    robot = _robot(0.001, 0.001, 1.0, 0.25, coulomb=0.5, output=0.5)
-    return Demo(robot, lambda t: np.zeros(1), lambda t: np.array([0.0 if t < 0.5 else 1.0]), 10.0)
+    3: (_robot(0.001, 0.001, 1.0, 0.25, coulomb=0.5, output=0.5), _nothing, _late, 10.0, 1.0),
+}
 
 
 def reference(number: int) -> np.ndarray:
@@ -68,17 +60,17 @@ def reference(number: int) -> np.ndarray:
 
 
 def _stepped(number: int, step: float) -> tuple[np.ndarray, ...]:
-    case = demo(number)
-    plant, rows = Plant(case.robot), [(0.0, 0.0, case.speed)]
-    state = plant.state([0.0], [case.speed])
-    for i in range(round((1.0 if number == 3 else 0.5) / step)):
+    robot, torque, external, speed, duration = DEMOS[number]
+    plant, rows = Plant(robot), [(0.0, 0.0, speed)]
+    state = plant.state([0.0], [speed])
+    for i in range(round(duration / step)):
         middle = (i + 0.5) * step
-        state = plant.step(state, case.rotor_torque(middle), step, case.external(middle)).state
+        state = plant.step(state, torque(middle), step, external(middle)).state
         rows.append(((i + 1) * step, float(state.position[0]), float(state.velocity[0])))
     return tuple(np.array(rows).T)
 
 
-@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("number", DEMOS)
 def test_time_stepping_reaches_dymola(number: int) -> None:
     truth = reference(number)
     time, phi, speed = _stepped(number, 1e-4)

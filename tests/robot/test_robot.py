@@ -154,22 +154,13 @@ def test_mean_voltage_balances_around_the_winding() -> None:
     assert limited == pytest.approx([1.0, -1.0])
 
 
-def numbers(table: dict[str, Any], place: str) -> Iterator[tuple[str, Any]]:
-    for joint, gear in table.get("gears", {}).items():
-        for key, entry in gear.items():
-            if key != "housing":
-                yield f"{place}: {joint}.{key}", entry
-    for contact in table.get("contacts", []):
-        for key in ("offset", "friction"):
-            if key in contact:
-                yield f"{place}: {contact['name']}.{key}", contact[key]
-    for pose, joints in table.get("poses", {}).items():
-        for joint, entry in joints.items():
-            yield f"{place}: pose {pose}, {joint}", entry
-    if "topology" in table.get("transmission", {}):
-        yield f"{place}: topology", table["transmission"]["topology"]
-    if "gravity" in table:
-        yield f"{place}: gravity", table["gravity"]
+def numbers(table: dict[str, Any] | list[Any], place: str) -> Iterator[tuple[str, Any]]:
+    """Yield every entry of tables and lists that is a number, or says to have a value."""
+    for key, entry in table.items() if isinstance(table, dict) else enumerate(table):
+        if isinstance(entry, dict | list) and "value" not in entry:
+            yield from numbers(entry, f"{place}: {key}")
+        elif not isinstance(entry, bool | str):
+            yield f"{place}: {key}", entry
 
 
 @pytest.mark.parametrize("name", robot_names())
