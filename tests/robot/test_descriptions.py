@@ -36,7 +36,6 @@ offset = { value = [0.0, 0.0, -25.0], unit = "mm" }
 
 HIP, FOOT = "[gears.hip]", '[[contacts]]\nname = "foot"\nframe = "shin"\n'
 CROUCH = "[poses.crouch]\n"
-UNIT = "knee = { value = 1, unit = 'mm' }"
 
 MODEL = """<mujoco><worldbody><body name="torso" pos="0 0 1">{free}
 <inertial pos="0 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
@@ -115,7 +114,11 @@ def test_units_and_defaults(folder: Path) -> None:
         ("planar_leg.urdf", "example_robot_data:robots/none.urdf", "not installed"),
         ('name = "leg"', 'cut_loops = "yes"', "cut_loops"),
         (HIP, f"{CROUCH}knie = 1.0\n{HIP}", "pose 'crouch': Unknown joint 'knie'. Did you mean 'k"),
-        (HIP, f"{CROUCH}{UNIT}\n{HIP}", "measures [m], expected [rad]"),
+        (
+            HIP,
+            f"{CROUCH}knee = {{value = 1, unit = 'mm'}}\n{HIP}",
+            "measures [m], expected [rad]",
+        ),
         (HIP, f"{CROUCH}knee = 'bent'\n{HIP}", "'bent' is not a number"),
         (HIP, f"{CROUCH}'base.position.z' = 1.0\n{HIP}", "Unknown joint 'base.position.z'"),
         (HIP, f"[poses]\ntall = 3\n{HIP}", "a table of joints expected, got 3"),

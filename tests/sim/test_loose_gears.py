@@ -76,17 +76,12 @@ def test_the_plant_and_the_logs_step_through_one_law_of_the_flanks(play: float) 
     assert after - before == pytest.approx(float(law.energy(0.02)), abs=1e-12)
 
 
-def _loose_knee(stiffness: float, damping: float = 0.0) -> Robot:
-    """Return an arm without weight whose hip is held and whose knee has play on soft flanks."""
-    knee = {"stiffness": [np.inf, stiffness], "damping": [0.0, damping], "backlash": [0.0, 0.02]}
-    return _arm(**knee).with_effects(CoulombFriction("hip", 1e4))
-
-
 @pytest.mark.parametrize("stiffness", [80.0, 800.0, 8000.0])
 @pytest.mark.parametrize("dt", [1e-3, 4e-3])
 def test_a_link_that_crosses_its_play_keeps_its_energy(stiffness: float, dt: float) -> None:
     """Each arrival at a flank gained up to the share h^2 k / (4 I) of what swings."""
-    plant = Plant(_loose_knee(stiffness))
+    robot = _arm(stiffness=[np.inf, stiffness], backlash=[0.0, 0.02])
+    plant = Plant(robot.with_effect(CoulombFriction("hip", 1e4)))  # which is held
     state = bent(plant, [0.3, 0.4], 0.0, 1.5)
     energy, sides = [], set()
     for _ in range(300):
