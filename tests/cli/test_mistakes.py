@@ -74,8 +74,7 @@ def test_a_wrong_column_is_named_and_the_map_that_fix_writes_mends_it(
     mended = load_log(path, fix, gear_ratios=RATIOS)
     np.testing.assert_allclose(mended.time, right.time, atol=1e-9)
     for name, values in right.columns.items():
-        same = mended.column(name)
-        np.testing.assert_allclose(same, values, rtol=1e-6, atol=1e-9, err_msg=name)
+        np.testing.assert_allclose(mended.column(name), values, rtol=1e-6, atol=1e-9, err_msg=name)
     told("check", path, *LEG, "--columns", fix)
     fix.unlink()
     said = told("diagnose", path, *LEG, "--fix", fix, code=2)
@@ -136,8 +135,7 @@ def test_how_a_file_is_written_is_read_and_named(right: Log, told: Told, tmp_pat
     text = save_log(right, tmp_path / "right.csv").read_text()
     header, _, rows = text.partition("\n")
     units = ",".join(["s", *("rad", "rad/s", "N m") * 2])
-    order = "time,hip.position,hip.velocity,hip.rotor_torque"
-    assert header.replace('"', "").startswith(order)
+    assert header.replace('"', "").startswith("time,hip.position,hip.velocity,hip.rotor_torque")
 
     def said(content: bytes, name: str = "run.csv") -> str:
         (tmp_path / name).write_bytes(content)
@@ -228,8 +226,7 @@ def test_drives_that_report_only_noise_are_not_read_as_degrees(seed: int) -> Non
     rng = np.random.default_rng(seed)
     noise = []
     for log in sample_logs():
-        drawn = {name: rng.normal(0.0, 0.3, len(log)) for name in TORQUES}
-        noise.append(log.with_columns(drawn))
+        noise.append(log.with_columns({name: rng.normal(0.0, 0.3, len(log)) for name in TORQUES}))
     assert [f.text for own in find_suspicions(noise, robot) for f in own] == []
 
 

@@ -21,8 +21,7 @@ def test_logs_without_positions_become_a_report(
     monkeypatch.chdir(tmp_path)
     Path("bench.urdf").write_text(URDF + "</robot>")
     Path("robot.toml").write_text(BENCH)
-    robot = load_robot("robot.toml")
-    assert robot.name == tmp_path.name
+    assert load_robot("robot.toml").name == tmp_path.name
     for k in (1, 2):
         save_log(without_positions(bench_log(k)), f"run{k}.csv")
     logs = ["run1.csv", "run2.csv"]

@@ -60,8 +60,7 @@ def test_a_term_is_linked_to_the_glossary_where_it_first_stands(page: str) -> No
 def test_every_term_stands_in_the_glossary_which_is_sorted() -> None:
     glossary = (DOCS / "reference" / "glossary.md").read_text("utf-8")
     titles = re.findall(r"^## (.*)$", glossary, re.MULTILINE)
-    anchors = {title.lower().replace(" ", "-") for title in titles}
-    assert set(TERMS) <= anchors
+    assert set(TERMS) <= {title.lower().replace(" ", "-") for title in titles}
     assert titles == sorted(titles, key=str.lower)
 
 

@@ -21,12 +21,9 @@ def swung(payload: float = 0.0) -> Log:
 
 
 def test_the_robot_with_its_losses_stays_with_the_log_and_one_without_leaves_it() -> None:
-    given = load_robot("planar_leg_fixed").lossless()
-    true = given.with_effects(
-        TransmissionEfficiency("knee", forward_efficiency=0.8, backward_efficiency=0.75),
-        CoulombFriction("hip", level=0.5),
-    )
-    right, wrong = open_loop(true, sample_logs()), open_loop(given, sample_logs())
+    leg = load_robot("planar_leg_fixed").lossless()
+    true = leg.with_effects(TransmissionEfficiency("knee", 0.8, 0.75), CoulombFriction("hip", 0.5))
+    right, wrong = open_loop(true, sample_logs()), open_loop(leg, sample_logs())
     assert right.horizons == HORIZONS
     assert right.starts == (12, 12, 12)
     # Sensor noise alone moves the start; a horizon of 0.1 s already shows the losses.
@@ -41,8 +38,7 @@ def test_a_drive_with_a_target_sees_the_simulated_motion() -> None:
     assert np.all(found.moved > 0.05)
     # With the torque that the drive made along the log a heavier arm would fall; held by its
     # drive it misses by the sag of the position loop alone.
-    heavy = open_loop(servo(payload=0.1), [swung()])
-    assert 5e-3 < heavy.error[0, -1] < 0.2
+    assert 5e-3 < open_loop(servo(payload=0.1), [swung()]).error[0, -1] < 0.2
 
 
 def test_a_log_is_simulated_with_its_own_load() -> None:

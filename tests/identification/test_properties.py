@@ -116,5 +116,4 @@ def test_units_and_the_side_of_the_gear_change_nothing(tmp_path: Path) -> None:
         for name, values in log.columns.items():
             theirs[name.replace(".", "_")] = units[name.partition(".")[2]][1] * values
         files.append(write_columns(theirs, tmp_path / f"run{k}.csv"))
-    found = answer(load_logs(files, tmp_path / "columns.toml"))
-    assert found == pytest.approx(usual(), rel=1e-6)
+    assert answer(load_logs(files, tmp_path / "columns.toml")) == pytest.approx(usual(), rel=1e-6)

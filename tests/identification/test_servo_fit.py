@@ -115,8 +115,7 @@ def swung(gain: float, more: float, rate: float) -> Log:
     time, fine = np.arange(0.0, 1.5, 0.005 / 10), slice(None, None, 10)
     goal = 1.2 * np.sin(rate * time + 0.7 * time**2)
     reached = followed(goal, 0.005 / 10, gain, 0.49 + more, 5.0, 0.03, 0.0)
-    columns = {"shaft.position": reached[fine], "shaft.target_position": goal[fine]}
-    return Log(time[fine], columns)
+    return Log(time[fine], {"shaft.position": reached[fine], "shaft.target_position": goal[fine]})
 
 
 def test_several_loads_and_gains_make_one_servo() -> None:

@@ -76,8 +76,7 @@ def test_a_map_gives_effort_another_meaning_and_chooses_the_topic(tmp_path: Path
     text = '[rows]\ntopic = "/right"\n[columns]\n'
     text += '"hip.current" = { from = "hip.effort", unit = "mA" }\n'
     (tmp_path / "map.toml").write_text(text)
-    log = load_log(folder, tmp_path / "map.toml")
-    np.testing.assert_allclose(log.column("hip.current"), 1e-3)
+    np.testing.assert_allclose(load_log(folder, tmp_path / "map.toml").column("hip.current"), 1e-3)
     (tmp_path / "map.toml").write_text(text.replace("/right", "/rigth"))
     with pytest.raises(LogError, match="Did you mean '/right'"):
         load_log(folder, tmp_path / "map.toml")

@@ -70,8 +70,7 @@ def test_nothing_about_a_log_can_be_changed(swing: Log) -> None:
 
 
 def test_a_table_in_memory_becomes_a_log() -> None:
-    frame = {"time": [0.0, 0.1], "hip.position": [1, 2], "comment": ["a", "b"]}
-    log = Log.from_frame(frame)
+    log = Log.from_frame({"time": [0.0, 0.1], "hip.position": [1, 2], "comment": ["a", "b"]})
     np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0])
     assert log.source.ignored == ("comment",)
     with pytest.raises(LogError, match="Unknown column 'time'"):
@@ -84,8 +83,7 @@ def test_a_log_shows_itself_on_a_screen() -> None:
     """A humanoid's log: not one number of it, and not all of its names."""
     joints = [f"joint_{k}" for k in range(30)]
     names = [f"{joint}.{q}" for joint in joints for q in ("position", "velocity", "rotor_torque")]
-    log = Log(np.arange(100) * 0.01, {name: np.zeros(100) for name in names})
-    shown = repr(log)
+    shown = repr(Log(np.arange(100) * 0.01, {name: np.zeros(100) for name in names}))
     assert "100 rows in 0.99 s" in shown
     assert "joint_0.velocity, joint_0.rotor_torque" in shown
     assert "and 82 more" in shown

@@ -19,7 +19,6 @@ from wbc.measurement.guess import guess_names
 from wbc.measurement.names import guess_name
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
-SUFFIXES = [".csv", ".parquet", ".npz"]
 
 
 @st.composite
@@ -29,11 +28,10 @@ def logs(draw: st.DrawFn) -> Log:
     name = st.from_regex(r"[a-z_][a-z0-9_. ,]{0,8}[a-z]", fullmatch=True)
     names = st.lists(name, min_size=1, unique=True)
     values = arrays(np.float64, rows, elements=FINITE)
-    columns = {f"{name}.current": draw(values) for name in draw(names)[:4]}
-    return Log(np.cumsum(steps), columns)
+    return Log(np.cumsum(steps), {f"{name}.current": draw(values) for name in draw(names)[:4]})
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
 @settings(max_examples=40, deadline=None)
 @given(log=logs())
 def test_what_is_written_is_read_back_bit_by_bit(suffix: str, log: Log) -> None:

@@ -69,9 +69,7 @@ def test_a_passive_joint_is_a_place_and_a_base_is_none(hanging: Robot) -> None:
 
 
 def test_the_plant_brings_a_rubbing_passive_joint_to_rest(hanging: Robot) -> None:
-    rubbing = hanging.with_effects(
-        CoulombFriction("pivot", level=0.1), ViscousFriction("shoulder", coefficient=1.0)
-    )
+    rubbing = hanging.with_effects(CoulombFriction("pivot", 0.1), ViscousFriction("shoulder", 1.0))
     plant = Plant(rubbing)
     state = plant.state(np.array([0.0, 0.5]))
     energy = [plant.mechanical_energy(state)]
@@ -91,11 +89,7 @@ def test_the_plant_brings_a_rubbing_passive_joint_to_rest(hanging: Robot) -> Non
 
 @pytest.mark.parametrize(
     "effect",
-    [
-        CoulombFriction("pivot", level=0.08),
-        ViscousFriction("pivot", coefficient=0.03),
-        PositionOffset("pivot", offset=0.05),
-    ],
+    [CoulombFriction("pivot", 0.08), ViscousFriction("pivot", 0.03), PositionOffset("pivot", 0.05)],
 )
 def test_what_a_passive_joint_has_is_found(hanging: Robot, effect: Effect) -> None:
     logs = [swung(hanging, effect, seed) for seed in (1, 2)]

@@ -240,8 +240,7 @@ def test_links_that_strike_together_are_followed(hidden: tuple[Effect, ...]) -> 
 
 def test_a_soft_and_a_loose_gear_are_both_named() -> None:
     """Beside the swing of a soft hip a loose knee shows only where both are sought at once."""
-    robot = load_robot("planar_leg_fixed").lossless()
-    found = diagnose(robot, _struck_logs(TOGETHER[1]))
+    found = diagnose(load_robot("planar_leg_fixed").lossless(), _struck_logs(TOGETHER[1]))
     assert found.verdict == "named"
     named = {(f.effect.where, f.effect.name): f.effect for f in found.findings}
     assert set(named) == {("hip", "joint_compliance"), ("knee", "backlash")}

@@ -81,8 +81,7 @@ def test_dry_friction_is_told_by_its_side_of_the_sensor() -> None:
         hidden = EFFECTS[name].at("hip", {"level": 0.4})
         real = LEG.with_effects(hidden)
         logs = [SENSING.measure(real, record_run(real, LEG, k, 3.0), k) for k in (7, 8)]
-        found = diagnose(LEG, logs, KINDS)
-        assert [f.effect.key for f in found.findings] == [hidden.key]
+        assert [f.effect.key for f in diagnose(LEG, logs, KINDS).findings] == [hidden.key]
 
 
 def test_a_formula_behind_the_sensor_knows_nothing_of_the_gear(sensed: list[Log]) -> None:

@@ -35,8 +35,7 @@ def pose(leg: Robot) -> np.ndarray:
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
     leg: Robot, squat: Log
 ) -> None:
-    figure = standing_figure(leg, {"one": squat, "two": squat})
-    height = figure.axes[0].get_lines()
+    height = standing_figure(leg, {"one": squat, "two": squat}).axes[0].get_lines()
     assert [line.get_label() for line in height[:2]] == ["one", "two"]
     knee = 0.4 * np.cos(squat.column("hip.position")) / 2.0
     base = squat.column("base_z.position")

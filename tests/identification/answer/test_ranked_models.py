@@ -87,8 +87,7 @@ EFFICIENCY, FRICTION = ("transmission_efficiency", "knee"), ("coulomb_friction",
 def test_a_model_that_fits_equally_is_not_called_worse(
     added: tuple, removed: tuple, difference: float, standing: str, judgement: str
 ) -> None:
-    row = Ranked(added, removed, 2.0, difference, 0.1, -5.0, standing)
-    assert row.judgement == judgement
+    assert Ranked(added, removed, 2.0, difference, 0.1, -5.0, standing).judgement == judgement
 
 
 ROBOT = str(DATA / "tmotor_ak80" / "robot.toml")
@@ -165,8 +164,7 @@ def test_a_doubtful_cause_does_not_change_the_number_of_a_certain_one(logs: list
     # What the model lacks is named all the same, and where it has the number nothing is said.
     lacking = describe_findings(trials, replace(used, hypothesis=trials.nothing, named=alone))
     assert "predicts better without it" in lacking[0].warnings[0]
-    same = describe_findings(trials, names)
-    assert same[0].parameters["coefficient"].used is None
+    assert describe_findings(trials, names)[0].parameters["coefficient"].used is None
 
 
 def test_a_robot_without_its_effects_is_the_one_before_them() -> None:

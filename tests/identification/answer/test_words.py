@@ -119,13 +119,10 @@ FLOOR = NoiseFloor(np.eye(2), np.eye(2), ())
 REPEATED = NoiseFloor(np.eye(2), np.eye(2), ((0, 1),))
 
 
-def _finding(effect: Effect, *alternatives: str) -> Finding:
-    rivals = tuple(Alternative(*name.split(" at ")) for name in alternatives)
-    return Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, explained=True), rivals)
-
-
 def _said(effect: Effect, *alternatives: str) -> str:
-    return next_experiment("ambiguous", [_finding(effect, *alternatives)], (), FLOOR, EFFECTS)
+    rivals = tuple(Alternative(*name.split(" at ")) for name in alternatives)
+    finding = Finding(effect, {}, Support(0.5, 1.0, 0.0, 0.0, explained=True), rivals)
+    return next_experiment("ambiguous", [finding], (), FLOOR, EFFECTS)
 
 
 @pytest.mark.parametrize(
@@ -138,8 +135,7 @@ def _said(effect: Effect, *alternatives: str) -> str:
 )
 def test_exact_equals_are_called_so_in_either_order(effect: Effect, rival: str, words: str) -> None:
     assert words in _said(effect, f"{rival} at {effect.where}")
-    other = EFFECTS[rival].at("x")
-    assert words in _said(other, f"{effect.name} at x")
+    assert words in _said(EFFECTS[rival].at("x"), f"{effect.name} at x")
     motion = EFFECTS[rival].experiment.partition(":")[0][1:]
     assert motion in _said(effect, f"{rival} at {effect.where}")
 
@@ -172,8 +168,7 @@ def test_what_is_left_says_what_to_record(remainder: Remainder, words: str) -> N
         assert words in said
         assert "Repeat one run exactly" not in said
         # A floor that is only a bound asks for a repeat.
-        bound = next_experiment(verdict, [], [remainder], FLOOR, EFFECTS)
-        assert "Repeat one run exactly" in bound
+        assert "Repeat one run exactly" in next_experiment(verdict, [], [remainder], FLOOR, EFFECTS)
 
 
 def test_what_is_left_at_a_joint_without_a_motor_asks_for_no_motion_of_it() -> None:

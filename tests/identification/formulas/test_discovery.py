@@ -16,15 +16,9 @@ import pytest
 
 from tests.outside import outside, recorded
 from tests.recover.plant import JOINTS, RATIO, REFLECTED, Flaws, Lane
+from wbc import load_robot
 from wbc.cli import main
-from wbc.effects import (
-    CoulombFriction,
-    PayloadMass,
-    TorqueOffset,
-    TorqueTerm,
-    ViscousFriction,
-    load_robot,
-)
+from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, TorqueTerm, ViscousFriction
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.formulas import discover
@@ -120,8 +114,7 @@ def test_a_formula_of_the_library_is_found_with_its_numbers(name: str) -> None:
 
 
 def test_the_period_of_a_wave_is_read_off_the_data() -> None:
-    found = discover(LEG, logs(lambda r: (0.0, 0.5 * np.sin(17.3 * r.q[:, 1]))))
-    (proposal,) = found.proposals
+    (proposal,) = discover(LEG, logs(lambda r: (0.0, 0.5 * np.sin(17.3 * r.q[:, 1])))).proposals
     (term,) = proposal.effect.terms
     assert term.factors[0].shape == "sin"
     assert term.factors[0].number == pytest.approx(17.3, abs=0.05)
@@ -160,8 +153,7 @@ def test_a_joint_that_stands_still_shows_no_law() -> None:
     for log in logs(lambda r: (-0.4 * np.sign(r.v[:, 0]), 0.0)):
         still = {name: np.zeros_like(c) for name, c in log.columns.items() if "knee" in name}
         given.append(Log(log.time, log.columns | still))
-    found = discover(LEG, given)
-    assert {p.effect.where for p in found.proposals} <= {"hip"}
+    assert {p.effect.where for p in discover(LEG, given).proposals} <= {"hip"}
     nowhere = [Log(g.time, {n: np.zeros_like(c) for n, c in g.columns.items()}) for g in given]
     with pytest.raises(LogError, match="no joint moves"):
         discover(LEG, nowhere)

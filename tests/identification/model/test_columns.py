@@ -1,28 +1,12 @@
 """Columns of effects equal what the residual of a whole robot loses."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from tests.moved import waving
-from wbc.effects import (
-    EFFECTS,
-    ActuationDelay,
-    CoulombFriction,
-    CurrentLimit,
-    LinkInertias,
-    LoadFriction,
-    PayloadMass,
-    PositionOffset,
-    RotorInertia,
-    StribeckFriction,
-    TorqueConstant,
-    TorqueRipple,
-    TransmissionEfficiency,
-    load_robot,
-)
+from wbc import effects, load_robot
 from wbc.identification.choice.candidate_columns import evidence, make_regressors
 from wbc.identification.model import estimation_problem
 from wbc.identification.model.columns import derivatives
@@ -32,7 +16,7 @@ from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.sparse_columns import ADDS
 from wbc.robot import Effect, Motion, Robot
 
-ADDING = [kind for kind in EFFECTS.values() if kind.acts_by <= ADDS]
+ADDING = [kind for kind in effects.EFFECTS.values() if kind.acts_by <= ADDS]
 
 
 # An arm with a coupled wrist; a quadruped on its feet.
@@ -44,24 +28,18 @@ def problem(request: pytest.FixtureRequest) -> EstimationProblem:
         return EstimationProblem.from_logs(robot, [waving(robot)])
 
 
-def _others(robot: Robot) -> Sequence[Effect]:
-    """Return drives, and a lossy gear, beside which columns are different ones."""
-    first, second, *_ = robot.transmission.joints
-    drives = TorqueConstant(first, 1.3), CurrentLimit(second, 1.0)
-    return *drives, TransmissionEfficiency(second, 0.7, 0.6)
-
-
 @pytest.mark.parametrize("beside", [False, True], ids=["alone", "beside drives and a lossy gear"])
 def test_columns_are_what_the_whole_residual_loses(
     problem: EstimationProblem, beside: bool
 ) -> None:
-    records, others = problem.records, _others(problem.robot) if beside else ()
+    records, (first, second, *_) = problem.records, problem.robot.transmission.joints
+    drives = effects.TorqueConstant(first, 1.3), effects.CurrentLimit(second, 1.0)
+    others = (*drives, effects.TransmissionEfficiency(second, 0.7, 0.6)) if beside else ()
     robot = problem.robot.with_effects(*others)
     before = condensed_residual(robot, records)
     at = evaluate(problem.robot, others, records, problem.whitening)
     regressors = make_regressors(problem.columns, at, ADDING, [(evidence(robot, records), None)])
-    found = {regressor.effect.name for regressor in regressors}
-    assert found >= {"viscous_friction", "presliding"}
+    assert {regressor.effect.name for regressor in regressors} >= {"viscous_friction", "presliding"}
     for regressor in regressors[:: max(len(regressors) // 40, 1)]:
         for k, unit in enumerate(regressor.screen.units):
             changed = robot.with_effect(regressor.effect.at(regressor.where, unit))
@@ -71,7 +49,7 @@ def test_columns_are_what_the_whole_residual_loses(
 
 
 @dataclass(frozen=True)
-class _Leaking(ActuationDelay):
+class _Leaking(effects.ActuationDelay):
     """A drive that takes torque from its neighbour, as a user's own class may."""
 
     name = "leaking"
@@ -98,27 +76,30 @@ def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     "beside",
     [
         [],
-        [TorqueConstant("hip", 1.2), CurrentLimit("knee", 3.0)],
-        [TransmissionEfficiency("knee", 0.8, 0.7)],
-        [LoadFriction("hip", 0.0)],
-        [PositionOffset("hip", 0.05)],
+        [effects.TorqueConstant("hip", 1.2), effects.CurrentLimit("knee", 3.0)],
+        [effects.TransmissionEfficiency("knee", 0.8, 0.7)],
+        [effects.LoadFriction("hip", 0.0)],
+        [effects.PositionOffset("hip", 0.05)],
     ],
     ids=["nothing", "drives", "a lossy gear", "a gear at the edge of loss", "a wrong zero"],
 )
 def test_derivatives_are_differences_of_the_residual_of_a_whole_robot(beside: list[Effect]) -> None:
     leg = load_robot("planar_leg_fixed").lossless()
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
-    of_link = {name: 0.05 for name in LinkInertias.null_values(leg, "robot")}
-    drawn = LinkInertias.at("robot", of_link)
-    plain = [CoulombFriction("knee", 0.4), StribeckFriction("hip", 0.2, 0.5)]
-    plain += [TorqueRipple("knee", 0.3, 6.0, 0.4), RotorInertia("hip", 0.05)]
+    of_link = {name: 0.05 for name in effects.LinkInertias.null_values(leg, "robot")}
+    drawn = effects.LinkInertias.at("robot", of_link)
+    plain = [effects.CoulombFriction("knee", 0.4), effects.StribeckFriction("hip", 0.2, 0.5)]
+    plain += [effects.TorqueRipple("knee", 0.3, 6.0, 0.4), effects.RotorInertia("hip", 0.05)]
     # Columns of a robot are kept for all its fits: their order must not matter.
-    for effects in ([*plain, *beside], [PayloadMass("foot", 0.2), drawn, *plain[::-1], *beside]):
-        at = evaluate(leg, effects, problem.records, problem.whitening)
-        slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+    for causes in (
+        [*plain, *beside],
+        [effects.PayloadMass("foot", 0.2), drawn, *plain[::-1], *beside],
+    ):
+        at = evaluate(leg, causes, problem.records, problem.whitening)
+        slots = tuple((k, p) for k, effect in enumerate(causes) for p in effect.parameters)
         found = derivatives(problem.columns, at, slots, problem.whitening)
         for row, (k, parameter) in enumerate(slots):
-            moved = with_changes(effects, {(k, parameter.name): 1e-4 * parameter.scale})
+            moved = with_changes(causes, {(k, parameter.name): 1e-4 * parameter.scale})
             after = evaluate(leg, moved, problem.records, problem.whitening)
             lost = (after.residual - at.residual) / 1e-4
             size = max(float(np.max(np.abs(found))), 1e-12)

@@ -201,8 +201,7 @@ def test_fewer_samples_than_coefficients_tell_no_scale(tmp_path: Path) -> None:
         for k in range(7)
     }
     names = write_map(tmp_path / "map.toml", {"time": {"from": "times"}, "columns": columns})
-    logs = load_logs([outside("kuka_lwr4/lwr3.npz")], names)
-    assert find_suspicions(logs, robot) == [[]]
+    assert find_suspicions(load_logs([outside("kuka_lwr4/lwr3.npz")], names), robot) == [[]]
 
 
 def test_torques_of_another_scale_are_asked_about_and_not_mended(arm: Arm) -> None:

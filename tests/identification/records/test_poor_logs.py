@@ -263,7 +263,7 @@ def test_logs_that_say_nothing_are_refused(friction: list[Log]) -> None:
         diagnose(ROBOT, [log.between(0.0, 0.3)])
     free = load_robot("planar_leg").lossless()
     base = {f"base_{axis}.position": np.zeros(len(log)) for axis in ("x", "z", "pitch")}
-    with pytest.raises(IdentificationError, match="contact forces"):
+    with pytest.raises(IdentificationError, match=r"<contact>\.active.*'foot' moves by"):
         compare(free, [log.with_columns(base)])
 
 
@@ -284,5 +284,4 @@ def test_a_joint_at_rest_whose_sensors_flicker_is_accused_of_nothing(logs: list[
     held = hip.with_columns(last)
     assert resting_joints(held) == {"knee"}
     assert find_suspicions([held], ROBOT) == [[]]
-    found = diagnose(ROBOT, [held])
-    assert {f.effect.where for f in found.findings} == {"hip"}
+    assert {f.effect.where for f in diagnose(ROBOT, [held]).findings} == {"hip"}

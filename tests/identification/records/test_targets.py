@@ -52,8 +52,7 @@ def target_log(
     lane: Lane, table: dict[str, np.ndarray], late: tuple[float, float] = (0.0, 0.0)
 ) -> Log:
     """Return targets, which each drive follows some time [s] later, and motion; no torque."""
-    columns = {name: values for name, values in table.items() if name.endswith("ity")}
-    columns |= {name: values for name, values in table.items() if name.endswith(".position")}
+    columns = {name: own for name, own in table.items() if name.endswith(("velocity", "position"))}
     for j, joint in enumerate(JOINTS):
         wanted = reference(lane)(table["time"] + late[j])
         columns[f"{joint}.goal_position"] = wanted[0][j]
@@ -129,8 +128,7 @@ def test_drives_that_see_their_own_motion_late_do_not_rub_backwards() -> None:
         return Motion(q, v, np.sum(-size * rates**2 * np.sin(phases), axis=2))
 
     gears, now, late = robot.transmission, motion(time), motion(time - seen)
-    links = link_torque(robot, now)
-    made = rotor_torque(robot, now, links)[0] * gears.gear_ratio
+    made = rotor_torque(robot, now, link_torque(robot, now))[0] * gears.gear_ratio
     wanted = late.position + (made + gears.velocity_gain * late.velocity) / gears.position_gain
     noise = np.random.default_rng(0).normal(scale=1e-5, size=now.position.shape)
     columns = {}

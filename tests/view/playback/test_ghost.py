@@ -14,9 +14,6 @@ from wbc.robot import Motion, Robot
 from wbc.view import model_ghost
 from wbc.view.residuals import residual_plots
 
-KNEE = 1
-
-
 ROBOT = wbc.load_robot("planar_leg_fixed").lossless()
 
 
@@ -43,7 +40,7 @@ def test_a_model_without_friction_runs_ahead() -> None:
         np.interp(ghost.time, log.time, log.column(f"knee.{q}")) for q in ("position", "velocity")
     )
     inner = (ghost.time > 1.0) & (ghost.time < 7.0)
-    lead = (ghost.position[:, KNEE] - position)[inner]
+    lead = (ghost.position[:, 1] - position)[inner]  # of the knee
     # The spring answers a slow push with the push itself, later: correlate over its delay.
     shifts = range(0, 200, 5)
     best = max(np.corrcoef(np.roll(lead, -s)[:-200], speed[inner][:-200])[0, 1] for s in shifts)

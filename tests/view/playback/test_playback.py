@@ -73,8 +73,7 @@ def test_power_runs_forward_while_rising_and_backward_while_sinking(scene: dict)
 
 
 def test_the_page_is_one_file_without_network(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    assert not re.search(r'(src|href)="https?:', text)
+    assert not re.search(r'(src|href)="https?:', page.read_text(encoding="utf-8"))
     assert page.stat().st_size < 2_000_000
 
 
@@ -136,8 +135,7 @@ def test_a_planned_motion_shows_the_torque_it_needs_its_limit_and_its_path(tmp_p
     data = robot.model.createData()
     links = np.array([pin.rnea(robot.model, data, *row) for row in zip(*motion, strict=True)])
     needed = links + robot.transmission.reflected_inertia * motion[2]
-    rows = np.searchsorted(time, track.time)
-    np.testing.assert_allclose(track.torque, needed[rows], atol=1e-9)
+    np.testing.assert_allclose(track.torque, needed[np.searchsorted(time, track.time)], atol=1e-9)
     assert set(track.paths) == {"foot"}
     assert np.ptp(track.paths["foot"], axis=0).max() > 0.05
     page = write_playback(tmp_path / "plan.html", robot, log).read_text("utf-8")

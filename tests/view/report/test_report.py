@@ -11,14 +11,8 @@ import pytest
 
 from tests.moved import swing
 from tests.view.conftest import watched_tab
-from wbc.effects import (
-    CoulombFriction,
-    CustomTorque,
-    LinkInertias,
-    ViscousFriction,
-    effect_class,
-    load_robot,
-)
+from wbc import load_robot
+from wbc.effects import CoulombFriction, CustomTorque, LinkInertias, ViscousFriction, effect_class
 from wbc.identification import (
     Alternative,
     Diagnosis,
@@ -107,8 +101,7 @@ def test_every_verdict_has_its_sentence(diagnosis: Diagnosis) -> None:
     assert said.startswith(f"{certain}viscous friction")
     assert said.endswith("No known effect explains the rest: 0.10 N m are left at knee.")
     assert "No known effect" not in verdict_sentence(replace(unknown, remainder=""))
-    empty = replace(unknown, findings=())
-    assert "no known effect explains (0.10 N m" in verdict_sentence(empty)
+    assert "no known effect explains (0.10 N m" in verdict_sentence(replace(unknown, findings=()))
     doubted = replace(diagnosis.findings[0].support, odds=0.1, group=0.1)
     tiny = tuple(replace(finding, support=doubted) for finding in diagnosis.findings)
     several = replace(unknown, findings=tiny, trait="0.5 N m at knee, which follows speed (80 %)")
@@ -351,8 +344,7 @@ def test_lines_to_copy_stand_on_lines_of_their_own(tmp_path: Path) -> None:
 
 
 def test_a_proposed_formula_stands_in_the_report_with_its_numbers(tmp_path: Path) -> None:
-    hidden = CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})
-    logs = record_with(ROBOT, [hidden], duration=2.0)
+    logs = record_with(ROBOT, [CustomTorque.at("knee", {"sin(2 q_hip)": -0.8})], duration=2.0)
     diagnosis = diagnose(ROBOT, logs, [ViscousFriction])
     discovery = discover(ROBOT, logs, known=diagnosis.effects)
     (proposal,) = discovery.proposals
