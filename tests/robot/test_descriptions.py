@@ -114,11 +114,7 @@ def test_units_and_defaults(folder: Path) -> None:
         ("planar_leg.urdf", "example_robot_data:robots/none.urdf", "not installed"),
         ('name = "leg"', 'cut_loops = "yes"', "cut_loops"),
         (HIP, f"{CROUCH}knie = 1.0\n{HIP}", "pose 'crouch': Unknown joint 'knie'. Did you mean 'k"),
-        (
-            HIP,
-            f"{CROUCH}knee = {{value = 1, unit = 'mm'}}\n{HIP}",
-            "measures [m], expected [rad]",
-        ),
+        (HIP, f"{CROUCH}knee = {{value = 1, unit = 'mm'}}\n{HIP}", "measures [m], expected [rad]"),
         (HIP, f"{CROUCH}knee = 'bent'\n{HIP}", "'bent' is not a number"),
         (HIP, f"{CROUCH}'base.position.z' = 1.0\n{HIP}", "Unknown joint 'base.position.z'"),
         (HIP, f"[poses]\ntall = 3\n{HIP}", "a table of joints expected, got 3"),

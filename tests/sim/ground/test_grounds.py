@@ -14,13 +14,12 @@ from wbc.robot import ContactPoint
 from wbc.sim import Box, HeightField, Plane, Plant, Stairs, Terrain
 from wbc.sim.barriers import TOUCH
 
-RISER = Stairs(np.array([0.3]), np.array([0.0, 0.06]))
 POINT = replace(ball(0.05, 0.0), contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
 
 
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
 def test_a_block_that_slides_into_a_riser_stops_there(dt: float) -> None:
-    plant = Plant(block((0.2, 0.2, 0.1), friction=0.05), RISER)
+    plant = Plant(block((0.2, 0.2, 0.1), friction=0.05), Stairs([0.3], [0.0, 0.06]))
     start = plant.state([0, 0, 0.05, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0])
     state, deepest = watched(plant, start, 0.6, 1e-4, step=dt)
     assert deepest > -1e-5
