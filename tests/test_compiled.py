@@ -142,28 +142,23 @@ def program(folder, code):
     return (folder / "printed").read_text()
 
 
-@pytest.fixture
-def run(tmp_path):
-    """Write both files, run them, and return what they print."""
-
-    def written(factor: str, added: str, text: str = "# Nothing.", before: str = "") -> list[str]:
-        (tmp_path / "caller.py").write_text(CALLER.format(text=text))
-        (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, added=added))
-        printed = program(tmp_path, f"{before}\nimport caller")
-        return [printed] if "Traceback" in printed else printed.split()
-
-    return written
-
-
 READ_ONLY = "import wbc.compiled; wbc.compiled._can_be_written = lambda folder: False"
 
 
-def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(run, tmp_path):
+def test_a_function_is_compiled_anew_when_one_that_it_calls_has_changed(tmp_path):
     """A user who pulls a new version must not go on with machine code of the old one.
 
     Another comment or docstring changes nothing. Where nothing can be written, what lies beside the
     sources is found.
     """
+
+    def run(factor: str, added: str, text: str = "# Nothing.", before: str = "") -> list[str]:
+        """Write both files, run them, and return what they print."""
+        (tmp_path / "caller.py").write_text(CALLER.format(text=text))
+        (tmp_path / "callee.py").write_text(CALLEE.format(factor=factor, added=added))
+        printed = program(tmp_path, f"{before}\nimport caller")
+        return [printed] if "Traceback" in printed else printed.split()
+
     assert run("1.0", "1.0") == ["2.0", "0"]
     assert run("1.0", "1.0", text='"""Return more."""\n    # And more.') == ["2.0", "1"]
     assert run("1.0", "20.0") == ["21.0", "0"]

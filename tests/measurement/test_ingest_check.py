@@ -57,6 +57,10 @@ def held(column: str, start: int, stop: int) -> Change:
     return change
 
 
+def copied(log: Log) -> Log:
+    return log.with_columns({"hip.velocity": log.column("hip.position")})
+
+
 def with_(column: str, change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda log: log.with_columns({column: change(log.column(column))})
 
@@ -77,11 +81,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
     "coarse steps": (with_("hip.position", lambda q: np.round(q / 0.2) * 0.2), "coarse", ""),
     "one number": (held("hip.position", 0, 2000), "constant_joint", "hip.position"),
     "a hole": (lambda s: Log(s.time + 0.5 * (s.time >= 2.4), s.columns), "gap", "2.3980 s"),
-    "a copy": (
-        lambda s: s.with_columns({"hip.velocity": s.column("hip.position")}),
-        "velocity_unrelated",
-        "",
-    ),
+    "a copy": (copied, "velocity_unrelated", ""),
     "noise": (with_("hip.velocity", lambda v: RANDOM.normal(size=2000)), "velocity_unrelated", ""),
     "uneven": (lambda s: Log(np.sort(RANDOM.uniform(0.0, 4.0, 2000)), s.columns), "jitter", ""),
     "few rows": (lambda s: s[:50], "short", ""),

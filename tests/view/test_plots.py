@@ -15,15 +15,7 @@ from wbc.metrics import summary, with_contact_at
 from wbc.robot import Robot
 from wbc.samples import sample_logs
 from wbc.sim import Plant, simulate
-from wbc.view import DARK, LIGHT
-from wbc.view.plots import (
-    energy_audit,
-    energy_figure,
-    leg_figure,
-    power_figure,
-    standing_figure,
-    write_figure,
-)
+from wbc.view import DARK, LIGHT, plots
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +27,7 @@ def pose(leg: Robot) -> np.ndarray:
 def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
     leg: Robot, squat: Log
 ) -> None:
-    height = standing_figure(leg, {"one": squat, "two": squat}).axes[0].get_lines()
+    height = plots.standing_figure(leg, {"one": squat, "two": squat}).axes[0].get_lines()
     assert [line.get_label() for line in height[:2]] == ["one", "two"]
     knee = 0.4 * np.cos(squat.column("hip.position")) / 2.0
     base = squat.column("base_z.position")
@@ -48,10 +40,10 @@ def test_standing_draws_one_line_per_run_and_the_height_of_the_center_of_mass(
 def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log, pose: np.ndarray) -> None:
     for theme in (LIGHT, DARK):
         figures = [
-            standing_figure(leg, {"run": squat}, theme=theme),
-            power_figure(leg, squat, theme),
-            energy_figure(leg, squat, theme),
-            leg_figure(leg, pose, "foot", theme),
+            plots.standing_figure(leg, {"run": squat}, theme=theme),
+            plots.power_figure(leg, squat, theme),
+            plots.energy_figure(leg, squat, theme),
+            plots.leg_figure(leg, pose, "foot", theme),
         ]
         for figure in figures:
             for axes in figure.axes:
@@ -60,7 +52,7 @@ def test_every_axis_of_every_plot_names_its_unit(leg: Robot, squat: Log, pose: n
 
 
 def test_the_audit_of_an_exact_motion_closes_while_standing(leg: Robot, squat: Log) -> None:
-    audit = energy_audit(leg, squat.between(0.3, 1.9))
+    audit = plots.energy_audit(leg, squat.between(0.3, 1.9))
     # The torques were computed from the motion with the same losses: what the motors give is
     # stored or heat, up to the averaging of speeds at the reversals.
     assert np.abs(audit["unexplained"]).max() < 0.02 * np.abs(audit["work of the motors"]).max()
@@ -73,7 +65,7 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
     start = balanced_pose(robot)
     control = LegControl(robot, squat(0.67, 0.025, 0.5))
     run = simulate(Plant(robot), control, Plant(robot).state(start), 0.3)
-    found = energy_audit(robot, run.log)
+    found = plots.energy_audit(robot, run.log)
     assert found["heat in gears"][-1] == pytest.approx(run.audit.flow.mesh, rel=1e-2)  # less a step
     assert np.abs(found["unexplained"]).max() < 2e-3 * np.abs(found["work of the motors"]).max()
 
@@ -81,7 +73,7 @@ def test_the_audit_of_a_noisy_recording_is_the_balance_of_the_simulator() -> Non
 def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(
     leg: Robot, pose: np.ndarray
 ) -> None:
-    figure = leg_figure(leg, pose, "foot")
+    figure = plots.leg_figure(leg, pose, "foot")
     figure.draw_without_rendering()
     boxes = []
     for axes in figure.axes:
@@ -98,13 +90,13 @@ def test_no_text_of_the_leg_figure_lies_on_curves_or_other_text(
 
 
 def test_the_pose_is_the_leg_and_not_the_joints_of_its_base(leg: Robot, pose: np.ndarray) -> None:
-    chain = leg_figure(leg, pose, "foot").axes[0].get_lines()[0].get_xydata()
+    chain = plots.leg_figure(leg, pose, "foot").axes[0].get_lines()[0].get_xydata()
     np.testing.assert_allclose(chain, [[0, 0], [0.2, 0.34641], [0, 0.69282]], atol=1e-5)
 
 
 def test_the_polygon_that_is_drawn_is_the_one_that_is_printed(leg: Robot, pose: np.ndarray) -> None:
     """Same signs: a foot about to move up lifts 70 N upwards and holds 175 N downwards."""
-    panel = leg_figure(leg, pose, "foot").axes[2]
+    panel = plots.leg_figure(leg, pose, "foot").axes[2]
     drawn = {p.get_label(): p.get_xy()[:-1] for p in panel.patches}
     (printed,) = [
         m.value for m in summary(leg, pose, "foot") if m.name == "force polygon, moving up"
@@ -120,7 +112,7 @@ def test_the_polygon_that_is_drawn_is_the_one_that_is_printed(leg: Robot, pose: 
 def test_an_arm_without_torque_limits_is_drawn_without_empty_panels() -> None:
     robot = with_contact_at(wbc.load_robot("staubli_tx40"), "link_6")
     q = robot.configuration(joint_2=0.5, joint_3=1.2, joint_5=0.6)
-    pose, _, force = leg_figure(robot, q, "link_6").axes
+    pose, _, force = plots.leg_figure(robot, q, "link_6").axes
     (text,) = (text.get_text() for text in force.texts)
     assert "no torque_limit" in " ".join(text.split())
     names = [text.get_text() for text in pose.texts]
@@ -129,18 +121,18 @@ def test_an_arm_without_torque_limits_is_drawn_without_empty_panels() -> None:
 
 def test_force_polytopes_of_the_fixed_leg(tmp_path: Path) -> None:
     robot = wbc.load_robot("planar_leg_fixed")
-    figure = leg_figure(robot, robot.configuration(hip=-np.pi / 6, knee=np.pi / 3), "foot")
+    figure = plots.leg_figure(robot, robot.configuration(hip=-np.pi / 6, knee=np.pi / 3), "foot")
     curves = {line.get_label() for line in figure.axes[1].get_lines()}
     assert {"GIT (perfect gears)", "Backward-GIT", "Forward-GIT"} <= curves
     polygons = {p.get_label(): p.get_xy() for p in figure.axes[2].patches if p.get_label()}
     lift, hold = polygons["lift (forward)"], polygons["hold (backward)"]
     assert hold[:, 1].max() / lift[:, 1].max() == pytest.approx(2.2, abs=0.2)
     for name in ("leg.png", "leg.pdf", "leg.svg"):
-        assert write_figure(tmp_path / name, figure).stat().st_size > 5_000
-    again = write_figure(tmp_path / "again.svg", figure)
+        assert plots.write_figure(tmp_path / name, figure).stat().st_size > 5_000
+    again = plots.write_figure(tmp_path / "again.svg", figure)
     assert again.read_bytes() == (tmp_path / "leg.svg").read_bytes()
     with pytest.raises(ViewError, match=r"\.png, \.pdf, \.svg"):
-        write_figure(tmp_path / "leg.bmp", figure)
+        plots.write_figure(tmp_path / "leg.bmp", figure)
 
 
 def test_no_legend_hides_a_torque() -> None:
