@@ -27,8 +27,7 @@ def result(found: str, probability: float, verdict: str = "named", size: float =
 
 def test_the_share_that_is_true_is_counted_by_what_was_stated() -> None:
     right = [result("coulomb_friction", 0.99) for _ in range(19)]
-    results = [*right, result("torque_offset", 0.97), result("torque_offset", 0.6)]
-    low, high = reliability(results)
+    low, high = reliability([*right, result("torque_offset", 0.97), result("torque_offset", 0.6)])
     assert (low.true, low.count) == (0.0, 1)
     assert (high.true, high.count) == (0.95, 20)
     assert high.low < 0.95 < high.high

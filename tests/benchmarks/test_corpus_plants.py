@@ -85,8 +85,7 @@ def test_the_closed_form_is_what_mujoco_computes() -> None:
 
 @pytest.mark.parametrize("family", ["arm3", "wrist6", "biped", "flyer"])
 def test_a_machine_without_flaws_leaves_nothing_but_noise(family: str) -> None:
-    machine = draw_machine(np.random.default_rng(3), family)
-    case = recorded(machine, (), ("multisine", "holds"))
+    case = recorded(draw_machine(np.random.default_rng(3), family), (), ("multisine", "holds"))
     tables = record_cases([(case, case.excitations)])[0]
     # Without repeats the floor is a lower bound; a wrong equation would leave tens of floors.
     assert compare(robot_of(case), logs_of(tables)).error < 2.0

@@ -193,8 +193,7 @@ def test_what_one_recorded_log_cannot_tell_is_said_with_the_truth_among_it() -> 
         (8, "the positions of shoulder and elbow are exchanged"),
         (9, "the torques of shoulder and elbow are exchanged"),
     ):
-        wrong = replace(log, columns=_MOVED[k](dict(log.columns)))
-        ((finding,),) = find_suspicions([wrong], robot)
+        ((finding,),) = find_suspicions([replace(log, columns=_MOVED[k](dict(log.columns)))], robot)
         assert truth in finding.text
         if finding.severity == "error":  # something is wrong; what, the log leaves open
             assert not finding.mend

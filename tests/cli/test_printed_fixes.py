@@ -107,8 +107,7 @@ def test_what_a_message_asks_for_is_accepted(
         told(*words_of(command))
     said = told(*words_of(refused), code=2)
     assert said.startswith("wbc: ")  # and nothing before it on the standard output
-    pattern = ".*".join(re.escape(part) for part in words.split("{}"))
-    assert re.search(pattern, said), said
+    assert re.search(".*".join(re.escape(part) for part in words.split("{}")), said), said
     assert main(words_of(asked)) != 2
 
 

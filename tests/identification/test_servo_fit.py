@@ -82,8 +82,7 @@ def test_finds_resistance_friction_and_sag() -> None:
 def test_fits_in_step_equal_each_alone() -> None:
     runs = [plant(4.0, 0.03, 1.5, amplitude, 1.5) for amplitude in (0.4, 0.9, 1.6)]
     subsets = [[0, 2], [1], [0, 1, 2]]
-    together = fit_servos(build, SPANS, runs, STEP, subsets)
-    for subset, fit in zip(subsets, together, strict=True):
+    for subset, fit in zip(subsets, fit_servos(build, SPANS, runs, STEP, subsets), strict=True):
         alone = fit_servo(build, SPANS, [runs[k] for k in subset], STEP)
         assert fit.values == pytest.approx(alone.values, rel=1e-6)
 

@@ -78,8 +78,7 @@ def test_names_units_signs_offsets_and_sides_become_ours(tmp_path: Path) -> None
 def test_repeated_stamps_missing_cells_and_files_without_a_clock(tmp_path: Path) -> None:
     text = 'time.repeated = "first"\ncolumns."hip.current" = "i"\n'
     text += 'columns."hip.position" = { from = "q", missing = "drop_rows" }'
-    rows = "time,q,i\n0.0,1,\n0.1,2,\n0.1,3,\n0.2,,\n0.3,5,\n"
-    log = load_log(*_write(tmp_path, text, rows))
+    log = load_log(*_write(tmp_path, text, "time,q,i\n0.0,1,\n0.1,2,\n0.1,3,\n0.2,,\n0.3,5,\n"))
     np.testing.assert_array_equal(log.time, [0.0, 0.1, 0.3])
     np.testing.assert_array_equal(log.column("hip.position"), [1.0, 2.0, 5.0])
     assert log.names == ("hip.position",)
@@ -121,8 +120,7 @@ def test_unsigned_encoders_are_unwrapped(tmp_path: Path) -> None:
     counts = np.round(4096 * (0.4 + 1.3 * np.sin(time)))
     np.savez(tmp_path / "log.npz", time=time, enc=counts % 4096)
     entry = {"from": "enc", "scale": 0.5, "unwrap": 4096}
-    columns = parse_column_map({"columns": {"a.position": entry}})
-    log = load_log(tmp_path / "log.npz", columns)
+    log = load_log(tmp_path / "log.npz", parse_column_map({"columns": {"a.position": entry}}))
     np.testing.assert_array_equal(log.column("a.position"), 0.5 * counts)
 
 

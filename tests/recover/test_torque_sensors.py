@@ -176,8 +176,7 @@ def test_a_dynamometer_gives_efficiencies_and_friction_in_both_directions(tmp_pa
     with_angles = [bench_log(k) for k in (1, 2)]
     logs = [without_positions(log) for log in with_angles]
     assert all(quality.usable for quality in check_logs(logs, robot))
-    found = diagnose(robot, logs, KINDS)
-    numbers = {f.effect.key: f.effect.values for f in found.findings}
+    numbers = {f.effect.key: f.effect.values for f in diagnose(robot, logs, KINDS).findings}
     gear, rotor = ("transmission_efficiency", "test"), ("rotor_coulomb_friction", "test")
     assert numbers.keys() == {gear, rotor}
     assert numbers[gear]["forward_efficiency"] == pytest.approx(0.8, abs=0.005)

@@ -267,8 +267,7 @@ def test_joints_that_are_held_while_another_moves_accuse_nobody(trembling: float
 def test_a_torque_that_is_late_in_one_joint_alone_is_measured(constant: float, arm: Arm) -> None:
     robot, logs = arm
     name = "elbow.motor_torque"
-    wrong = [delayed(log, constant, name) for log in logs]
-    (finding,) = find_suspicions(wrong, robot)[0]
+    (finding,) = find_suspicions([delayed(log, constant, name) for log in logs], robot)[0]
     assert (finding.kind, finding.severity) == ("torque_late", "warning")
     assert list(finding.likeliest["columns"]) == [name]
     # The links and frictions that the description lacks look like a lag of 7 ms by themselves.
