@@ -16,6 +16,9 @@ from wbc.robot import Effect
 Key = tuple[str, str]
 """Name and place of a cause."""
 
+Offer = tuple[Effect, ...]
+"""Effects with start values, not yet fitted."""
+
 _IMPOSSIBLE = 6.9  # [nats], one in a thousand
 _SIMULATED = 0.02  # share of the first error (rms) that simulated links distort
 # ... and that links which bounce distort: they soon forget how they began. On the practice leg,

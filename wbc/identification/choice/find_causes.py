@@ -37,13 +37,11 @@ class SearchResult:
 
     Attributes:
         trials: with the logs and every hypothesis that was fitted.
-        path: the hypotheses that were the best so far, from the robot as given on.
         final: the hypothesis with the most evidence.
         stopped: why the search ended early, in words; empty where it did not.
     """
 
     trials: Trials
-    path: tuple[Hypothesis, ...]
     final: Hypothesis
     stopped: str = ""
 
@@ -67,7 +65,7 @@ def find_causes(
     direct = Search(Proposer(trials, at_once), report)
     direct.path.append(trials.nothing)
     if not classes:
-        return SearchResult(trials, tuple(direct.path), trials.nothing)
+        return SearchResult(trials, trials.nothing)
     stopped = ""
     try:
         # Every answer is held against them: those of the joints cost next to nothing, and are made
@@ -91,7 +89,7 @@ def find_causes(
         stopped = INTERRUPTED
     if stopped:
         final = best_of(direct, direct.path)
-    return SearchResult(trials, tuple(direct.path), final, stopped)
+    return SearchResult(trials, final, stopped)
 
 
 def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
@@ -226,4 +224,4 @@ def _closer(
     slowly = any(e.search.near_rest for e in final.effects if e.key not in known)
     if not slowly or not known <= seen:
         return found
-    return SearchResult(near, (near.nothing, *first.path, *whole.path), final)
+    return SearchResult(near, final)

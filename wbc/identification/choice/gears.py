@@ -10,6 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
+from wbc.identification.choice.evidence import Offer
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -21,8 +22,6 @@ from wbc.identification.records.record import Record
 from wbc.links import LinkResponse, deflections
 from wbc.robot import Effect, Robot
 from wbc.transmission import Flanks
-
-Offer = tuple[Effect, ...]
 
 _Factors = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 """Of stiffness, damping and play: what is tried around the best of what was tried before."""

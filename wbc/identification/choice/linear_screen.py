@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
@@ -227,7 +227,7 @@ def screen(
     fit: Fit,
     offered: Sequence[type[Effect]],
     failures: Counter[str] | None = None,
-) -> tuple[LinearScreen, list[Regressor]]:
+) -> LinearScreen:
     """Return the search over what could be added to a model or stand in the place of its causes.
 
     The present parameters are free to move. One set of columns serves for the place of every cause:
@@ -246,7 +246,12 @@ def screen(
         rest = problem.robot.with_effects(*(e for e in fit.effects if e is not gone))
         shown.append((evidence(rest, problem.records), [gone.where]))
     regressors = make_regressors(problem.columns, at, offered, shown, failures, problem.still)
-    return _screen_of(problem, fit, offered, regressors)
+    # Those that an output which is judged feels.
+    felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
+    kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]
+    kept.sort(key=lambda regressor: offered.index(regressor.effect))
+    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
+    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise)
 
 
 def screen_in_shares(
@@ -264,20 +269,6 @@ def screen_in_shares(
     noise = float(np.min(problem.row_noise(fit.residual) * share**2))
     whitening = problem.whitening * share
     return LinearScreen(scaled, regressors, whitening, problem.folds, noise)
-
-
-def _screen_of(
-    problem: EstimationProblem,
-    fit: Fit,
-    offered: Sequence[type[Effect]],
-    regressors: Iterable[Regressor],
-) -> tuple[LinearScreen, list[Regressor]]:
-    """Return the search over causes that an output which is judged feels, in order, and them."""
-    felt = [r for r in regressors if problem.whitening[r.columns.outputs].any()]
-    kept = [regressor for regressor in felt if not _drawn_twice(fit, regressor)]
-    kept.sort(key=lambda regressor: offered.index(regressor.effect))
-    noise = float(np.min(problem.row_noise(fit.residual)))  # of the output that says most
-    return LinearScreen(fit, kept, problem.whitening, problem.folds, noise), kept
 
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.drop_screen import exchanged, losses, until_null
-from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
+from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
 from wbc.identification.choice.linear_screen import (
     LinearScreen,
     Subset,
@@ -22,9 +22,6 @@ from wbc.identification.model.columns import drawn
 from wbc.identification.model.sparse_columns import ADDS
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect
-
-Offer = tuple[Effect, ...]
-"""Effects with start values, not yet fitted."""
 
 Screened = tuple[Offer, list[Regressor]]
 """An offer with the causes that are new in it."""
@@ -57,8 +54,8 @@ class Proposer:
 
     trials: Trials
     candidates: tuple[type[Effect], ...]
-    _screens: dict[tuple[tuple[type[Effect], ...], Offer], tuple[LinearScreen, list[Regressor]]] = (
-        field(default_factory=dict)
+    _screens: dict[tuple[tuple[type[Effect], ...], Offer], LinearScreen] = field(
+        default_factory=dict
     )
 
     def beside(self, h: Hypothesis, count: int, exclude: Sequence[Key] = ()) -> list[Offer]:
@@ -77,9 +74,9 @@ class Proposer:
     ) -> list[Screened]:
         if not self.candidates:
             return []
-        whole, regressors = self._around(h)
+        whole = self._around(h)
         search = whole.instead_of((), np.zeros(0), whole.robot, {*h.keys, *exclude})
-        return self._chosen(h, search, regressors, count, enough)
+        return self._chosen(h, search, count, enough)
 
     def instead(
         self, h: Hypothesis, own: Effect, count: int, *, hopeless: bool = False
@@ -104,10 +101,10 @@ class Proposer:
             return []
         problem, fit = self.trials.problem, self.trials.fit(h)
         fewer = without(h.effects, own)
-        search, regressors = self._around(h)
+        search = self._around(h)
         gone, steps = until_null(fit, (own,), problem.robot)
         moved = search.instead_of(gone, steps, problem.robot.with_effects(*fewer), set(h.keys))
-        chosen = self._chosen(replace(h, effects=fewer), moved, regressors, count, h.error, search)
+        chosen = self._chosen(replace(h, effects=fewer), moved, count, h.error, search)
         linear = own.acts_by <= _LINEAR_HOOKS
         # What a cause that is not linear explains may be half of what its derivatives say.
         lost = 0.0 if linear or h.swings else losses(problem, fit, h, [(own,)])[0][0]
@@ -171,7 +168,7 @@ class Proposer:
         density, prior = exchanged(trials.problem, trials.fit(h), h, (), columns, offer)
         return MISSED * density > -prior
 
-    def _around(self, h: Hypothesis) -> tuple[LinearScreen, list[Regressor]]:
+    def _around(self, h: Hypothesis) -> LinearScreen:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         self.trials.ask()
         key = self.candidates, h.effects
@@ -186,7 +183,6 @@ class Proposer:
         self,
         h: Hypothesis,
         search: LinearScreen,
-        regressors: list[Regressor],
         count: int,
         enough: float,
         around: LinearScreen | None = None,
@@ -207,7 +203,7 @@ class Proposer:
                 break
             first_single = not single and len(subset.regressors) == 1
             single |= first_single
-            added = [regressors[k] for k in subset.regressors]
+            added = [search.regressors[k] for k in subset.regressors]
             key = tuple(sorted(regressor.key for regressor in added))
             enters = subset.error <= limit or first_single
             if around is not None and search.error(subset.regressors) > replaced + around.error(
@@ -219,8 +215,8 @@ class Proposer:
             seen.add(key)
             offers.append(((*h.effects, *search.effects(subset)), added))
         # A wrong drawing is imitated by many that explain a part each: it is tried beside them all.
-        for subset in _drawn(search, regressors) if not enough and not h.swings else ():
-            drawn = [regressors[k] for k in subset.regressors]
+        for subset in _drawn(search) if not enough and not h.swings else ():
+            drawn = [search.regressors[k] for k in subset.regressors]
             if tuple(regressor.key for regressor in drawn) not in seen:
                 offers.append(((*h.effects, *search.effects(subset)), drawn))
         return offers
@@ -236,14 +232,14 @@ class Proposer:
         """
         if not self.candidates:
             return []
-        search, regressors = self._around(h)
+        search = self._around(h)
         share = 1.0 / np.sqrt(np.maximum(h.outputs, 1.0))
-        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), regressors, share)
+        shares = screen_in_shares(self.trials.problem, self.trials.fit(h), search.regressors, share)
         offers: dict[tuple[Key, ...], Screened] = {}
         for screened in (search, shares):
             own = [s for s in screened.pairs(_AMONG) if np.isfinite(s.error)]
             for subset in own[:count]:
-                added = [regressors[k] for k in subset.regressors]
+                added = [search.regressors[k] for k in subset.regressors]
                 offer = (*h.effects, *screened.effects(subset))
                 offers.setdefault(tuple(sorted(r.key for r in added)), (offer, added))
         return [offer for offer, added in offers.values() if self._may_add(h, offer, added)]
@@ -261,10 +257,10 @@ def _limit(start: float, least: float, enough: float) -> float:
     return max(least, enough) + _SCREEN_ERROR * (start - least) + _SCREEN_NOISE
 
 
-def _drawn(search: LinearScreen, regressors: Sequence[Regressor]) -> list[Subset]:
+def _drawn(search: LinearScreen) -> list[Subset]:
     """Return the best of every effect that is drawn to what is usual."""
     best: dict[type[Effect], Subset] = {}
-    for k, regressor in enumerate(regressors):
+    for k, regressor in enumerate(search.regressors):
         if not regressor.usual.any():
             continue
         subset = Subset((k,), search.error((k,)))

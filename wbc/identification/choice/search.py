@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.identification.choice.certainty import doubted_names
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key, left_to_gain, weigh, without
+from wbc.identification.choice.evidence import Hypothesis, Key, Offer, left_to_gain, weigh, without
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.proposals import MISSED, Proposer
@@ -101,9 +101,6 @@ def _named(h: Hypothesis, name: str) -> tuple[Effect, ...]:
     return tuple(effect for effect in h.effects if effect.name == name)
 
 
-Offer = tuple[Effect, ...]
-
-
 def _reordered(h: Hypothesis, record: Record, robot: Robot) -> list[Offer]:
     """Return the effects with the last drive effect before others that act on the same motor.
 
@@ -119,7 +116,12 @@ def _reordered(h: Hypothesis, record: Record, robot: Robot) -> list[Offer]:
     if not drives or drives[-1] != len(h.effects) - 1:
         return []
     *others, last = h.effects
-    places = [k for k in drives[:-1] if _in_order(others[k], last, record, robot)]
+    scales = _scales(last, record, robot)
+    places = [
+        k
+        for k in drives[:-1]
+        if _same_motor(others[k], last) and not (scales and _scales(others[k], record, robot))
+    ]
     return [(*others[:k], last, *others[k:]) for k in places]
 
 
@@ -137,13 +139,15 @@ def _placed_first(
         robot: without effects.
     """
     drives = [k for k, effect in enumerate(h.effects) if _drives(effect)]
+    # One more begins with numbers that change nothing: it commutes with what is a factor.
+    drives = [k for k in drives if not _scales(h.effects[k], record, robot)]
     offers = []
     for kind in candidates if drives else ():
         for where in kind.places(robot) if "drive" in kind.acts_by else ():
             if (kind.name, where) in h.keys:
                 continue
             new = kind.at(where, kind.null_values(robot, where))
-            places = (k for k in drives if _in_order(h.effects[k], new, record, robot))
+            places = (k for k in drives if _same_motor(h.effects[k], new))
             if (k := next(places, None)) is not None:
                 offers.append((*h.effects[:k], new, *h.effects[k:]))
     return offers
@@ -153,13 +157,9 @@ def _drives(effect: Effect) -> bool:
     return "drive" in effect.acts_by
 
 
-def _in_order(one: Effect, other: Effect, record: Record, robot: Robot) -> bool:
-    """Whether it counts which of two drive effects acts first.
-
-    What acts on a joint is at its motor, the rest on all.
-    """
-    together = one.where == other.where or "robot" in (one.where, other.where)
-    return together and not (_scales(one, record, robot) and _scales(other, record, robot))
+def _same_motor(one: Effect, other: Effect) -> bool:
+    """Whether two drive effects meet: what acts on a joint is at its motor, the rest on all."""
+    return one.where == other.where or "robot" in (one.where, other.where)
 
 
 def _scales(effect: Effect, record: Record, robot: Robot) -> bool:

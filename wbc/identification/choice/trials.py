@@ -40,7 +40,6 @@ class Trials:
         until: time [s] of the monotonic clock from which on nothing more is tried.
         answering: whether the search is over: a hypothesis that is not known by then stays unknown,
             and the answer is made of the others.
-        impossible: how many trials no robot can have.
         failures: how many trials ended with each error, in words: numbers that are not finite,
             or an error inside an effect.
     """
@@ -48,7 +47,6 @@ class Trials:
     problem: EstimationProblem
     until: float = np.inf
     answering: bool = False
-    impossible: int = 0
     failures: Counter[str] = field(default_factory=Counter)
     _begun: set[tuple[Effect, ...]] = field(default_factory=set)
     _busy: dict[tuple[Effect, ...], tuple[Effect, ...]] = field(default_factory=dict)
@@ -106,7 +104,6 @@ class Trials:
                 return None
             found = hypothesis_of(self.problem, fit)
         except IMPOSSIBLE:
-            self.impossible += 1
             return None
         except OutOfTime:
             if not self.answering:
