@@ -17,11 +17,18 @@ from wbc.transmission import mesh_input
 
 def link_torque(robot: Robot, motion: Motion) -> FloatArray:
     """Return H_l a + c_l (N, nv) [N m, N], what the links need, without rotors and contacts."""
+    return inverse_dynamics(robot.model, motion.position, motion.velocity, _acceleration(motion))
+
+
+def inverse_dynamics(
+    model: pin.Model, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return H a + c (N, nv) [N m, N] of a model along q (N, nq), v and a (N, nv)."""
     # One call for the log: sample by sample, Python takes nine times as long as a leg's dynamics.
-    columns = (values.T for values in (motion.position, motion.velocity, _acceleration(motion)))
-    torque = pin.rneaInParallel(1, pin.ModelPool(robot.model, 1), *columns)
+    columns = position.T, velocity.T, acceleration.T
+    torque = pin.rneaInParallel(1, pin.ModelPool(model, 1), *columns)
     # With one coordinate pinocchio returns a vector.
-    return np.ascontiguousarray(torque.reshape(robot.model.nv, -1).T)
+    return np.ascontiguousarray(torque.reshape(model.nv, -1).T)
 
 
 def inertial_regressor(robot: Robot, motion: Motion) -> FloatArray:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from scipy.signal import welch
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.dynamics import contact_torque
+from wbc.dynamics import contact_torque, inverse_dynamics
 from wbc.identification.records.record import Record, output_count
 from wbc.measurement import derivative, low_pass
 
@@ -251,14 +251,10 @@ def _disturbed(
 
     Positions enter through gravity, accelerations through inertia; speeds matter little.
     """
-    data = model.createData()
-    at_rest = np.zeros(model.nv)
-    torque = np.empty(position.shape)
-    for row, (q, error) in enumerate(zip(positions, position, strict=True)):
-        here = pin.rnea(model, data, q, at_rest, at_rest).copy()
-        there = pin.rnea(model, data, pin.integrate(model, q, error), at_rest, acceleration[row])
-        torque[row] = there - here
-    return torque
+    at_rest, rows = np.zeros(position.shape), zip(positions, position, strict=True)
+    shifted = np.array([pin.integrate(model, q, error) for q, error in rows])
+    there = inverse_dynamics(model, shifted, at_rest, acceleration)
+    return there - inverse_dynamics(model, positions, at_rest, at_rest)
 
 
 def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,7 @@ from wbc.dynamics import (
     contact_torque,
     inertial_parameters,
     inertial_regressor,
+    inverse_dynamics,
     link_torque,
 )
 from wbc.identification.readings.torque import loaded
@@ -375,9 +376,7 @@ class Record:
         """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
         model = self.model_of(robot)
         model.gravity.linear = np.eye(3)[axis]
-        data = model.createData()
-        positions = self.motion.position
-        return np.array([pin.computeGeneralizedGravity(model, data, q) for q in positions])
+        return inverse_dynamics(model, self.motion.position, *np.zeros((2, *self.links.shape)))
 
 
 def _kept(known: dict[bytes, _Kept], key: bytes, make: Callable[[], _Kept], most: int) -> _Kept:
