@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -66,20 +67,26 @@ class SparseRegression:
             offers = [chosen for rest in beam for chosen in self._extensions(rest)]
             offers += self._pairs() if size == 2 else []
             distinct = dict.fromkeys(tuple(sorted(o)) for o in offers)
-            found = [s for o in distinct if (s := self._allowed(self.fitted(o))) is not None]
+            found = list(islice(self._allowed(list(distinct)), _BEAM))
             if not found:
                 break
-            found.sort(key=lambda s: s.loss)
             best.append(self._exchanged(found[0]))
             beam = list(dict.fromkeys(s.chosen for s in (best[-1], *found)))[:_BEAM]
         return best
 
     def fitted(self, chosen: Sequence[int]) -> TermSet:
         """Return these terms with their coefficients."""
-        index = list(chosen)
-        solution = np.linalg.solve(self._gram[np.ix_(index, index)], self._moment[index])
-        loss = self._energy - float(solution @ self._moment[index])
-        return TermSet(tuple(index), solution / self._scale[index], loss)
+        return next(self._fits(np.array([chosen], dtype=np.int_)))
+
+    def _fits(self, offers: IntArray) -> Iterator[TermSet]:
+        """Yield the supports (S, k) with their coefficients, from the least loss on."""
+        gram = self._gram[offers[:, :, None], offers[:, None, :]]
+        moment = self._moment[offers]
+        solutions = np.linalg.solve(gram, moment[..., None])[..., 0]
+        losses = self._energy - np.sum(solutions * moment, axis=1)
+        for k in np.argsort(losses, kind="stable"):
+            chosen, coefficients = offers[k], solutions[k] / self._scale[offers[k]]
+            yield TermSet(tuple(chosen.tolist()), coefficients, float(losses[k]))
 
     def _exchanged(self, support: TermSet) -> TermSet:
         """Return the support after exchanges of single terms, as long as they help."""
@@ -90,8 +97,7 @@ class SparseRegression:
                 for out in current.chosen
                 for offer in self._extensions([k for k in current.chosen if k != out])
             ]
-            found = [s for o in offers if (s := self._allowed(self.fitted(o))) is not None]
-            better = min(found, key=lambda s: s.loss, default=current)
+            better = next(self._allowed(offers), current)
             if better.loss > current.loss * (1.0 - 1e-9):
                 break
             current = better
@@ -127,14 +133,18 @@ class SparseRegression:
         usable[index] = False
         return np.where(usable, base - pull**2 / np.where(usable, free, 1.0), np.inf)
 
-    def _allowed(self, support: TermSet) -> TermSet | None:
-        """Return the support unless its friction drives or its terms mostly cancel one another."""
-        index = list(support.chosen)
-        sizes = support.coefficients * self._scale[index]
-        together = float(sizes @ self._gram[np.ix_(index, index)] @ sizes)
-        apart = float(sizes @ sizes)
-        fine = apart <= _CANCELLING * together
-        return support if fine and self._table.possible(index, support.coefficients) else None
+    def _allowed(self, offers: Sequence[tuple[int, ...]]) -> Iterator[TermSet]:
+        """Yield supports of one size from the least loss on.
+
+        Those whose friction drives, or whose terms mostly cancel one another, are left out.
+        """
+        for support in self._fits(np.array(offers, dtype=np.int_)) if offers else ():
+            index = list(support.chosen)
+            sizes = support.coefficients * self._scale[index]
+            together = float(sizes @ self._gram[np.ix_(index, index)] @ sizes)
+            fine = float(sizes @ sizes) <= _CANCELLING * together
+            if fine and self._table.possible(index, support.coefficients):
+                yield support
 
 
 def cell_losses(table: TermTable, support: TermSet, cells: BoolArray) -> FloatArray:
