@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import Told
 from wbc import load_robot, save_robot
-from wbc.cli import main
 from wbc.design.experiment import tied_causes
 from wbc.effects import CoulombFriction
 from wbc.errors import DesignError, LogError, RobotError
@@ -74,11 +74,8 @@ def test_a_column_map_holds_its_version_and_an_older_one_has_none(tmp_path: Path
         load_log(sample_paths()[0], path)
 
 
-def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["list", "effects", "--json", "-"]) == 0
-    assert json.loads(capsys.readouterr().out)["schema"] == SCHEMA
+def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(tmp_path: Path, told: Told) -> None:
+    assert json.loads(told("list", "effects", "--json", "-"))["schema"] == SCHEMA
     robot, path = load_robot("planar_leg_fixed").lossless(), tmp_path / "found.json"
     path.write_text(json.dumps(ANSWER))
     causes = tied_causes(path, robot)

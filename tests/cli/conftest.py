@@ -6,30 +6,16 @@ import pytest
 
 from tests.moved import swing
 from wbc import load_robot
-from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.measurement import Log, save_log
 from wbc.robot import Effect
 
 LEG = ["--robot", "planar_leg_fixed", "--lossless"]
-Told = Callable[..., str]
-
-
-@pytest.fixture
-def told(capsys: pytest.CaptureFixture[str]) -> Told:
-    """Run a command that must end with a code (0); return what it printed, on one line."""
-
-    def run(*words: object, code: int = 0) -> str:
-        found = main([str(word) for word in words])
-        said = " ".join("".join(capsys.readouterr()).split())
-        assert found == code, said
-        return said
-
-    return run
+Excited = Callable[..., Log]
 
 
 @pytest.fixture(scope="session")
-def excited_log() -> Callable[..., Log]:
+def excited_log() -> Excited:
     """Return what noisy sensors report while two sines per joint move the fixed leg."""
 
     def make(effects: tuple[Effect, ...] = (), seed: int = 0, duration: float = 4.0) -> Log:
@@ -40,12 +26,7 @@ def excited_log() -> Callable[..., Log]:
 
 
 @pytest.fixture(scope="session")
-def rubbing(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+def rubbing(excited_log: Excited, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """Two repeated runs of a leg whose hip rubs, as files."""
-    folder = tmp_path_factory.mktemp("logs")
-    paths = []
-    for seed in (1, 2):
-        path = folder / f"run{seed}.csv"
-        save_log(excited_log((CoulombFriction("hip", 0.7),), seed), path)
-        paths.append(str(path))
-    return paths
+    folder, rubs = tmp_path_factory.mktemp("logs"), (CoulombFriction("hip", 0.7),)
+    return [str(save_log(excited_log(rubs, k), folder / f"run{k}.csv")) for k in (1, 2)]

@@ -1,15 +1,15 @@
 """Every kind of bad input: one message that names the way out, exit code 2, nothing written."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.cli.conftest import LEG, Told
+from tests.cli.conftest import LEG, Excited
+from tests.conftest import Told
 from wbc.cli import main
-from wbc.measurement import Log, save_log
+from wbc.measurement import save_log
 
 BAD = [
     # logs
@@ -57,7 +57,7 @@ BAD = [
 
 
 @pytest.fixture(scope="module")
-def room(excited_log: Callable[..., Log], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def room(excited_log: Excited, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a good log and many bad ones."""
     folder = tmp_path_factory.mktemp("room")
     log = excited_log(duration=3.0)

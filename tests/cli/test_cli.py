@@ -55,15 +55,13 @@ def test_a_diagnosis_ends_in_minutes_unless_it_may_take_longer(given, least, mos
 def test_a_robot_that_is_saved_without_an_effect_is_said_to_be_as_given(
     excited_log, tmp_path, told
 ):
-    sound, fitted = tmp_path / "sound.csv", tmp_path / "fitted.toml"
-    save_log(excited_log(duration=2.0), sound)
-    said = told("diagnose", sound, *LEG, "--save", fitted)
+    sound = save_log(excited_log(duration=2.0), tmp_path / "sound.csv")
+    said = told("diagnose", sound, *LEG, "--save", fitted := tmp_path / "fitted.toml")
     assert f"wrote {fitted}: the robot as given, no effect was added" in said
 
 
-def test_json_to_standard_output_is_nothing_but_json(rubbing, capsys):
-    assert main(["compare", *rubbing, *LEG, "--json", "-"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+def test_json_to_standard_output_is_nothing_but_json(rubbing, told):
+    printed = json.loads(told("compare", *rubbing, *LEG, "--json", "-"))
     assert printed["outputs"][0]["output"] == "hip"
     assert printed["outputs"][0]["ratio"] > 10.0 > 2.0 > printed["outputs"][1]["ratio"]
 

@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +9,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import Excited
 from tests.columns import write_columns
+from tests.conftest import Told
 from tests.outside import ROOT, outside
 from wbc import load_robot
 from wbc.cli import main
 from wbc.identification.readings.first_guess import guess_ratios
-from wbc.measurement import Log, load_log, save_log
+from wbc.measurement import load_log, save_log
 from wbc.samples import sample_logs
 
 OURS = (ROOT / "robots" / "simple_pendulum" / "simple_pendulum.urdf").read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def test_a_strangers_files_become_a_verdict(
 
 @pytest.mark.parametrize(("one", "other", "sign"), [("a", "b", 1.0), ("knee", "hip", -1.0)])
 def test_units_sides_signs_and_joints_are_guessed_from_the_rows(
-    one: str, other: str, sign: float, excited_log: Callable[..., Log], told: Told, tmp_path: Path
+    one: str, other: str, sign: float, excited_log: Excited, told: Told, tmp_path: Path
 ) -> None:
     log = excited_log(duration=6.0)
     foreign = {"t": 1e3 * log.time}
@@ -152,7 +152,7 @@ def test_an_mjcf_model_gives_its_armature(told: Told, tmp_path: Path) -> None:
 
 
 def test_joints_without_positions_are_held_still(
-    excited_log: Callable[..., Log], told: Told, tmp_path: Path
+    excited_log: Excited, told: Told, tmp_path: Path
 ) -> None:
     log = save_log(excited_log((), duration=2.0), tmp_path / "run.csv")
     model = ROOT / "robots" / "planar_leg" / "planar_leg.urdf"
@@ -183,7 +183,7 @@ def test_a_guessed_gear_ratio_is_no_reason_to_suspect_columns(told: Told, tmp_pa
 
 
 def test_what_the_logs_lack_is_said_with_the_way_to_add_it(
-    excited_log: Callable[..., Log], told: Told, tmp_path: Path
+    excited_log: Excited, told: Told, tmp_path: Path
 ) -> None:
     """A log without a torque got files without a word, and the next command was refused."""
     log = excited_log((), duration=2.0)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import LEG, Told
+from tests.cli.conftest import LEG
+from tests.conftest import Told
 from tests.recover.test_torque_sensors import BENCH, URDF, bench_log, without_positions
 from wbc import load_robot
 from wbc.cli import main
@@ -15,13 +16,10 @@ from wbc.measurement import save_log
 from wbc.samples import sample_logs
 
 
-def test_logs_without_positions_become_a_report(
-    tmp_path: Path, told: Told, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_logs_without_positions_become_a_report(here: Path, told: Told) -> None:
     Path("bench.urdf").write_text(URDF + "</robot>")
     Path("robot.toml").write_text(BENCH)
-    assert load_robot("robot.toml").name == tmp_path.name
+    assert load_robot("robot.toml").name == here.name
     for k in (1, 2):
         save_log(without_positions(bench_log(k)), f"run{k}.csv")
     logs = ["run1.csv", "run2.csv"]

@@ -5,26 +5,24 @@ import re
 import shlex
 import tomllib
 import webbrowser
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.cli.conftest import LEG, Excited
 from wbc.cli import main
 from wbc.cli.options import OPTIONS as OPTIONS_OF_COMMANDS
 from wbc.effects import CoulombFriction
-from wbc.measurement import Log, save_log
+from wbc.measurement import save_log
 
 ROOT = Path(__file__).resolve().parents[2]
-LEG = "--robot planar_leg_fixed --lossless"
 
 
 @pytest.fixture
-def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def room(excited_log: Excited, here: Path) -> Path:
     """The working folder, with a log of a leg whose hip rubs."""
-    save_log(excited_log((CoulombFriction("hip", 0.7),), duration=2.0), tmp_path / "run.csv")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    save_log(excited_log((CoulombFriction("hip", 0.7),), duration=2.0), "run.csv")
+    return here
 
 
 def test_the_commands_that_a_newcomer_is_told_lead_to_a_better_robot(
@@ -36,7 +34,7 @@ def test_the_commands_that_a_newcomer_is_told_lead_to_a_better_robot(
 
     strange = (room / "run.csv").read_text().replace(".", "_", 6).replace("rotor_torque", "trq")
     (room / "odd.csv").write_text(strange.replace("_position", "_angle"))
-    assert main(["check", "odd.csv", *LEG.split()]) == 2
+    assert main(["check", "odd.csv", *LEG]) == 2
     (hint,) = re.findall(r"`wbc (init MODEL .*?)`", capsys.readouterr().err)
     said = run(*shlex.split(hint.replace("MODEL", "planar_leg_fixed")))
     (first,) = re.findall(r"next: wbc (check .*)", said)

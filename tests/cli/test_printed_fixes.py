@@ -3,7 +3,6 @@
 import json
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.cli.conftest import Told
+from tests.cli.conftest import LEG, Excited
+from tests.conftest import Told
 from wbc.cli import main
 from wbc.effects import CoulombFriction
 from wbc.errors import LogError
-from wbc.measurement import Log, load_log, save_log
+from wbc.measurement import load_log, save_log
 
 ROOT = Path(__file__).resolve().parents[2]
-LEG = "--robot planar_leg_fixed --lossless"
 SHORT = {
-    "LEG": LEG,
-    "DIAGNOSE": f"{LEG} --add coulomb_friction --quiet",
+    "LEG": " ".join(LEG),
+    "DIAGNOSE": " ".join([*LEG, "--add coulomb_friction --quiet"]),
     "PLAN": "experiment planar_leg_fixed --rounds 1 --duration 2 --speed 3 --span 0.5",
     "KNEE": "--between rotor_inertia@knee",
     "TWO": "--between coulomb_friction@hip viscous_friction@hip",
@@ -72,9 +71,9 @@ FILES = {
 }
 
 
-@pytest.fixture
-def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def _room(excited_log: Excited, here: Path) -> None:
+    """Fill the working folder."""
     Path("folder").mkdir()
     for name, content in FILES.items():
         Path(name).write_text(content if isinstance(content, str) else json.dumps(content))
@@ -90,7 +89,6 @@ def room(excited_log: Callable[..., Log], tmp_path: Path, monkeypatch: pytest.Mo
     columns, first = {"time": log.time, **log.columns}, log.time < log.time[len(log) // 2]
     pq.write_table(pa.table({**columns, "time": log.time.astype(int)}), "floored.parquet")
     pq.write_table(pa.table({**columns, "part": np.where(first, "a", "b")}), "runs.parquet")
-    return tmp_path
 
 
 def words_of(command: str) -> list[str]:
@@ -100,7 +98,7 @@ def words_of(command: str) -> list[str]:
 
 @pytest.mark.parametrize(("words", "refused", "asked"), FIXES, ids=[f[0] for f in FIXES])
 def test_what_a_message_asks_for_is_accepted(
-    words: str, refused: str, asked: str, room: Path, told: Told
+    words: str, refused: str, asked: str, told: Told
 ) -> None:
     *before, refused = refused.split(" ; ")
     for command in before:
@@ -111,7 +109,7 @@ def test_what_a_message_asks_for_is_accepted(
     assert main(words_of(asked)) != 2
 
 
-def test_more_is_printed_where_a_line_says_so(room: Path, told: Told) -> None:
+def test_more_is_printed_where_a_line_says_so(told: Told) -> None:
     short = told("check", "q1.csv", *words_of("LEG --quiet"), code=1)
     assert short.endswith("Why: the same command without --quiet.")
     assert "no position of hip" in told("check", "q1.csv", *words_of("LEG"), code=1)
@@ -123,13 +121,13 @@ def test_more_is_printed_where_a_line_says_so(room: Path, told: Told) -> None:
     assert "columns that were not read: odd" in told("check", "extra.csv", *words_of("LEG"))
 
 
-def test_a_column_that_was_not_read_is_read_with_a_map(room: Path) -> None:
+def test_a_column_that_was_not_read_is_read_with_a_map() -> None:
     with pytest.raises(LogError, match=r"Column 'q1' was not read"):
         load_log("q1.csv").column("hip.position")
     assert load_log("q1.csv", columns="columns_right.toml").column("hip.position").size
 
 
-def test_all_rows_of_a_study_are_where_the_table_says(room: Path, told: Told) -> None:
+def test_all_rows_of_a_study_are_where_the_table_says(told: Told) -> None:
     study = "design planar_leg_fixed --sweep reduction=10:20:40 --json d.json --out d.parquet"
     shown = told(*study.split())
     found = re.search(r"of (\d+) rows, evenly spread; --json and --out hold all", shown)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tests.cli.conftest import LEG, Told
+from tests.cli.conftest import LEG
+from tests.conftest import Told
 from tests.view.report.test_report import answer
 from wbc.cli import main
 from wbc.cli.models import print_diagnosis

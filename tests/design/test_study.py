@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.conftest import Told
 from wbc import design, load_robot
-from wbc.cli import main
 from wbc.errors import DesignError, WbcError
 from wbc.metrics import sweep
 
@@ -98,14 +98,13 @@ LIMITED = ("torque_limit=1:3:3", "lift:max")
 
 
 @pytest.mark.parametrize(("sweep", "first"), [UNLIMITED, LIMITED])
+@pytest.mark.usefixtures("here")
 def test_an_arm_without_torque_limits_is_not_judged_by_an_unlimited_lift(
-    sweep: str, first: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sweep: str, first: str, told: Told
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    command = "design staubli_tx40 --contact link_6 --pose joint_2=0.5,joint_3=1.2 --json f.json"
+    command = "design staubli_tx40 --contact link_6 --pose joint_2=0.5,joint_3=1.2 --json -"
     command += f" --sweep reduction=20:160:4:log --sweep {sweep}"
-    assert main(command.split()) == 0
-    found = json.loads(Path("f.json").read_text())
+    found = json.loads(told(*command.split()))
     assert found["objectives"] == [first, "backward_inertia:min"]
     # A real choice: every design of the front has a finite value, and they differ.
     values = {row[first.split(":")[0]] for row in found["front"]}
@@ -243,26 +242,21 @@ def test_catalogues_that_cannot_be_are_named(text: str, message: str, tmp_path: 
         design.choose_gearboxes("hd30", design.read_gearboxes())
 
 
-def test_the_command_compares_gearboxes_by_their_front(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["design", "planar_leg", "--gearbox", "all", "--json", "-"]) == 0
-    found = json.loads(capsys.readouterr().out)
+@pytest.mark.usefixtures("here")
+def test_the_command_compares_gearboxes_by_their_front(told: Told) -> None:
+    found = json.loads(told(*["design", "planar_leg", "--gearbox", "all", "--json", "-"]))
     assert all(box["source"] for box in found["gearboxes"])
     assert found["designs"] == len(found["gearboxes"])
     assert found["objectives"] == ["lift:max", "impact_mitigation:max"]
-    assert main(["list", "gearboxes"]) == 0
-    assert "Matsuki" in capsys.readouterr().out
+    assert "Matsuki" in told("list", "gearboxes")
 
 
-def test_a_front_without_designs_says_why(tmp_path: Path, capsys) -> None:
+def test_a_front_without_designs_says_why(tmp_path: Path, told: Told) -> None:
     """A straight leg: infinite force, infinite inertia."""
     for robot, pose, judged in (
         ("planar_leg_fixed", "knee=0", False),
         ("planar_leg", "paper", True),
     ):
         options = f"--pose {pose} --sweep reduction=20:100:3 --out {tmp_path}/{robot}.parquet"
-        assert main(["design", robot, *options.split()]) == 0
-        said = " ".join(capsys.readouterr().out.split())
+        said = told("design", robot, *options.split())
         assert ("No design can be judged" in said) != judged

@@ -108,11 +108,11 @@ def test_commands_of_a_page_are_commands_with_options_that_exist(page: str) -> N
         parser.parse_args(shlex.split(line)[1:])  # exits where it does not know an option
 
 
+@pytest.mark.usefixtures("here")
 def test_the_commands_of_the_readme_lead_from_files_to_an_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """A leg with column names of its own; its owner has not looked up the rotors yet."""
-    monkeypatch.chdir(tmp_path)
     shutil.copy(ROOT / "robots" / "planar_leg" / "planar_leg.urdf", "my_robot.urdf")
     leg = load_robot("planar_leg_fixed").lossless()
     names = {".position": "_angle", ".velocity": "_speed", ".rotor_torque": "_torque"}
@@ -150,10 +150,8 @@ def reduced(line: str) -> str:
     return re.sub(r"(=[^ :]+:[^ :]+):\d+", r"\1:2", line)
 
 
-def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_the_commands_for_a_quadruped_and_an_arm_run_in_small(monkeypatch) -> None:
     for name, count in (("_RANDOM", 3), ("_DRAWN", 6)):  # motions that are drawn at random
         monkeypatch.setattr(f"wbc.design.experiment.search.{name}", count)
     commands = commands_of("docs/guide/gearbox-design.md")
@@ -176,8 +174,8 @@ def test_the_reading_that_the_page_shows_runs_in_its_module() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[str(p.relative_to(ROOT)) for p in PAGES])
-def test_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_blocks_of_a_page_run_and_print_what_it_shows(page, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     namespace: dict[str, object] = {"__name__": "page"}
     for language, block, promised in BLOCK.findall(page.read_text(encoding="utf-8")):
@@ -192,9 +190,9 @@ def test_blocks_of_a_page_run_and_print_what_it_shows(page, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize("page", PASTED)
-def test_blocks_pasted_into_the_prompt_print_what_the_page_shows(page, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("here")
+def test_blocks_pasted_into_the_prompt_print_what_the_page_shows(page, monkeypatch):
     """The prompt ends a block at an empty line and echoes every value that is not assigned."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.ps1", ">>> ", raising=False)
     prompt = code.InteractiveConsole({"__name__": "__console__"})
     for _, block, promised in BLOCK.findall((ROOT / page).read_text(encoding="utf-8")):

@@ -1,16 +1,17 @@
 """The open-loop error: a robot simulated from measured states, held beside the log."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 
+from tests.conftest import Told
 from tests.moved import STEP, servo, servo_log
-from wbc.cli import main
 from wbc.effects import CoulombFriction, TransmissionEfficiency, load_robot
 from wbc.identification.open_loop import HORIZONS, open_loop
 from wbc.identification.readings import with_machine
-from wbc.measurement import Log, save_log
-from wbc.samples import sample_logs
+from wbc.measurement import Log
+from wbc.samples import sample_logs, sample_paths
 
 
 def swung(payload: float = 0.0) -> Log:
@@ -65,11 +66,9 @@ def test_a_short_log_leaves_the_long_horizon_open() -> None:
     assert found.starts[2] == 0
 
 
-def test_the_command_prints_and_writes_it(tmp_path, capsys) -> None:
-    paths = [str(save_log(log, tmp_path / f"{k}.csv")) for k, log in enumerate(sample_logs()[:2])]
-    command = "diagnose --robot planar_leg_fixed --lossless --add transmission_efficiency --json"
-    main([*command.split(), str(tmp_path / "result.json"), *paths])
-    assert "open loop" in capsys.readouterr().out
-    found = json.loads((tmp_path / "result.json").read_text())["open_loop"]
+def test_the_command_prints_and_writes_it(tmp_path: Path, told: Told) -> None:
+    command, result = "diagnose --robot planar_leg_fixed --lossless", tmp_path / "result.json"
+    told(*command.split(), "--add", "transmission_efficiency", "--json", result, *sample_paths())
+    found = json.loads(result.read_text())["open_loop"]
     before, after = (found[key]["joints"]["knee"]["error"] for key in ("before", "after"))
     assert after[1] < 0.5 * before[1]

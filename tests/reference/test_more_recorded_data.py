@@ -5,12 +5,13 @@ The logs live outside the repository, in `../shared/data`; without them these te
 
 import tomllib
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.conftest import Told
 from tests.outside import ROOT, outside
-from wbc.cli import main
 from wbc.effects import EFFECTS, CoulombFriction, TorqueConstant, ViscousFriction, load_robot
 from wbc.identification import diagnose, open_loop
 from wbc.identification.choice.evidence import weigh
@@ -45,17 +46,13 @@ def test_no_soft_gear_is_named_from_a_report_that_does_not_follow_the_motion() -
     assert not found.findings
 
 
-def test_the_arm_without_a_drive_gets_no_gear(tmp_path, capsys) -> None:
-    log = str(outside("ricmonk/TVLQR_3xForward.parquet"))
-    model = RICMONK / "ricmonk.urdf"
-    assert main(["init", str(model), log, "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
+def test_the_arm_without_a_drive_gets_no_gear(tmp_path: Path, told: Told) -> None:
+    log = outside("ricmonk/TVLQR_3xForward.parquet")
+    said = told("init", RICMONK / "ricmonk.urdf", log, "--out", tmp_path)
     assert "taken for a joint without a drive" in said
-    gears = tomllib.loads((tmp_path / "robot.toml").read_text())["gears"]
-    assert list(gears) == ["Joint1", "Joint3"]
-    files = ["--robot", str(tmp_path / "robot.toml"), "--columns", str(tmp_path / "columns.toml")]
-    main(["check", log, *files, "--verbose"])
-    checked = capsys.readouterr().out
+    robot, columns = tmp_path / "robot.toml", tmp_path / "columns.toml"
+    assert list(tomllib.loads(robot.read_text())["gears"]) == ["Joint1", "Joint3"]
+    checked = told("check", log, "--robot", robot, "--columns", columns, "--verbose")
     # Six columns lack the same rows: one remark, not six.
     assert checked.count("Repair the file") == 1
 

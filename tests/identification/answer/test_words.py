@@ -98,10 +98,8 @@ def test_every_answer_says_whether_the_robot_is_to_be_touched(
     assert not last or commands_in(told)[-1].endswith(last)
 
 
-def test_in_python_the_way_out_is_a_line_of_python(
-    found: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.usefixtures("here")
+def test_in_python_the_way_out_is_a_line_of_python(found: Diagnosis) -> None:
     (line,) = commands_in(what_to_do(found))
     exec(line, {"found": found})
     assert str(load_robot("fitted.toml").effects) == str(found.robot.effects)

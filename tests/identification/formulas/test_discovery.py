@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from tests.conftest import Told
 from tests.outside import outside, recorded
 from tests.recover.plant import JOINTS, RATIO, REFLECTED, Flaws, Lane
 from wbc import load_robot
-from wbc.cli import main
 from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, TorqueTerm, ViscousFriction
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
@@ -219,15 +219,13 @@ def test_products_that_do_as_well_are_listed() -> None:
     assert "q_knee * sign(v_hip)" in proposal.rivals[term]
 
 
-def test_the_command_line_prints_writes_and_saves(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_prints_writes_and_saves(tmp_path: Path, told: Told) -> None:
     torque = HIDDEN["a cable from the hip that pulls at the knee"][0]
-    paths = [str(save_log(log, tmp_path / f"{k}.csv")) for k, log in enumerate(logs(torque))]
+    paths = [save_log(log, tmp_path / f"{k}.csv") for k, log in enumerate(logs(torque))]
     fitted, content = tmp_path / "fitted.toml", tmp_path / "out.json"
     command = "diagnose --robot planar_leg_fixed --lossless --add viscous_friction,torque_offset"
-    main([*command.split(), "--discover", *paths, "--save", str(fitted), "--json", str(content)])
-    printed = capsys.readouterr().out
+    files = [*paths, "--save", fitted, "--json", content]
+    printed = told(*command.split(), "--discover", *files, code=1)
     assert "formulas proposed by regression, not causes" in printed
     assert re.search(r"tau_knee = -0\.9\d* N m \* sin\(2 q_hip\)", printed)
     found = json.loads(content.read_text())["discovery"]
