@@ -31,19 +31,6 @@ def path() -> FourierPath:
     return next(random_paths(FRICTION, LIMITS, 4.0, 3, 1))
 
 
-def test_a_path_starts_and_ends_at_rest_and_its_derivatives_are_its_own() -> None:
-    one = path()
-    time = np.linspace(0.0, one.duration, 200_001)
-    q, v, a = one.at(time)
-    for ends in (q[[0, -1]] - one.center, v[[0, -1]], a[[0, -1]]):
-        np.testing.assert_allclose(ends, 0.0, atol=1e-9)
-    np.testing.assert_allclose(np.gradient(q, time, axis=0)[1:-1], v[1:-1], atol=1e-6)
-    # The third derivative jumps where the window is open: no central difference across that.
-    smooth = (np.abs(time - 0.4) > 1e-4) & (np.abs(time - 3.6) > 1e-4)
-    smooth[[0, -1]] = False
-    np.testing.assert_allclose(np.gradient(v, time, axis=0)[smooth], a[smooth], atol=1e-4)
-
-
 def test_the_odds_are_those_of_simulated_measurements() -> None:
     """Fit both causes to noisy torques of the true one: the mean log-odds is what was said."""
     chosen, one = replace(FRICTION, noise=np.full(2, 0.05), band=np.inf), path()

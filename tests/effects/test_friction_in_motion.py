@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.effects.needed import needed
 from wbc import effects, load_robot
 from wbc.arrays import FloatArray
 from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding
@@ -161,17 +160,6 @@ def test_bristles_have_lines_of_their_own_in_the_books(name: str) -> None:
     assert (flow.reloaded == 0.0) == (len(memory) == 1)
     assert "stored in bristles" in str(run.audit)
     assert abs(run.audit.residual) < 0.02 * flow.lost
-
-
-@pytest.mark.parametrize("name", ["presliding", "load_presliding"])
-def test_logs_need_what_the_plant_was_given(name: str) -> None:
-    h, robot = 2.5e-4, LEG.with_effect(CASES[name].effect)
-    rows = run_of(name, h).rows
-    time = h * np.arange(1, len(rows) + 1)
-    motion = Motion(rows[:, :2], rows[:, 2:4], np.gradient(rows[:, 2:4], h, axis=0), time=time)
-    given = RATIO * np.array([CASES[name].push(t) for t in time])
-    left, missed = (np.sqrt(np.mean((needed(r, motion) - given)[5:-5] ** 2)) for r in (robot, LEG))
-    assert left < 0.08 * missed
 
 
 def test_at_its_ends_the_law_is_that_of_the_efficiencies() -> None:

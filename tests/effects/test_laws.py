@@ -1,6 +1,8 @@
-"""Each effect against its definition, written out here once more, in the torques that logs need."""
+"""Drives, supplies and sums of effects against their definition, written out here once more.
 
-from collections.abc import Callable
+What each effect adds to the torque of a log is asked by plants of their own: see
+tests/benchmarks/test_corpus_plants.py.
+"""
 
 import numpy as np
 import pytest
@@ -8,61 +10,13 @@ import pytest
 from tests.effects.needed import motion_of, needed
 from tests.sim.random_robots import geared
 from wbc import Robot, effects
-from wbc.arrays import FloatArray
-from wbc.dynamics import link_torque
 from wbc.errors import EffectError
-from wbc.robot import Effect, Motion
-
-REFLECTED = 0.02666666666666667
-Law = Callable[[FloatArray, FloatArray, FloatArray], FloatArray | float]
-
-
-def gauss(x: FloatArray) -> FloatArray:
-    return np.exp(-(x**2))
-
-
-# What an effect at the knee adds to the torque at the output of its motor, for q, v and a.
-ADDED: list[tuple[Effect, Law]] = [
-    (effects.ViscousFriction("knee", 0.4), lambda q, v, a: 0.4 * v),
-    # at 60 C
-    (effects.ThermalViscousFriction("knee", 0.4, 0.03), lambda q, v, a: 0.4 * np.exp(-0.6) * v),
-    (effects.CoulombFriction("knee", 0.6), lambda q, v, a: 0.6 * np.sign(v)),
-    (effects.StribeckFriction("knee", 0.5, 0.2), lambda q, v, a: 0.5 * gauss(v / 0.2) * np.sign(v)),
-    (effects.QuadraticDrag("knee", 0.3), lambda q, v, a: 0.3 * v * np.abs(v)),
-    (effects.JointSpring("knee", 3.0, 0.25), lambda q, v, a: 3.0 * (q - 0.25)),
-    (effects.TorqueRipple("knee", 0.4, 7.0, 0.3), lambda q, v, a: -0.4 * np.sin(7.0 * q + 0.3)),
-    (effects.TorqueOffset("knee", -0.7), lambda q, v, a: 0.7),
-    (effects.RotorInertia("knee", 0.08), lambda q, v, a: (0.08 - REFLECTED) * a),
-]
+from wbc.robot import Motion
 
 
 @pytest.fixture
 def motion(leg: Robot) -> Motion:
     return motion_of(leg)
-
-
-@pytest.mark.parametrize(("effect", "law"), ADDED, ids=[effect.name for effect, _ in ADDED])
-def test_torque_that_an_effect_adds(leg: Robot, motion: Motion, effect: Effect, law: Law) -> None:
-    more = needed(leg.with_effect(effect), motion) - needed(leg, motion)
-    q, v, a = (x[:, 1] for x in (motion.position, motion.velocity, motion.acceleration))
-    np.testing.assert_allclose(more[:, 1], law(q, v, a), atol=1e-12)
-    np.testing.assert_allclose(more[:, 0], 0.0, atol=1e-12)
-
-
-def test_losses_of_a_gear_depend_on_the_direction_of_power(leg: Robot, motion: Motion) -> None:
-    output, speed = link_torque(leg, motion)[:, 1], motion.velocity[:, 1]
-    rotor = REFLECTED * motion.acceleration[:, 1]
-    forward = output * speed > 0.0
-    assert 0 < forward.sum() < len(forward)
-    share = 0.5 * gauss(speed / 0.8)
-    for effect, lifts, lowers in (
-        (effects.TransmissionEfficiency("knee", 0.75, 0.5), 0.75, 2.0),
-        (effects.LoadFriction("knee", 0.15), 0.85, 1.15),
-        (effects.LoadStribeckFriction("knee", 0.5, 0.8), 1.0 - share, 1.0 + share),
-    ):
-        found = needed(leg.with_effect(effect), motion)[:, 1]
-        expected = output / np.where(forward, lifts, lowers) + rotor
-        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_a_drive_scales_its_report_and_an_offset_comes_on_top(leg: Robot, motion: Motion) -> None:
@@ -71,19 +25,6 @@ def test_a_drive_scales_its_report_and_an_offset_comes_on_top(leg: Robot, motion
     np.testing.assert_allclose(reported * [1.0, 1.2], needed(leg, motion))
     both = needed(leg.with_effects(offset, constant), motion)
     np.testing.assert_allclose(1.2 * both[:, 1] - 0.7, needed(leg, motion)[:, 1])
-
-
-def test_a_payload_is_a_point_mass_at_its_place(leg: Robot) -> None:
-    still = Motion(np.array([[0.3, 0.5]]), np.zeros((1, 2)), np.zeros((1, 2)))
-    base = link_torque(leg, still)[0]
-    for where, arm in (("shin", 0.2), ("foot", 0.4)):
-        more = link_torque(leg.with_effect(effects.PayloadMass(where, 0.9)), still)[0] - base
-        # Gravity on a point `arm` along the shin; positive angles swing the leg to -x.
-        knee = 0.9 * 9.81 * arm * np.sin(0.8)
-        np.testing.assert_allclose(more, [knee + 0.9 * 9.81 * 0.4 * np.sin(0.3), knee])
-    inertia = leg.with_effect(effects.PayloadMass("foot", 0.9)).model.inertias[2]
-    about_knee = inertia.inertia[1, 1] + inertia.mass * inertia.lever[2] ** 2
-    assert about_knee == pytest.approx(2.0 * 0.4**2 / 3 + 0.9 * 0.4**2)
 
 
 def test_effects_at_one_place_add_up(leg: Robot, motion: Motion) -> None:

@@ -16,10 +16,9 @@ from wbc import Robot, effects, load_robot
 from wbc.cli import main
 from wbc.errors import RobotError
 from wbc.export import export_robot, loss_numbers
-from wbc.export.losses import Losses, bent_after, next_losses, rigid_mesh
+from wbc.export.losses import Losses, next_losses
 from wbc.robot import Effect
 from wbc.sim import Plane, Plant
-from wbc.transmission import mesh_input
 
 _TICK = 1e-3  # [s]
 
@@ -190,20 +189,6 @@ def test_no_step_is_too_coarse_for_the_losses(backward: float, step: float) -> N
         mujoco.mj_step(model, data)
     assert energies[-1] < 0.7 * energies[0]
     assert max(energies) < 1.005 * energies[0]  # MuJoCo alone: 1.0007 at the coarsest step
-
-
-def test_the_mesh_is_the_one_of_the_library() -> None:
-    random = np.random.default_rng(0)
-    t, forward, backward = random.uniform([[-9.0], [0.4], [0.1]], [[9.0], [1.0], [1.0]], (3, 200))
-    middle, level = rigid_mesh(t, np.zeros(200), forward, backward)
-    for direction in (1.0, -1.0):
-        out = middle - level * direction
-        np.testing.assert_allclose(mesh_input(out, np.full(200, direction), forward, backward), t)
-    # Dahl's equation in small steps.
-    z = 0.3
-    for _ in range(20000):
-        z += (1.0 - z) * 1e-6 / 0.01
-    assert bent_after(np.array(0.3), np.array(0.02), np.array(0.01)) == pytest.approx(z, abs=1e-4)
 
 
 def batch() -> tuple[dict, list[np.ndarray]]:

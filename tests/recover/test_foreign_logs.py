@@ -8,8 +8,10 @@ import pytest
 
 from tests.outside import foreign, outside
 from wbc import load_robot, save_robot
+from wbc.effects import EFFECTS
 from wbc.identification import compare, diagnose, rank_robots
 from wbc.identification.choice.certainty import CERTAIN
+from wbc.identification.model.yielding import deflects
 
 
 @pytest.mark.parametrize(
@@ -39,12 +41,16 @@ def test_only_what_is_hidden_is_certain(name: str, tmp_path: Path) -> None:
 
 def test_a_sound_arm_lacks_nothing() -> None:
     """Its repeat has one row more, and its velocities lag: a delay was certain."""
-    assert diagnose(*foreign("27_ur5_null")).verdict == "none"
+    assert diagnose(*foreign("27_ur5_null", "run[13]")).verdict == "none"
 
 
 def test_wind_on_a_link_is_not_named_by_small_causes() -> None:
-    """It looks like a tilt; two springs and a friction below the noise made up for the rest."""
-    found = diagnose(*foreign("24_kinova_outside_wind"))
+    """It looks like a tilt; two springs and a friction below the noise made up for the rest.
+
+    Soft and loose gears are left out: they take a third of the time, and none is found here.
+    """
+    rigid = [kind for kind in EFFECTS.values() if not deflects(kind)]
+    found = diagnose(*foreign("24_kinova_outside_wind"), rigid)
     certain = {f.effect.name for f in found.findings if f.support.group_probability >= CERTAIN}
     assert certain <= {"gravity_direction"}
     assert found.verdict in ("partial", "unknown")

@@ -57,7 +57,7 @@ def test_the_hidden_effect_of_the_leg_is_named_and_measured(case: str) -> None:
 
 
 def test_play_is_found_by_simulating_the_link_behind_it() -> None:
-    diagnosis = run("case09", "[ac]")
+    diagnosis = run("case09", "a")
     assert diagnosis.verdict == "named"
     # A bouncing link is simulated roughly: what else it may leave room for is not certain.
     certain = {f.effect.key: f.effect for f in diagnosis.findings if f.probability >= 0.95}

@@ -18,7 +18,7 @@ from wbc.effects import (
     ViscousFriction,
     load_robot,
 )
-from wbc.identification import diagnose
+from wbc.identification import Diagnosis, diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Effect
@@ -120,6 +120,12 @@ def _log(
     return Log(TIME, columns)
 
 
+def found_in(logs: list[Log]) -> Diagnosis:
+    """Return what is found in the first 2 s of logs, which are enough for a whole search."""
+    robot = load_robot("planar_leg_fixed").lossless()
+    return diagnose(robot, [log.between(0.0, 2.0) for log in logs])
+
+
 def problem_of(logs: list[Log]) -> EstimationProblem:
     return EstimationProblem.from_logs(load_robot("planar_leg_fixed").lossless(), logs)
 
@@ -159,8 +165,7 @@ def test_numbers_beside_soft_gears_are_found_from_a_tenth_beside_them(name: str)
 
 def test_two_soft_gears_are_named_together() -> None:
     hidden = JointCompliance("hip", 600.0, 2.0), JointCompliance("knee", 400.0, 1.5)
-    logs = [_log(hidden, seed) for seed in (3, 4)]
-    found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    found = found_in([_log(hidden, seed) for seed in (3, 4)])
     assert found.verdict == "named"
     assert {f.effect.name for f in found.findings} == {"joint_compliance"}
     # An interval of 90 % is 1.6 standard deviations wide to each side; twice that is 3.3.
@@ -175,8 +180,8 @@ def test_two_soft_gears_are_named_together() -> None:
 
 @pytest.mark.parametrize("side", ["link", "motor"])
 def test_dry_friction_behind_and_before_a_soft_gear_is_named_with_it(side: str) -> None:
-    logs = [_log((KNEE, CoulombFriction("knee", 0.6)), seed, side) for seed in (3, 4)]
-    found = diagnose(load_robot("planar_leg_fixed").lossless(), logs)
+    hidden = KNEE, CoulombFriction("knee", 0.6)
+    found = found_in([_log(hidden, seed, side) for seed in (3, 4)])
     effects = {f.effect.name: f for f in found.findings}
     assert found.verdict == "named"
     assert set(effects) == {"joint_compliance", "coulomb_friction"}
@@ -240,7 +245,7 @@ def test_links_that_strike_together_are_followed(hidden: tuple[Effect, ...]) -> 
 
 def test_a_soft_and_a_loose_gear_are_both_named() -> None:
     """Beside the swing of a soft hip a loose knee shows only where both are sought at once."""
-    found = diagnose(load_robot("planar_leg_fixed").lossless(), _struck_logs(TOGETHER[1]))
+    found = found_in(_struck_logs(TOGETHER[1]))
     assert found.verdict == "named"
     named = {(f.effect.where, f.effect.name): f.effect for f in found.findings}
     assert set(named) == {("hip", "joint_compliance"), ("knee", "backlash")}

@@ -11,17 +11,6 @@ from wbc.robot import BaseState, JointMap, Robot
 from wbc.transmission import Transmission
 
 SOLO = load_robot("solo12")
-NAMES = tuple(np.random.default_rng(0).permutation([*SOLO.transmission.joints, "gripper"]).tolist())
-
-
-def test_names_in_any_order_and_more_of_them():
-    position = np.arange(13.0) / 10.0
-    motion = JointMap.of(SOLO, NAMES).motion(position, -position)
-    for name, value in zip(NAMES, position, strict=True):
-        if name != "gripper":
-            assert motion.position[SOLO.position_index(name)] == value
-            assert motion.velocity[SOLO.velocity_index(name)] == -value
-    np.testing.assert_array_equal(motion.position[:7], [0, 0, 0, 0, 0, 0, 1])
 
 
 @pytest.mark.parametrize("name", ["solo12", "parallelogram_leg"])

@@ -77,23 +77,6 @@ def test_lossy_gear_lifts_with_one_efficiency_and_lowers_with_the_other() -> Non
         assert load / (KT * current) == pytest.approx(share, rel=0.01)
 
 
-def test_variants_side_by_side_equal_each_alone() -> None:
-    inertias = (effects.RotorInertia("shaft", inertia) for inertia in (0.001, 0.004))
-    rubs = (effects.CoulombFriction("shaft", level) for level in (0.0, 0.05))
-    robots = list(map(PENDULUM.with_effects, inertias, rubs))
-    drives = [DcDrive(7.4), DcDrive(6.0, source_resistance=1.0, current_limit=0.8)]
-    runs = [run(0.4, 300), run(-0.8, 200, first=0.1)]
-    together = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004)
-    for v, pair in enumerate(zip(robots, drives, strict=True)):
-        for k, one in enumerate(runs):
-            alone = moved(pair[0], one, 0.004, pair[1])
-            np.testing.assert_allclose(together[: alone.size, v, k], alone, atol=1e-12)
-    wanted = np.array([[True, False], [True, True]])
-    some = servo_rollout(list(zip(robots, drives, strict=True)), runs, 0.004, wanted)
-    np.testing.assert_allclose(some[:, wanted], together[:, wanted], atol=1e-12)
-    assert np.all(np.isnan(some[:, ~wanted]))
-
-
 def test_an_effect_that_no_table_holds_is_refused_by_name() -> None:
     robot = PENDULUM.with_effect(effects.SupplySag("robot", 0.01))
     with pytest.raises(RobotError, match="supply_sag"):

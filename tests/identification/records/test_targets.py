@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from tests.conftest import Told
 from tests.recover.plant import JOINTS, Lane, reference, simulate
-from wbc.cli import main
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import ActuationDelay, CurrentLimit, load_robot
 from wbc.errors import LogError
@@ -45,7 +45,7 @@ LANES = [Lane(flaws, k, noise=k) for flaws in ({}, LOSSES) for k in range(LOGS)]
 @pytest.fixture(scope="module")
 def tables() -> Tables:
     """Return runs of a machine as drawn, then of one that loses power and rubs."""
-    return simulate(LANES, duration=6.0, step=5e-4, rate=200.0)
+    return simulate(LANES, duration=4.5, step=5e-4, rate=200.0)
 
 
 def target_log(
@@ -153,15 +153,14 @@ def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> N
 
 
 def test_init_asks_for_gains_where_the_files_hold_targets(
-    tmp_path: Path, logs: list[Log], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, logs: list[Log], told: Told
 ) -> None:
     names = [f"{joint}.{kind}" for joint in JOINTS for kind in ("position", "goal_position")]
-    save_log(logs[0].select(names), tmp_path / "run.csv")
+    run = save_log(logs[0].select(names), tmp_path / "run.csv")
     text = (robots_directory() / "planar_leg_fixed" / "robot.toml").read_text(encoding="utf-8")
     model = robots_directory() / "planar_leg_fixed" / tomllib.loads(text)["model"]
-    out = tmp_path / "leg"
-    assert main(["init", str(model), str(tmp_path / "run.csv"), "--out", str(out)]) == 0
-    assert "no torque but targets" in " ".join(capsys.readouterr().out.split())
+    said = told("init", model, run, "--out", out := tmp_path / "leg")
+    assert "no torque but targets" in said
     gears = load_robot(out / "robot.toml").transmission
     assert gears.joints == JOINTS
     assert np.isfinite(gears.position_gain).all()

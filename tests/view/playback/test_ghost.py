@@ -1,10 +1,10 @@
 """The ghost lies on a right model's measurement and leaves a wrong one's in its direction."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import wbc
+from tests.control.scenes import place_of
 from tests.moved import exact_log, moved
 from wbc.effects import CoulombFriction, ViscousFriction
 from wbc.identification.answer.shown import series_of
@@ -64,18 +64,12 @@ def test_a_free_base_is_held_by_its_foot(leg: Robot, squat: Log) -> None:
     lossless = leg.lossless()
     log = exact_log(lossless.with_effect(CoulombFriction("knee", 3.0)), motion, {"foot": force})
     ghost = model_ghost(lossless, log)
-    feet = [_foot(leg, row) for row in ghost.position[20:-20]]
+    feet = [place_of(leg, row, "foot") for row in ghost.position[20:-20]]
     measured = np.stack([np.interp(ghost.time, log.time, q[:, i]) for i in (3, 4)], axis=1)
     shift = np.linalg.norm((ghost.position[:, 3:] - measured)[20:-20], axis=1).max()
     assert shift > 0.01
     # First order: a shift of e leaves the foot off by about e^2 times a link.
     assert np.abs(np.array(feet) - feet[0]).max() < max(1e-3, 0.8 * shift**2)
-
-
-def _foot(robot: Robot, q: np.ndarray) -> np.ndarray:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    return np.array(data.oMf[robot.model.getFrameId("foot")].translation)
 
 
 def test_residuals_before_and_after_and_their_plots() -> None:
