@@ -31,19 +31,15 @@ _NOTHING = 1e-6  # coefficients between columns of one length, that rounding mak
 _SHOWN = 1e-3  # coefficients that are written out
 
 # In pinocchio's order of a link's ten parameters.
-_LINK = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-_UNITS = ("kg", *["kg m"] * 3, *["kg m^2"] * 6)
+_LINK = {"m": "kg"} | dict.fromkeys(("mx", "my", "mz"), "kg m")
+_LINK |= dict.fromkeys(("Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"), "kg m^2")
 
 
 def link_names(robot: Robot) -> list[tuple[str, str, float]]:
     """Return name, unit and value as drawn of all parameters of the links, in order."""
-    values = inertial_parameters(robot)
-    names = [
-        (f"{name} {body}", unit)
-        for body in robot.bodies
-        for name, unit in zip(_LINK, _UNITS, strict=True)
-    ]
-    return [(*name, float(value)) for name, value in zip(names, values, strict=True)]
+    kinds = [(name, unit, body) for body in robot.bodies for name, unit in _LINK.items()]
+    values = inertial_parameters(robot).tolist()
+    return [(f"{n} {body}", unit, x) for (n, unit, body), x in zip(kinds, values, strict=True)]
 
 
 def base_columns(matrix: FloatArray) -> tuple[list[int], FloatArray]:
@@ -157,27 +153,28 @@ def identify(robot: Robot, logs: Sequence[Log]) -> ClassicFit:
 def classic_fit(problem: EstimationProblem) -> ClassicFit:
     """Return the classic fit of a problem whose robot has perfect gears; see `identify`."""
     problem = _sides_apart(problem)
-    robot = problem.robot
-    table = _Columns.of(problem)
+    values, told = _columns(problem)
     target = problem.residual @ problem.whitening
-    weights = _weights(problem, target, table.values)
-    a = (table.values * weights[:, None]).reshape(-1, table.values.shape[-1])
+    weights = _weights(target, values)
+    a = (values * weights[:, None]).reshape(-1, values.shape[-1])
     b = -(target * weights).ravel()
     solution = _solve(a, b)
-    deviation = _deviations(a, b - a @ solution)
-    parameters = []
-    for k, (name, unit, drawn) in enumerate(table.names):
-        value = drawn + float(solution[k])
-        half = TAIL * float(deviation[k])
-        text = table.combinations[k]
-        parameters.append(BaseParameter(name, text, value, drawn, value - half, value + half, unit))
-    held = held_out_residual(
-        problem, lambda rows: target[~rows] + table.values[~rows] @ _fold(a, b, rows)
-    )
-    names = output_names(robot)
+    half = TAIL * _deviations(a, b - a @ solution)
+
+    def predicted(used: np.ndarray) -> FloatArray:
+        rows = np.repeat(used, target.shape[1])
+        return np.asarray(target[~used] + values[~used] @ _solve(a[rows], b[rows]))
+
+    held = held_out_residual(problem, predicted)
+    names = output_names(problem.robot)
     kept = [k for k in range(len(names)) if k not in problem.floor.aside]
     return ClassicFit(
-        parameters=tuple(parameters),
+        parameters=tuple(
+            BaseParameter(name, text, x := drawn + float(more), drawn, x - h, x + h, unit)
+            for (name, text, drawn, unit), more, h in zip(
+                told, solution, half.tolist(), strict=True
+            )
+        ),
         joints=tuple(names[k] for k in kept),
         before=np.sqrt(np.mean(problem.residual[:, kept] ** 2, axis=0)),
         left=np.sqrt(np.mean(held**2, axis=0)),
@@ -217,51 +214,37 @@ def held_out_residual(
     return np.asarray(left @ np.linalg.inv(problem.whitening[kept]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Columns:
-    """What each parameter changes.
+def _columns(
+    problem: EstimationProblem,
+) -> tuple[FloatArray, list[tuple[str, str, float, str]]]:
+    """Return what each parameter changes, whitened, per unit: (rows, outputs, p), and the p.
 
-    Attributes:
-        values: (rows, outputs, p), whitened, per unit.
-        names: name, unit and value as given of each.
-        combinations: what each stands for beside itself.
+    Each with its name, what it stands for beside itself, its value as given, and its unit.
     """
-
-    values: FloatArray
-    names: tuple[tuple[str, str, float], ...]
-    combinations: tuple[str, ...]
-
-    @classmethod
-    def of(cls, problem: EstimationProblem) -> _Columns:
-        robot, records = problem.robot, problem.records
-        effects = [_small(kind, robot, where) for kind in JOINTS for where in kind.places(robot)]
-        slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
-        at = evaluate(robot, effects, records, problem.whitening)
-        joint = derivatives(problem.columns, at, slots, problem.whitening)
-        joint = joint / np.array([parameter.scale for _, parameter in slots])
-        links = link_names(robot)
-        unit = inertial_columns(robot, records, [None] * len(records), np.eye(len(links)))
-        inertial = np.einsum("rop,oj->rjp", unit, problem.whitening)
-        given = [effects[k].null_values(robot, effects[k].where)[p.name] for k, p in slots]
-        own = [
-            (
-                f"{effects[k].name} at {effects[k].where}",
-                unit_at(robot, effects[k].where, p.unit),
-                value,
-            )
-            for (k, p), value in zip(slots, given, strict=True)
-        ]
-        names = [*own, *links]
-        values = np.concatenate([joint, inertial], axis=-1)
-        kept, mixing = base_columns(values.reshape(-1, values.shape[-1]))
-        drawn = np.array([value for _, _, value in names])
-        whole = drawn[kept] + mixing @ drawn[[k for k in range(len(names)) if k not in kept]]
-        rest = [names[k][0] for k in range(len(names)) if k not in kept]
-        return cls(
-            values[:, :, kept],
-            tuple((names[k][0], names[k][1], float(v)) for k, v in zip(kept, whole, strict=True)),
-            tuple(combination(row, rest) for row in mixing),
-        )
+    robot, records = problem.robot, problem.records
+    effects = [_small(kind, robot, where) for kind in JOINTS for where in kind.places(robot)]
+    slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
+    at = evaluate(robot, effects, records, problem.whitening)
+    joint = derivatives(problem.columns, at, slots, problem.whitening)
+    joint = joint / np.array([parameter.scale for _, parameter in slots])
+    names = []
+    for k, p in slots:
+        effect, where = effects[k], effects[k].where
+        given = effect.null_values(robot, where)[p.name]
+        names.append((f"{effect.name} at {where}", unit_at(robot, where, p.unit), given))
+    names += link_names(robot)
+    links = np.eye(len(names) - len(slots))
+    inertial = inertial_columns(robot, records, [None] * len(records), links)
+    inertial = np.einsum("rop,oj->rjp", inertial, problem.whitening)
+    values = np.concatenate([joint, inertial], axis=-1)
+    kept, mixing = base_columns(values.reshape(-1, values.shape[-1]))
+    rest = [names[k] for k in range(len(names)) if k not in kept]
+    own = mixing @ np.array([value for _, _, value in rest])
+    told = []
+    for k, more, row in zip(kept, own.tolist(), mixing, strict=True):
+        name, unit, value = names[k]
+        told.append((name, combination(row, [other for other, _, _ in rest]), value + more, unit))
+    return values[:, :, kept], told
 
 
 def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
@@ -270,16 +253,11 @@ def _small(kind: type[Effect], robot: Robot, where: str) -> Effect:
     return kind.at(where, {p.name: null[p.name] + p.scale for p in kind.parameters})
 
 
-def _weights(problem: EstimationProblem, target: FloatArray, values: FloatArray) -> FloatArray:
+def _weights(target: FloatArray, values: FloatArray) -> FloatArray:
     """Return (outputs,) one over what a first fit leaves, in floors and never below one."""
     a = values.reshape(-1, values.shape[-1])
     left = (target.ravel() + a @ _solve(a, -target.ravel())).reshape(target.shape)
     return np.asarray(1.0 / np.maximum(np.sqrt(np.mean(left**2, axis=0)), 1.0))
-
-
-def _fold(a: FloatArray, b: FloatArray, used: np.ndarray) -> FloatArray:
-    rows = np.repeat(used, len(b) // len(used))
-    return _solve(a[rows], b[rows])
 
 
 def _solve(a: FloatArray, b: FloatArray) -> FloatArray:

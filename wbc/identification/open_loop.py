@@ -128,10 +128,11 @@ class SimulatedLog:
         """Return the state at `horizon` [s] after `begin`; `state.time` counts from there."""
         while state.time < horizon - 1e-9:
             row = int(np.searchsorted(self.time, begin + state.time, side="right")) - 1
-            step = min(_STEP, horizon - state.time)
-            state = self.plant.step(
-                state, self._command(state, row), step, self._external(state, row)
-            ).state
+            step, external = min(_STEP, horizon - state.time), None
+            if self.forces:
+                forces = {name: force[row][None] for name, force in self.forces.items()}
+                external = contact_torque(self.robot, state.position[None], forces)[0]
+            state = self.plant.step(state, self._command(state, row), step, external).state
             if not np.isfinite(state.position).all():
                 raise SimulationError("the simulated motion leaves all numbers.")
         return state
@@ -145,15 +146,7 @@ class SimulatedLog:
         to_motor = robot.transmission.motor_from_joint
         angle = to_motor @ motion.position[robot.actuated_position]
         speed = to_motor @ motion.velocity[robot.actuated]
-        return np.array(
-            [law.at(row, angle[k], speed[k]) for k, law in enumerate(self.laws)], dtype=np.float64
-        )
-
-    def _external(self, state: SimState, row: int) -> FloatArray | None:
-        if not self.forces:
-            return None
-        forces = {name: force[row][None] for name, force in self.forces.items()}
-        return np.asarray(contact_torque(self.robot, state.position[None], forces)[0])
+        return np.array([law.at(row, angle[k], speed[k]) for k, law in enumerate(self.laws)])
 
 
 def _without_limits(robot: Robot) -> Robot:
@@ -243,23 +236,17 @@ def open_loop(
         ]
     except (LogError, SimulationError) as error:
         return replace(nothing, reason=str(error))
-    misses: list[FloatArray] = []
-    moves: list[FloatArray] = []
+    found = []
     for log, start in _starts(simulated, max(horizons)):
         if time.monotonic() > until:
             return late
-        missed, moved = log.missed(start, horizons)
-        misses.append(missed)
-        moves.append(moved)
-    if not misses:
+        found.append(log.missed(start, horizons))
+    if not found:
         reason = f"no log is longer than {min(horizons):g} s beside its ends."
         return replace(nothing, reason=reason)
-    return replace(
-        nothing,
-        error=_rms(np.stack(misses)),
-        moved=_rms(np.stack(moves)),
-        starts=tuple(int(n) for n in (~np.isnan(np.stack(moves)[:, 0])).sum(axis=0)),
-    )
+    missed, moved = np.moveaxis(np.array(found), 1, 0)
+    starts = tuple((~np.isnan(moved[:, 0])).sum(axis=0).tolist())
+    return replace(nothing, error=_rms(missed), moved=_rms(moved), starts=starts)
 
 
 def _starts(logs: Sequence[SimulatedLog], longest: float) -> list[tuple[SimulatedLog, float]]:
@@ -276,7 +263,5 @@ def _starts(logs: Sequence[SimulatedLog], longest: float) -> list[tuple[Simulate
 
 def _rms(values: FloatArray) -> FloatArray:
     """Return the root mean square (j, h) of what is known of (starts, j, h)."""
-    known = ~np.isnan(values)
-    count = known.sum(axis=0)
-    total = np.where(known, values, 0.0) ** 2
-    return np.where(count > 0, np.sqrt(total.sum(axis=0) / np.maximum(count, 1)), np.nan)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.sqrt(np.nansum(values**2, axis=0) / (~np.isnan(values)).sum(axis=0)))

@@ -116,7 +116,7 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
         outcome=outcome,
         proposals=proposals_of(found, estimates),
         known=found.known,
-        dropped=_dropped(known, found),
+        dropped=tuple(e.key for e in known if e.key not in {kept.key for kept in found.known}),
         error=ErrorLevel(
             before=float(np.sqrt(start.error)),
             after=float(np.sqrt(found.error)),
@@ -157,21 +157,15 @@ def _offers(
     seen = evidence(fit.robot, problem.records)
     found = {}
     for joint in joints:
-        if not _moves(problem, joint):
-            continue
+        column = problem.robot.position_index(joint)
+        if max(np.ptp(motion.position[:, column]) for motion in seen.motions) <= _STILL:
+            continue  # a joint that stands still shows no law
         progress(f"searching a formula for {joint}")
         terms = torque_terms(fit.robot, joint, seen.motions, seen.unexplained, band)
         formula = find_formula(term_table(problem, fit, joint, terms))
         if formula is not None:
             found[joint] = formula
     return found
-
-
-def _moves(problem: EstimationProblem, joint: str) -> bool:
-    """Whether a joint moves at all; one that stands still shows no law."""
-    column = problem.robot.position_index(joint)
-    ranges = [np.ptp(record.motion.position[:, column]) for record in problem.records]
-    return bool(max(ranges) > _STILL)
 
 
 def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
@@ -208,11 +202,6 @@ def _outcome(start: Attempt, found: Attempt) -> Outcome:
     left = np.sqrt(max(found.error - 1.0, 0.0))
     first = np.sqrt(max(start.error - 1.0, 0.0))
     return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
-
-
-def _dropped(known: Sequence[Effect], found: Attempt) -> tuple[tuple[str, str], ...]:
-    kept = {effect.key for effect in found.known}
-    return tuple(e.key for e in known if e.key not in kept)
 
 
 @dataclass(frozen=True, eq=False)

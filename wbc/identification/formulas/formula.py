@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from scipy.stats import sem
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.effects import CustomTorque, TorqueTerm
@@ -100,10 +101,12 @@ def _formula(table: TermTable) -> Formula | None:
     count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
     if count == 0 or not _pays(errors[0], errors[count], least):
         return None
+    everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     for fewer in range(count, 0, -1):
-        support = _everything(table, folds, fewer)
-        if support is None or not _pays(errors[0], errors[fewer], least):
+        path = everything.path(fewer)
+        if len(path) <= fewer or not _pays(errors[0], errors[fewer], least):
             continue
+        support = _simplified(table, folds, everything, path[fewer])
         stability = _stability(table, support, [path[fewer] for path in paths])
         # A term that most folds do without is no law of this joint.
         if min(stability) >= _STABLE:
@@ -123,19 +126,12 @@ def _formula(table: TermTable) -> Formula | None:
     return None
 
 
-def _everything(table: TermTable, folds: _Folds, count: int) -> TermSet | None:
-    """Return the support of `count` terms that all cells ask for."""
-    path = SparseRegression(table, np.ones(len(table.folds), dtype=bool)).path(count)
-    return _simplified(table, folds, path[count]) if len(path) > count else None
-
-
 def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[TermSet]], list[FloatArray]]:
     """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
     paths = [others.path(MOST_TERMS) for _, others in folds]
-    most = min(len(path) for path in paths)
-    losses = [np.zeros(len(table.folds)) for _ in range(most)]
+    losses = [np.zeros(len(table.folds)) for _ in range(min(map(len, paths)))]
     for (inside, _), path in zip(folds, paths, strict=True):
-        for loss, support in zip(losses, path[:most], strict=True):
+        for loss, support in zip(losses, path, strict=False):
             loss[inside] = cell_losses(table, support, inside)
     return paths, losses
 
@@ -147,7 +143,7 @@ def _fewest(errors: Sequence[FloatArray]) -> int:
     slack = _SHARE_PER_TERM * max(means[0] - means[best], 0.0)
     for count in range(best):
         difference = errors[count] - errors[best]
-        if float(np.mean(difference)) <= max(_standard_error(difference), slack):
+        if float(np.mean(difference)) <= max(sem(difference), slack):
             return count
     return best
 
@@ -155,9 +151,7 @@ def _fewest(errors: Sequence[FloatArray]) -> int:
 def _pays(without: FloatArray, with_it: FloatArray, least: float) -> bool:
     difference, ratio = without - with_it, np.log(without / with_it)
     gain = float(np.mean(difference))
-    certain = gain > _STANDARD_ERRORS * _standard_error(difference) or float(
-        np.mean(ratio)
-    ) > _STANDARD_ERRORS * _standard_error(ratio)
+    certain = any(np.mean(x) > _STANDARD_ERRORS * sem(x) for x in (difference, ratio))
     return certain and gain > max(_LEAST_GAIN, least)
 
 
@@ -165,13 +159,10 @@ def _excess(errors: FloatArray) -> float:
     return max(float(np.mean(errors)) - 1.0, 0.0)
 
 
-def _standard_error(values: FloatArray) -> float:
-    return float(np.std(values, ddof=1) / np.sqrt(values.size))
-
-
-def _simplified(table: TermTable, folds: _Folds, support: TermSet) -> TermSet:
+def _simplified(
+    table: TermTable, folds: _Folds, everything: SparseRegression, support: TermSet
+) -> TermSet:
     """Return the support with every term replaced by the simplest that does as well."""
-    everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     chosen = list(support.chosen)
     for place in range(len(chosen)):
         own = complexity(table.terms[chosen[place]], table.joint)
@@ -197,7 +188,7 @@ def _ties(table: TermTable, folds: _Folds, support: TermSet) -> list[list[int]]:
             error = block_errors(table, held_out(table, [*rest, int(k)], folds))
             difference = error - present
             equal = _SAME_ERROR * float(np.mean(present))
-            if float(np.mean(difference)) <= max(_standard_error(difference), equal):
+            if float(np.mean(difference)) <= max(sem(difference), equal):
                 close.append((float(np.mean(error)), int(k)))
         result.append([k for _, k in sorted(close)])
     return result

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
@@ -174,10 +175,7 @@ def _values(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the torque and the level of dry friction (N, c) of a unit of each term."""
     sign = np.sign(motion.velocity[:, robot.velocity_index(joint)])
-    known = {
-        factor: factor.value(robot, motion)
-        for factor in dict.fromkeys(f for term in terms for f in term.factors)
-    }
+    known = {f: f.value(robot, motion) for f in {f for term in terms for f in term.factors}}
     torque = np.ones((len(motion.velocity), len(terms)))
     level = np.zeros_like(torque)
     for k, term in enumerate(terms):
@@ -192,7 +190,6 @@ def _values(
 
 
 _HARMONICS = 2  # orders read off the data, per kind of torque
-_TRIALS = 33  # orders tried around each peak of the spectrum
 _DISTINCT = 0.2  # orders closer than this share of each other are the same
 
 
@@ -221,8 +218,8 @@ def torque_terms(
     smooth_orders, dry_orders = _orders(robot, joint, motions, unexplained, band)
     smooth_waves = _waves(q, waves | smooth_orders)
     dry_waves = _waves(q, waves | dry_orders)
-    gravity = [f"gravity_{joint}"] if _weighs(robot, joint, motions) else []
-    load = [] if robot.floating_size else [f"load_{joint}"]
+    gravity = [f"gravity_{joint}"] * _weighs(robot, joint, motions)
+    load = [f"load_{joint}"] * (not robot.floating_size)
     texts = ["1", q, f"{q}^2", f"{q}^3", *smooth_waves]
     texts += [v, f"|{v}|", f"|{v}| * {v}", f"{v}^2", f"{v}^3", f"a_{joint}"]
     texts += [f"{x} * {v}" for x in (q, f"|{q}|", f"{q}^2", *_waves(q, waves), *gravity)]
@@ -250,8 +247,7 @@ def _across(
     smooth += [f"sin({q}) * {u}^2", f"sin({x}) * {u}^2"]
     smooth += [f"a_{other}", f"cos({q}) * a_{other}", f"cos({x}) * a_{other}"]
     level = [x, f"|{x}|", f"{x}^2", f"|{u}|", *waves]
-    if _weighs(robot, other, motions):
-        level.append(f"|gravity_{other}|")
+    level += [f"|gravity_{other}|"] * _weighs(robot, other, motions)
     if not robot.floating_size:
         smooth.append(f"load_{other}")
         level.append(f"|load_{other}|")
@@ -266,25 +262,18 @@ def _waves(position: str, orders: Iterable[float]) -> list[str]:
 def _weighs(robot: Robot, joint: str, motions: Sequence[Motion]) -> bool:
     """Whether gravity asks anything of a joint."""
     term = TorqueTerm.parse(f"gravity_{joint}")
-    few = [motion.replace(position=motion.position[::200]) for motion in motions]
-    few = [
-        motion.replace(velocity=np.zeros((len(motion.position), robot.model.nv))) for motion in few
-    ]
+    few = [m.replace(position=m.position[::200], velocity=0.0 * m.velocity[::200]) for m in motions]
     return any(np.ptp(term.value(robot, motion)) > 1e-6 for motion in few)
 
 
 def _chain(robot: Robot, joint: str) -> list[str]:
     """Return the other driven joints between the base and `joint`, and those that it carries."""
-    model = robot.model
-    own = model.getJointId(joint)
-
-    def related(other: int) -> bool:
-        return other in list(model.supports[own]) or own in list(model.supports[other])
-
+    model, own = robot.model, robot.model.getJointId(joint)
+    numbers = {name: model.getJointId(name) for name in robot.transmission.joints if name != joint}
     return [
         name
-        for name in robot.transmission.joints
-        if name != joint and related(model.getJointId(name))
+        for name, other in numbers.items()
+        if other in list(model.supports[own]) or own in list(model.supports[other])
     ]
 
 
@@ -298,13 +287,11 @@ def _orders(
     """Return the orders at which smooth torque and dry friction repeat with position."""
     column, row = robot.position_index(joint), robot.velocity_index(joint)
     positions = [motion.position[:, column] for motion in motions]
+    speeds = [motion.velocity[:, row] for motion in motions]
     torques = [torque[:, row] for torque in unexplained]
-    along = [
-        torque * np.sign(motion.velocity[:, row])
-        for torque, motion in zip(torques, motions, strict=True)
-    ]
-    speeds = np.concatenate([motion.velocity[:, row] for motion in motions])
-    highest = 2.0 * np.pi * band / max(float(np.sqrt(np.mean(speeds**2))), 1e-9)
+    along = [torque * np.sign(speed) for torque, speed in zip(torques, speeds, strict=True)]
+    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+    highest = 2.0 * np.pi * band / max(usual, 1e-9)
     return _peaks(positions, torques, highest), _peaks(positions, along, highest)
 
 
@@ -313,18 +300,15 @@ def _peaks(
 ) -> set[float]:
     """Return the strongest orders up to `highest`, read closely."""
     found: list[float] = []
-    span = max(float(np.ptp(np.concatenate(list(positions)))), 1e-9)
     place, torque = np.concatenate(list(positions)), np.concatenate(list(torques))
+    span = max(float(np.ptp(place)), 1e-9)
     for peak in strongest_orders(positions, torques, 4 * _HARMONICS):
         if peak > highest:
             continue
-        # A peak is placed within an eighth of its width 2 pi / span; look closer, twice.
-        sharp, reach = peak, 0.3 * 2.0 * np.pi / span
-        for _ in range(2):
-            trials = sharp + np.linspace(-reach, reach, _TRIALS)
-            sharp = max(trials[trials > 0.0], key=lambda k: _power(place, torque, k))
-            reach *= 2.0 / _TRIALS
-        sharp = float(f"{sharp:.4g}")
+        # A peak is placed within an eighth of its width 2 pi / span; look closer.
+        ends = max(peak - 0.6 * np.pi / span, 1e-3 * peak), peak + 0.6 * np.pi / span
+        closer = minimize_scalar(lambda k: -_power(place, torque, k), bounds=ends)
+        sharp = float(f"{closer.x:.4g}")
         if all(abs(sharp - other) > _DISTINCT * max(sharp, other) for other in (*found, 1.0, 2.0)):
             found.append(sharp)
     return set(found[:_HARMONICS])
