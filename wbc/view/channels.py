@@ -133,8 +133,7 @@ def find_impacts(
         size = np.linalg.norm(force, axis=1)
         free = size < _QUIET * weight
         for row in np.flatnonzero(free[:-1] & ~free[1:]) + 1:
-            earlier = np.flatnonzero(~free[:row])
-            left = int(earlier[-1]) + 1 if earlier.size else 0
+            left = int(np.max(np.flatnonzero(~free[:row]), initial=-1)) + 1
             if time[row] - time[left] < _MOMENT:
                 continue
             soon = size[row : int(np.searchsorted(time, time[row] + _MOMENT)) + 1]

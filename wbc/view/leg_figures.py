@@ -30,12 +30,7 @@ from wbc.view.style import DASHES, drawing, new_figure
 
 # One colour for one assumption about the gears, in both panels.
 _FORWARD, _BACKWARD, _PERFECT, _COMBINED = 0, 1, 2, 3
-_DASH = {
-    _PERFECT: DASHES[1],
-    _BACKWARD: DASHES[0],
-    _FORWARD: DASHES[2],
-    _COMBINED: DASHES[3],
-}
+_DASH = {_BACKWARD: DASHES[0], _PERFECT: DASHES[1], _FORWARD: DASHES[2], _COMBINED: DASHES[3]}
 _NEAR = 0.04  # of the panel: names of joints closer than that are written as one
 
 

@@ -137,12 +137,9 @@ def write_animation(
                 raise ViewError(
                     f"nothing to animate from {begin:g} s to {end:g} s at speed {speed:g}."
                 )
-            instants = np.arange(begin, end, speed / frame_rate)
-            pictures = []
-            for instant in instants:
-                taken = io.BytesIO(_shown(page, float(instant)))
-                pictures.append(Image.open(taken).convert("RGB"))
-            return write_gif(destination, pictures, frame_rate)
+            instants = np.arange(begin, end, speed / frame_rate).tolist()
+            taken = [Image.open(io.BytesIO(_shown(page, instant))) for instant in instants]
+            return write_gif(destination, [one.convert("RGB") for one in taken], frame_rate)
 
     return _in_thread(film)
 

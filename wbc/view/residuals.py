@@ -19,7 +19,8 @@ _ROWS = 700  # of one line: about as many as a screen has points across
 _NUMBERS = 500_000  # of all lines together: some 3 MB of text
 _POINTS = 450
 _STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
-_UNITS = {"N": ("m/s", "m", "N"), "N m": ("rad/s", "rad", "N m")}  # of speed, position, load
+_OVER = ("speed", "position", "load")
+_UNITS = {"N": ("m/s", "m", "N"), "N m": ("rad/s", "rad", "N m")}
 
 
 def residual_plots(
@@ -40,12 +41,11 @@ def residual_plots(
     few = slice(None, None, max(1, -(-len(before) // _POINTS)))
     panels = []
     for k, (output, unit) in enumerate(zip(names, output_units(robot), strict=True)):
-        over = []
-        for name, own, x in zip(
-            ("speed", "position", "load"), _UNITS[unit], motion[:, :, k], strict=True
-        ):
-            if np.isfinite(x).all():
-                over.append({"name": name, "unit": own, "x": _short(x[few])})
+        over = [
+            {"name": name, "unit": own, "x": _short(x[few])}
+            for name, own, x in zip(_OVER, _UNITS[unit], motion[:, :, k], strict=True)
+            if np.isfinite(x).all()
+        ]
         panels.append(
             {
                 "output": output,
