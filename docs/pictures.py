@@ -23,6 +23,7 @@ from sims import (
     case_study,
     demo,
     energy_flow,
+    fleet,
     holding,
     hopping,
     impact,
@@ -36,8 +37,9 @@ from sims import (
     wedge_forces,
 )
 from sims.plots import sweep_figure
-from wbc import load_robot
+from wbc import load_robot, save_robot
 from wbc.cli import main as wbc
+from wbc.effects import CoulombFriction
 from wbc.files import atomic_write
 from wbc.measurement import load_logs, save_log
 from wbc.view import DARK, LIGHT, Theme, write_animation, write_picture, write_playback
@@ -64,6 +66,17 @@ def explained() -> None:
     keep(OUT / "head.png", "report")
     for name in ("residuals", "residuals_dark", "staircase", "staircase_dark"):
         keep(OUT / f"{name}.png", name)
+
+
+def followed() -> None:
+    """Follow two legs over four days."""
+    files = [str(path) for path in fleet.record_fleet()]
+    leg = load_robot("planar_leg_fixed").lossless().with_effect(CoulombFriction("hip", 0.3))
+    robot = save_robot(leg, "fitted.toml")
+    for theme, ending in (("light", ""), ("dark", "_dark")):
+        folder = OUT / theme
+        wbc(["trend", *files, "--robot", str(robot), "--figures", str(folder), "--theme", theme])
+        keep(folder / "trend.png", "trend" + ending)
 
 
 def stood() -> None:
@@ -241,6 +254,7 @@ PARTS = {
         designs,
         experiments,
         explained,
+        followed,
         stood,
         studies,
         loops,

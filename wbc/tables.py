@@ -36,6 +36,10 @@ class TextTable:
         """Return a table; its heads are separated by a bar."""
         return cls(tuple(heads.split("|")), tuple(map(tuple, cells)), title, caption)
 
+    def __bool__(self) -> bool:
+        """Whether it has rows."""
+        return bool(self.cells)
+
     @property
     def names(self) -> list[str]:
         """The heads as they are read."""

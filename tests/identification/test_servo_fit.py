@@ -1,16 +1,18 @@
 """The fit of a servo recovers what a plant of its own was made with."""
 
+import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wbc.effects import CoulombFriction, PayloadMass, load_robot
+from wbc.cli import main
+from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import IdentificationError
-from wbc.identification.readings import with_machine
 from wbc.identification.servo import ServoFit, Span, fit_rollouts, fit_servos
-from wbc.measurement import Log
+from wbc.measurement import Log, save_log
 from wbc.robot import Robot
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_run import ServoRun
@@ -79,14 +81,6 @@ def test_finds_resistance_friction_and_sag() -> None:
     assert fit.at_bound == ()
 
 
-def test_fits_in_step_equal_each_alone() -> None:
-    runs = [plant(4.0, 0.03, 1.5, amplitude, 1.5) for amplitude in (0.4, 0.9, 1.6)]
-    subsets = [[0, 2], [1], [0, 1, 2]]
-    for subset, fit in zip(subsets, fit_servos(build, SPANS, runs, STEP, subsets), strict=True):
-        alone = fit_servo(build, SPANS, [runs[k] for k in subset], STEP)
-        assert fit.values == pytest.approx(alone.values, rel=1e-6)
-
-
 def test_says_that_a_number_ended_on_its_bound() -> None:
     runs = [plant(4.0, 0.0, 0.0, 0.8)]
     fit = fit_servo(build, {**SPANS, "sag": Span(0.5, 1.0, 5.0)}, runs, STEP, iterations=30)
@@ -117,20 +111,39 @@ def swung(gain: float, more: float, rate: float) -> Log:
     return Log(time[fine], {"shaft.position": reached[fine], "shaft.target_position": goal[fine]})
 
 
-def test_several_loads_and_gains_make_one_servo() -> None:
-    robot, logs = load_robot("xl330_pendulum"), []
+SETTING = """
+robot = "xl330_pendulum"
+gears.shaft.duty_gain = {{ value = {}, unit = "1/rad" }}
+[[effects]]
+effect = "payload_mass"
+where = "arm"
+parameters = {{ mass = {{ value = {}, unit = "kg" }} }}
+"""
+
+
+def test_several_loads_and_gains_make_one_servo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs, fitted, file = [], tmp_path / "fitted.toml", tmp_path / "found.json"
     for k, (gain, more) in enumerate(LOADS):
-        own = robot.with_effect(PayloadMass("arm", more))
-        gears = own.transmission.with_value("duty_gain", "shaft", gain)
-        logs.append(with_machine(swung(gain, more, 2.0 + k), robot, own.with_transmission(gears)))
-    found = fit_rollouts(robot, logs)
-    assert found.chosen.name == "Coulomb and viscous friction"
-    assert found.to_json()["models"][0]["held_out"] == pytest.approx([0.0] * 3, abs=0.004)
-    assert found.given > 0.03
+        (tmp_path / f"{k}.toml").write_text(SETTING.format(gain, more))
+        save_log(swung(gain, more, 2.0 + k), tmp_path / f"{k}.npz")
+        logs.append(f"{tmp_path}/{k}.npz@{tmp_path}/{k}.toml")
+    how = ["--robot", "xl330_pendulum", "--save", str(fitted), "--json", str(file)]
+    assert main(["rollout", *logs, *how]) == 0
+    assert "Coulomb and viscous friction chosen" in " ".join(
+        word for word in capsys.readouterr().out.split() if not word[0].isdigit()
+    )
+    found = json.loads(file.read_text())
+    assert found["best"] == "Coulomb and viscous friction"
+    assert found["models"][0]["held_out"] == pytest.approx([0.0] * 3, abs=0.004)
+    assert found["given"] > 0.03
     # Without a torque only their ratio is told: viscous friction brakes as the back-EMF does.
-    numbers = found.chosen.fit.values
-    assert numbers["torque_constant"] / numbers["resistance"] == pytest.approx(0.0774, rel=0.05)
-    levels = {effect.name: effect.values for effect in found.effects}
+    robot = load_robot(fitted)
+    gears = robot.transmission
+    ratio = float(gears.torque_constant[0] / gears.resistance[0])
+    assert ratio == pytest.approx(0.0774, rel=0.05)
+    levels = {effect.name: effect.values for effect in robot.effects}
     assert levels["coulomb_friction"]["level"] == pytest.approx(0.03, rel=0.15)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -15,10 +13,8 @@ from wbc.cli.inputs import robot_from
 from wbc.cli.outputs import Options, Outcome, watching, write_figures
 from wbc.cli.printout import table
 from wbc.design import experiment as plans
-from wbc.design.experiment import DESIGNED, Designed, MotionLimits, Pair, Rivals
+from wbc.design.experiment import DESIGNED, Designed, MotionLimits, Rivals
 from wbc.errors import DesignError, WbcError
-from wbc.files import as_json
-from wbc.identification.answer.ranking import effect_entry
 from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.tables import TextTable
@@ -46,7 +42,7 @@ def run_experiment(options: Options, console: Console) -> Outcome:
     console.print(f"wrote {path}; see it: {play}")
     if options.figures:
         _draw(options, rivals, limits, found, console)
-    return 0, _json(rivals, found, path)
+    return 0, plans.experiment_json(rivals, found) | {"trajectory": str(path)}
 
 
 def _rivals(options: Options, robot: Robot) -> Rivals:
@@ -143,20 +139,3 @@ def _draw(
     joints = {name: unit_at(robot, name, "rad") for name in robot.transmission.joints}
     draw = partial(experiment_figure, joints, time, designed.path.at(time)[:2], misfits)
     write_figures(options, {f"{options.figures}/{robot.name}_experiment.png": draw}, console)
-
-
-def _json(rivals: Rivals, found: Found, path: Path) -> dict[str, Any]:
-    def listed(values: Mapping[Pair, float], scale: float = 1.0) -> list[dict[str, float]]:
-        return [{"true": i, "over": j, "value": x / scale} for (i, j), x in values.items()]
-
-    designed, ten = found[DESIGNED], float(np.log(10.0))
-    told = {
-        "causes": [[effect_entry(effect) for effect in cause] for cause in rivals.causes],
-        "half_widths": {name: one.widths for name, one in found.items()},
-        "alike": [{"true": i, "over": j} for i, j in designed.alike],
-        "log10_odds": {name: listed(one.odds, ten) for name, one in found.items()},
-        "chance": {name: listed(one.chance) for name, one in found.items()},
-        "used": designed.used,
-        "trajectory": path,
-    }
-    return dict(as_json(told))

@@ -91,14 +91,14 @@ def write_fix(options: Options, findings: Sequence[LogFinding], console: Console
     """Write the column map that mends what was found, on top of the one in use, if asked to."""
     if getattr(options, "fix", None) is None:
         return
-    alone = [finding for finding in findings if finding.mend and finding.alone]
-    findings = [finding for finding in findings if not finding.alone]
-    if alone:
+    mending = [finding for finding in findings if finding.mend]
+    shared = [finding for finding in mending if not finding.alone]
+    if len(shared) < len(mending):
         console.print("what only some of the logs have, --fix does not write: see the lines above")
-    mend = together(finding.mend for finding in findings if finding.mend)
+    mend = together(finding.mend for finding in shared if finding.mend)
     if not mend:
         console.print("no column map mends what was found; --fix writes nothing")
         return
-    said = [line for finding in findings if finding.mend for line in finding.text.splitlines()]
+    said = [line for finding in shared for line in finding.text.splitlines()]
     path = write_map(options.fix, merged(read_table(options.columns), mend), said)
     console.print(f"wrote {path}; give it with --columns {path}", soft_wrap=True)

@@ -18,7 +18,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: command line without the program's name; the process's own when left out.
     """
-    options = _parsed(arguments)
+    options, unknown = build_parser().parse_known_args(arguments)
+    if unknown:  # argparse alone shows the usage of `wbc`, which names no option of any command
+        options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
         return _run(options)
     except BrokenPipeError:
@@ -26,8 +28,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 0
     except (WbcError, OSError) as error:
-        _complain(error)
-        _write_fix(options, error)
+        text = str(error)
+        if isinstance(error, OSError):
+            place = f"'{error.filename}': " if error.filename else ""
+            text = f"{place}{error.strerror or error}."
+        print(f"wbc: {text}", file=sys.stderr)
+        if findings := getattr(error, "findings", ()):
+            from rich.console import Console
+
+            from wbc.cli.inputs import write_fix
+
+            write_fix(options, findings, Console(stderr=True, markup=False, highlight=False))
         return 2
     except KeyboardInterrupt:
         return 130
@@ -49,39 +60,3 @@ def _run(options: argparse.Namespace) -> int:
     code, content = getattr(command, function)(options, console)
     write_json(target, content, console)
     return int(code)
-
-
-def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """Return the options; what a command does not know ends with the usage of that command.
-
-    argparse alone shows the usage of `wbc`, which names no option of any command.
-    """
-    parser = build_parser()
-    options, unknown = parser.parse_known_args(arguments)
-    if unknown:
-        (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-        commands.choices[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
-    return options
-
-
-def _write_fix(options: argparse.Namespace, error: Exception) -> None:
-    """Write the column map that --fix asked for, where an error says which columns are wrong."""
-    findings = getattr(error, "findings", ())
-    if not findings or not getattr(options, "fix", None):
-        return
-    from rich.console import Console
-
-    from wbc.cli.inputs import write_fix
-
-    try:
-        write_fix(options, findings, Console(stderr=True, markup=False, highlight=False))
-    except (WbcError, OSError) as cause:
-        _complain(cause)
-
-
-def _complain(error: Exception) -> None:
-    text = str(error)
-    if isinstance(error, OSError):
-        place = f"'{error.filename}': " if error.filename else ""
-        text = f"{place}{error.strerror or error}."
-    print(f"wbc: {text}", file=sys.stderr)

@@ -1,21 +1,24 @@
-"""`wbc compare`, `diagnose`, `identify`: a robot held against its logs."""
+"""`wbc compare`, `diagnose`, `identify`, `rollout`, `trend`: a robot held against its logs."""
 
 from __future__ import annotations
 
 import time
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from math import inf
 from typing import Any
 
+import tomli_w
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from wbc.cli.inputs import robot_and_logs
-from wbc.cli.outputs import Options, Outcome, command_line, working
+from wbc.cli.inputs import robot_and_logs, robot_from
+from wbc.cli.outputs import Options, Outcome, command_line, watching, working, write_figures
 from wbc.cli.printout import Part, print_out, spoken, table
 from wbc.effects import effect_class, save_robot
-from wbc.errors import EffectError, WbcError
+from wbc.errors import WbcError
+from wbc.files import write_text
 from wbc.identification import Diagnosis, compare, diagnose
 from wbc.identification.answer.shown import provenance
 from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
@@ -23,8 +26,11 @@ from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.identification.readings.first_guess import guessed_numbers
+from wbc.identification.servo import MOTOR, UNITS, fit_rollouts
+from wbc.identification.trend import find_sessions, follow
 from wbc.measurement import Log
-from wbc.robot import Effect, Robot
+from wbc.robot import Robot
+from wbc.tables import TextTable
 from wbc.view.rows import fit_rows, formula_rows, open_loop_rows, parameter_rows
 
 Simulated = Callable[[], Sequence[OpenLoop]]
@@ -45,14 +51,12 @@ def run_compare(options: Options, console: Console) -> Outcome:
     simulated = simulated_later((robot,), logs, console)
     content = comparison.to_json() | {"provenance": provenance(comparison.sources, command_line())}
     parts: list[Part] = [
-        ("the error of every output", table(comparison.error_rows())),
-        ("the open-loop error", lambda: open_loop_table(simulated())),
+        ("the error of every output", comparison.error_rows()),
+        ("the open-loop error", lambda: open_loop_shown(simulated())),
+        ("warnings", "\n".join(comparison.warnings)),
+        ("where it fails", comparison.where_rows()),
     ]
-    if comparison.warnings:
-        parts.append(("warnings", spoken("\n".join(comparison.warnings))))
-    parts.append(("where it fails", table(comparison.where_rows())))
-    quiet, verbose = options.quiet, options.verbose
-    print_out(console, [comparison.sentence], parts, quiet=quiet, verbose=verbose)
+    print_out(console, [comparison.sentence], parts, options.quiet, options.verbose)
     if options.json:
         content["open_loop"] = simulated()[0].to_json()
     _write_report(options, console, robot, logs, simulated)
@@ -103,11 +107,10 @@ def simulated_later(
     return simulated
 
 
-def open_loop_table(simulated: Sequence[OpenLoop]) -> RenderableType:
+def open_loop_shown(simulated: Sequence[OpenLoop]) -> TextTable | str:
     """Return position errors after each horizon, or why there are none."""
     reason = simulated[-1].reason
-    why = f"open loop: nothing was simulated: {reason}"
-    return Text(why) if reason else table(open_loop_rows(simulated))
+    return f"open loop: nothing was simulated: {reason}" if reason else open_loop_rows(simulated)
 
 
 def run_diagnose(options: Options, console: Console) -> Outcome:
@@ -115,7 +118,8 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     if not options.budget > 0.0:
         raise WbcError(f"--budget {options.budget:g}: give a time > 0 [s].")
     until = time.monotonic() + options.budget
-    candidates = _candidates(options.add)
+    names = () if options.add == "auto" else options.add.split(",")
+    candidates = [effect_class(name.strip()) for name in names] or None
     robot, logs = robot_and_logs(options)
     if guessed := ", ".join(guessed_numbers(options.robot)):
         console.print(
@@ -125,25 +129,22 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
         )
     with working(console, "diagnosing") as progress:
         diagnosis = diagnose(robot, logs, candidates, progress, until - time.monotonic())
-    if options.save and not options.discover:
+    if options.save:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, console, until)
     given = {name: getattr(options, name) for name in ("lossless", "columns", "add")}
     commands = Commands(options.logs, options.robot, saved=options.save, **given)
-    shown = {"quiet": options.quiet, "verbose": options.verbose}
-    print_diagnosis(console, diagnosis, commands, simulated, **shown)
+    print_diagnosis(console, diagnosis, commands, simulated, options.quiet, options.verbose)
     content, discovery = diagnosis.to_json(), None
     if options.discover:
         with working(console, "discovering") as progress:
             discovery = discover(robot, logs, progress, diagnosis.effects)
         _print_discovery(console, discovery)
         content["discovery"] = discovery.to_json()
-        if options.save:
-            found = discovery if discovery.proposals else diagnosis
-            known = discovery.intervals if discovery.proposals else diagnosis.intervals()
-            _save(options.save, found.robot, known, logs)
+        if options.save and discovery.proposals:
+            _save(options.save, discovery.robot, discovery.intervals, logs)
     if options.save:
         something = diagnosis.effects or (discovery is not None and discovery.proposals)
         as_it_was = "" if something else ": the robot as given, no effect was added"
@@ -163,19 +164,11 @@ def _save(path: str, robot: Robot, intervals: _Intervals, logs: Sequence[Log]) -
     save_robot(robot, path, intervals, {"logs": names, "command": command_line()})
 
 
-def _candidates(choice: str) -> list[type[Effect]] | None:
-    names = [name.strip() for name in choice.split(",") if name.strip()]
-    if not names:
-        raise EffectError("--add names no effect; 'auto' considers all (wbc list effects).")
-    return None if names == ["auto"] else [effect_class(name) for name in names]
-
-
 def print_diagnosis(
     console: Console,
     diagnosis: Diagnosis,
     commands: Commands | None = None,
     simulated: Simulated | None = None,
-    *,
     quiet: bool = False,
     verbose: bool = False,
 ) -> None:
@@ -194,20 +187,18 @@ def print_diagnosis(
         verdict_sentence(diagnosis),
         spoken(f"do this now: {what_to_do(diagnosis, commands)}"),
     ]
-    parts: list[Part] = [("what is left", table(diagnosis.left_rows()))]
-    if diagnosis.findings:
-        parts.insert(0, ("what was found", table(diagnosis.effect_rows())))
-    if diagnosis.remainder:
-        parts.append(("what the rest looks like", spoken(diagnosis.remainder)))
-    if diagnosis.warnings:
-        parts.append(("warnings", spoken("\n".join(diagnosis.warnings))))
+    parts: list[Part] = [
+        ("what was found", diagnosis.effect_rows()),
+        ("what is left", diagnosis.left_rows()),
+        ("what the rest looks like", diagnosis.remainder),
+        ("warnings", "\n".join(diagnosis.warnings)),
+    ]
     if simulated:
-        parts.append(("the open-loop error", lambda: open_loop_table(simulated())))
+        parts.append(("the open-loop error", lambda: open_loop_shown(simulated())))
     if diagnosis.findings:
-        parts.append(("how the error falls", table(diagnosis.step_rows())))
-    if len(diagnosis.ranking) > 1:
-        parts.append(("what else was tried", table(diagnosis.ranking_rows(verbose))))
-    print_out(console, answer, parts, quiet=quiet, verbose=verbose)
+        parts.append(("how the error falls", diagnosis.step_rows()))
+    parts.append(("what else was tried", diagnosis.ranking_rows(verbose)))
+    print_out(console, answer, parts, quiet, verbose)
 
 
 def _print_discovery(console: Console, discovery: Discovery) -> None:
@@ -226,8 +217,7 @@ def _print_discovery(console: Console, discovery: Discovery) -> None:
     lines.append(f"held-out error: {error.before:.2f} -> {error.after:.2f} noise floors")
     lines.append(discovery.summary)
     lines += [discovery.remainder] if discovery.proposals and discovery.remainder else []
-    for line in lines:
-        console.print(line)
+    console.print("\n".join(lines))
 
 
 def run_identify(options: Options, console: Console) -> Outcome:
@@ -241,3 +231,42 @@ def run_identify(options: Options, console: Console) -> Outcome:
     for warning in fit.warnings:
         console.print(spoken(warning), crop=False)
     return 0, fit.to_json()
+
+
+def run_rollout(options: Options, console: Console) -> Outcome:
+    """Fit, print, write."""
+    robot, logs = robot_and_logs(options)
+    with working(console, "simulating") as progress:
+        found = fit_rollouts(robot, logs, progress)
+    for rows in found.rows():
+        console.print(table(rows))
+    if options.save:
+        shown = robot.without_effects().with_effects(*found.effects)
+        path = save_robot(shown, options.save, provenance={"command": command_line()})
+        gears = found.chosen.fit.robot.transmission
+        own = {n: {"value": float(getattr(gears, n)[0]), "unit": UNITS[n]} for n in MOTOR}
+        stated = tomllib.loads(path.read_text(encoding="utf-8")) | {"gears": {gears.joints[0]: own}}
+        console.print(f"wrote {write_text(path, tomli_w.dumps(stated))}", soft_wrap=True)
+    return 0, found.to_json()
+
+
+def run_trend(options: Options, console: Console) -> Outcome:
+    """Measure every session, print what drifts, draw, write; exit code 4 if it is asked for."""
+    robot, sessions = robot_from(options), find_sessions(options.logs)
+    with watching("sessions", console) as watch:
+        trend = follow(robot, sessions, options.columns, options.workers, watch)
+    failed = [
+        f"not measured: {s.machine} {s.date}: {s.failure}" for s in trend.sessions if s.failure
+    ]
+    parts: list[Part] = [
+        ("what drifts", trend.rows(True)),
+        ("what was not measured", "\n".join(failed)),
+        ("what does not surely drift", trend.rows(False)),
+    ]
+    print_out(console, [trend.sentence], parts, options.quiet, options.verbose)
+    if options.figures:
+        from wbc.view.plots import trend_figure
+
+        path = f"{options.figures}/trend.png"
+        write_figures(options, {path: partial(trend_figure, trend)}, console)
+    return 4 if options.fail_on_drift and trend.drifting else 0, trend.to_json()

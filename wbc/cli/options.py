@@ -19,6 +19,11 @@ def _option(metavar: str | None, text: str, **more: Any) -> dict[str, Any]:
     return {"metavar": metavar, "help": text, **more}
 
 
+def _several(metavar: str, text: str) -> dict[str, Any]:
+    """Return an option that may be given more than once."""
+    return _option(metavar, text, action="append", default=[])
+
+
 def _number(metavar: str | None, text: str, default: float | None = None) -> dict[str, Any]:
     """Return an option that takes a number, a whole one where the default is."""
     kind = int if isinstance(default, int) else float
@@ -63,6 +68,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         BUDGET,
     ),
     "--discover": _flag("propose formulas for what no effect explains (--save writes them, too)"),
+    "--fail-on-drift": _flag("exit code 4 if a machine drifts"),
     # many jobs
     "--workers": _number("N", "processes; -1 for all cores", 1),
     "--out/designs": _option("FILE.parquet", "table of all designs", default="designs.parquet"),
@@ -85,21 +91,17 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--to/format": _choice("format of the file", "mujoco", "mjcf", "urdf", required=True),
     "--file": _option("FILE", "to write; default: the robot's name"),
     # design
-    "--sweep": _option(
-        "NAME=LOW:HIGH[:COUNT[:log]]",
-        "what varies, or NAME=V,V,...; give it once per parameter",
-        action="append",
-        default=[],
+    "--sweep": _several(
+        "NAME=LOW:HIGH[:COUNT[:log]]", "what varies, or NAME=V,V,...; give it once per parameter"
     ),
     "--gearbox": _option("NAME,...|all", "gearboxes of the catalogue (`wbc list gearboxes`)"),
     "--catalogue": _option("FILE.csv", "another catalogue of gearboxes"),
     "--samples": _number("N", "N Sobol samples instead of a grid", 0),
     "--seed": _number(None, "of samples and of the search (default 0)", 0),
-    "--objective": _option(
+    "--objective": _several(
         "COLUMN:max|min",
         "goals of the front; default lift:max (holding_torque:min without torque limits)"
         " and impact_mitigation:max (backward_inertia:min on a fixed base)",
-        action="append",
     ),
     # experiment
     "--between": _option("CAUSE", "causes, or found.json of a diagnosis", nargs="+", required=True),
@@ -177,6 +179,19 @@ as a guess, with the reason: correct it, then run wbc check.""",
 It says how large each number is; wbc diagnose says which are needed.""",
         "models.run_identify",
     ),
+    "rollout": Subcommand(
+        "a position servo fitted by simulating its runs",
+        "logs --robot --lossless --columns --save --json",
+        "example: wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml",
+        "models.run_rollout",
+    ),
+    "trend": Subcommand(
+        "which machine changes over days, and how surely",
+        "logs/plain --robot --lossless --columns --quiet --verbose --workers --fail-on-drift"
+        " --figures --theme --json",
+        "example: wbc trend fleet/*/*.csv --robot fitted.toml --figures",
+        "models.run_trend",
+    ),
     "play": Subcommand(
         "a recording in motion: one offline page",
         "run_file --robot --columns --ghost --html",
@@ -235,7 +250,7 @@ example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
 _EPILOG = """\
 example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml
 exit codes: 0 done, 1 unknown, not repeatable or unusable, 2 bad input,
-130 interrupted"""
+4 drifts (--fail-on-drift), 130 interrupted"""
 
 
 class _Version(argparse.Action):
@@ -266,10 +281,9 @@ def build_parser() -> argparse.ArgumentParser:
         own = commands.add_parser(
             name, help=command.help, epilog=command.epilog, formatter_class=_RAW
         )
-        depth = own
+        own.set_defaults(parser=own)
+        depth = own.add_mutually_exclusive_group() if "--quiet" in command.options else own
         for key in command.options.split():
-            if key == "--quiet":
-                depth = own.add_mutually_exclusive_group()  # type: ignore[assignment]
             to = depth if key in ("--quiet", "--verbose") else own
             to.add_argument(key.partition("/")[0], **OPTIONS[key])
     return parser

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from wbc.cli.inputs import read_logs, robot_from, write_fix
 from wbc.cli.outputs import Options, Outcome
-from wbc.cli.printout import Part, print_out, spoken, table
+from wbc.cli.printout import Part, print_out, spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
@@ -46,8 +46,8 @@ def run_check(options: Options, console: Console) -> Outcome:
     for group in find_repeats(logs):
         names = ", ".join(short_label(qualities[k].label) for k in group)
         parts.append(("repeats", f"repeats of one run: {names}"))
-    parts.append(("the clocks", table(clock_rows(qualities))))
-    print_out(console, answer, parts, quiet=options.quiet, verbose=options.verbose)
+    parts.append(("the clocks", clock_rows(qualities)))
+    print_out(console, answer, parts, options.quiet, options.verbose)
     wrong = {f.text: f for q in qualities for f in q.findings if f.severity == "error"}
     write_fix(options, list(wrong.values()), console)
     content = {"logs": {quality.label: as_json(quality) for quality in qualities}}

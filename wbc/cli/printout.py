@@ -16,7 +16,9 @@ LINES = 54
 """Of a printout that nobody asked to be longer; with the names of files written it is below 60."""
 
 
-Part = tuple[str, RenderableType | Callable[[], RenderableType]]
+Shown = TextTable | RenderableType
+"""What is empty is not printed; texts are, as `spoken` has them."""
+Part = tuple[str, Shown | Callable[[], Shown]]
 """A part of the detail: what is said to be missing where it does not fit, and what is printed; or a
 function that returns it, where that takes long: it is called when all that comes before is printed,
 and not at all where the part is not printed."""
@@ -58,7 +60,6 @@ def print_out(
     console: Console,
     answer: Sequence[RenderableType],
     detail: Sequence[Part],
-    *,
     quiet: bool = False,
     verbose: bool = False,
 ) -> None:
@@ -76,11 +77,15 @@ def print_out(
     if quiet:
         return
     left, absent = LINES - len(lines), list[str]()
-    for name, shown in detail:
+    for name, content in detail:
+        if not content:
+            continue
         if absent and not verbose:  # no part is printed after one that did not fit
             absent.append(name)
             continue
-        lines = _lines(console, shown() if callable(shown) else shown)
+        shown = content() if callable(content) else content
+        shown = table(shown) if isinstance(shown, TextTable) else shown
+        lines = _lines(console, spoken(shown) if isinstance(shown, str) else shown)
         room = len(lines) if verbose else max(left - 2, 0)  # for what is said of parts left out
         kept = lines if len(lines) <= room else lines[: room if room > 3 else 0]
         _print(console, kept)

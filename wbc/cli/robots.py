@@ -100,13 +100,10 @@ def _told(metric: Metric, robot: Robot) -> str:
     if isinstance(plain, dict):
         return _by_gear(metric, plain, robot)
     if plain is None:
-        motors = robot.transmission
-        lacking = []
-        for name in ("torque_constant", "resistance"):
-            absent = np.isnan(getattr(motors, name))
-            joints = "any motor" if absent.all() else ", ".join(np.array(motors.joints)[absent])
-            lacking += [f"{name.replace('_', ' ')} of {joints}"] if absent.any() else []
-        return f"unknown: robot.toml has no {', and no '.join(lacking)}"
+        gears, needed = robot.transmission, ("torque_constant", "resistance")
+        lacking = [name for name in needed if np.isnan(getattr(gears, name)).any()]
+        named = " and the ".join(lacking).replace("_", " ")
+        return f"unknown: robot.toml lacks the {named} of a motor"
     if isinstance(plain, list):
         rows = plain if plain and isinstance(plain[0], list) else [plain]
         return "\n".join("  ".join(_entry(x) for x in row) for row in rows)

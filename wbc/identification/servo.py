@@ -17,14 +17,18 @@ from wbc.effects.gear_losses import LoadFriction
 from wbc.effects.links import GravityDirection
 from wbc.errors import IdentificationError
 from wbc.files import as_json
+from wbc.identification.answer.shown import plain
 from wbc.identification.records.log_checks import require_robot_and_logs
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.robot.dc_drive import DcDrive
 from wbc.sim.servo_rollout import servo_rollout
 from wbc.sim.servo_run import ServoRun
+from wbc.tables import TextTable
 
-_FRICTION = ("torque_constant", "resistance", "rotor_inertia", "tilt", "coulomb", "viscous")
+MOTOR = ("torque_constant", "resistance", "rotor_inertia")
+"""Fitted numbers that the description of a gear holds."""
+_FRICTION = (*MOTOR, "tilt", "coulomb", "viscous")
 _STRIBECK = (*_FRICTION, "load", "stribeck", "stribeck_speed")
 MODELS: dict[str, tuple[str, ...]] = {
     "Coulomb and viscous friction": _FRICTION,
@@ -196,6 +200,20 @@ class Rollouts:
         """The effects of the chosen model."""
         return self.chosen.fit.robot.effects
 
+    def rows(self) -> tuple[TextTable, TextTable]:
+        """Return the models with what they miss, and the numbers of the chosen one."""
+        fit, models = self.chosen.fit, [("as given", plain(1e3 * self.given, 2), "", "")]
+        for model in self.models:
+            missed = plain(1e3 * model.seen, 2), plain(1e3 * model.error, 2)
+            models.append((model.name, *missed, "chosen" if model is self.chosen else ""))
+        numbers = [
+            (n, plain(x), UNITS[n].removeprefix("1"), "at its bound" if n in fit.at_bound else "")
+            for n, x in fit.values.items()
+        ]
+        caption = "mean absolute position error; each model has what those above it have"
+        heads = "model|>all logs [mrad]|>held out [mrad]|", "number|>value|unit|"
+        return TextTable.of(heads[0], models, "", caption), TextTable.of(heads[1], numbers)
+
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers and texts."""
         models = [
@@ -203,10 +221,7 @@ class Rollouts:
                 "name": model.name,
                 "seen": model.seen,
                 "held_out": model.held_out,
-                "numbers": {
-                    name: {"value": value, "unit": UNITS[name]}
-                    for name, value in model.fit.values.items()
-                },
+                "numbers": {n: {"value": x, "unit": UNITS[n]} for n, x in model.fit.values.items()},
                 "at_bound": model.fit.at_bound,
             }
             for model in self.models

@@ -4,13 +4,8 @@ from wbc.extras import needs
 
 with needs("view", "drawing plots"):
     from wbc.view.leg_figures import leg_figure
-    from wbc.view.run_figures import (
-        energy_audit,
-        energy_figure,
-        power_figure,
-        standing_figure,
-    )
-    from wbc.view.study_figures import design_map, pareto_figure
+    from wbc.view.run_figures import energy_audit, energy_figure, power_figure, standing_figure
+    from wbc.view.study_figures import design_map, pareto_figure, trend_figure
     from wbc.view.style import DASHES, drawing, new_figure, panel_figure, write_figure
 
 __all__ = [
@@ -25,5 +20,6 @@ __all__ = [
     "pareto_figure",
     "power_figure",
     "standing_figure",
+    "trend_figure",
     "write_figure",
 ]

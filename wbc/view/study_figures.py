@@ -1,4 +1,4 @@
-"""Maps of metrics over what a design study varied, and its Pareto front."""
+"""What studies found: maps of designs and their front, planned motions, machines over time."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from wbc.arrays import FloatArray, IntArray
+from wbc.identification.trend import Trend
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import DASHES, drawing, legend_above, new_figure, panel_figure
 
@@ -227,4 +229,35 @@ def experiment_figure(
         for ax in grid[1]:
             ax.set_xlabel("time [s]")
         legend_above(figure, axes[0], min(len(joints), 6))
+    return figure
+
+
+def trend_figure(trend: Trend, *, theme: Theme = LIGHT) -> Figure:
+    """Return a panel per quantity: a line per machine over the dates, with 90 % intervals.
+
+    Lines of machines that surely drift are thick.
+
+    Args:
+        trend: from `wbc.identification.trend.follow`.
+        theme: page colours.
+    """
+    drifts = (*trend.drifting, *trend.others)
+    names = list(dict.fromkeys(drift.quantity for drift in drifts))
+    machines = sorted({drift.machine for drift in drifts})
+    with drawing(theme):
+        figure, panels = panel_figure(max(len(names), 1), min(2, len(names) or 1), 4.6, 2.4)
+        for ax, name in zip(panels, names, strict=False):
+            for drift in (drift for drift in drifts if drift.quantity == name):
+                own = [s for s in trend.sessions if s.machine == drift.machine and name in s.values]
+                found = [session.values[name] for session in own]
+                low, value, high = np.array([(e.low, e.value, e.high) for e in found]).T
+                ax.errorbar(
+                    np.array([session.date for session in own], dtype="datetime64[s]"),
+                    value, (value - low, high - value), label=drift.machine, marker=".",
+                    color=f"C{machines.index(drift.machine)}",
+                    linewidth=2.4 if drift in trend.drifting else 0.8,
+                )  # fmt: skip
+                ax.set(title=name, ylabel=_label("", {"": found[0].unit}))
+            ax.xaxis.set_major_formatter(ConciseDateFormatter(ax.xaxis.get_major_locator()))
+        legend_above(figure, panels[0], 4)
     return figure

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -13,6 +14,8 @@ from wbc.arrays import FloatArray
 from wbc.design.experiment.motions import ROOM, FourierPath, MotionLimits, Site
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
+from wbc.files import as_json
+from wbc.identification.answer.ranking import effect_entry
 from wbc.progress import Watch
 
 RANDOM, CLASSIC, DESIGNED = "random, median", "D-optimal", "designed"
@@ -95,6 +98,29 @@ class Designed:
         Its unit is a mixture: only its ratio to that of another motion means something.
         """
         return float(np.exp(np.mean(np.log(np.concatenate(self.widths)))))
+
+
+def experiment_json(rivals: Rivals, found: Mapping[str, Designed]) -> dict[str, Any]:
+    """Return plain numbers, texts and lists of what motions are expected to say.
+
+    Args:
+        rivals: the causes.
+        found: motions by name; the one called `DESIGNED` among them.
+    """
+
+    def listed(values: Mapping[Pair, float], scale: float = 1.0) -> list[dict[str, float]]:
+        return [{"true": i, "over": j, "value": x / scale} for (i, j), x in values.items()]
+
+    designed, ten = found[DESIGNED], float(np.log(10.0))
+    told = {
+        "causes": [[effect_entry(effect) for effect in cause] for cause in rivals.causes],
+        "half_widths": {name: one.widths for name, one in found.items()},
+        "alike": [{"true": i, "over": j} for i, j in designed.alike],
+        "log10_odds": {name: listed(one.odds, ten) for name, one in found.items()},
+        "chance": {name: listed(one.chance) for name, one in found.items()},
+        "used": designed.used,
+    }
+    return dict(as_json(told))
 
 
 def random_paths(
