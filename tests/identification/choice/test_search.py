@@ -24,7 +24,7 @@ from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
 from wbc.identification.choice import gears
-from wbc.identification.choice.design_matrix import DesignMatrix
+from wbc.identification.choice.design_matrix import Beside, DesignMatrix
 from wbc.identification.choice.gears import two_gears
 from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
@@ -154,8 +154,8 @@ def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> No
     residual = columns[..., 0] + 0.1 * random.standard_normal((60, 1))
     without = DesignMatrix.from_rows(columns, residual, folds)
     with_it = DesignMatrix.from_rows(columns, residual, folds, np.ones(1))
-    assert without.held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
-    assert with_it.held_out([0]) < 0.02
+    assert Beside(without, []).held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
+    assert Beside(with_it, []).held_out([0]) < 0.02
 
 
 def test_held_out_errors_and_gains_equal_those_of_separate_fits() -> None:
@@ -173,7 +173,9 @@ def test_held_out_errors_and_gains_equal_those_of_separate_fits() -> None:
 
     three = [0, 2, 3]
     squares = sum(left(three, folds != fold, folds == fold) for fold in range(3))
-    assert matrix.held_out(three) == pytest.approx(squares / residual.size, rel=1e-3)
+    for k in range(4):  # chosen, the others free
+        error = Beside(matrix, three[k:]).held_out(three[:k])
+        assert error == pytest.approx(squares / residual.size, rel=1e-3)
     gains, every = matrix.gains_of_two(3, [3, 4]), folds >= 0
     before = left([3, 4], every, every)
     for pair in ((0, 1), (0, 2), (1, 2)):

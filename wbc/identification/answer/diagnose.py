@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import groupby, permutations
 from math import inf
 from pathlib import Path
 
@@ -243,14 +243,17 @@ def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[O
 
 
 def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
-    """Return the staircase of the causes that stayed, in the order in which they act."""
-    steps = [Step("", "", float(np.sqrt(trials.nothing.error)))]
-    for count in range(1, len(final.effects) + 1):
-        last = final.effects[count - 1]
+    """Return the staircase of the causes that stayed, in the order in which they act.
+
+    An effect at several places that follow one another is one step.
+    """
+    steps, count = [Step("", "", float(np.sqrt(trials.nothing.error)))], 0
+    for name, several in groupby(final.effects, key=lambda effect: effect.name):
+        places = [effect.where for effect in several]
+        count += len(places)
         whole = count == len(final.effects)
         smaller = [final] if whole else trials.rivals_of(final, [final.effects[:count]])
-        for h in smaller:
-            steps.append(Step(last.name, last.where, float(np.sqrt(h.error))))
+        steps += [Step(name, joined(places), float(np.sqrt(h.error))) for h in smaller]
     return tuple(steps)
 
 

@@ -131,13 +131,10 @@ def support_of(
         excess: (outputs,) mean squares above the floor that are left unexplained, in floors.
         explained: whether that is too little to ask for one cause more.
     """
-    gained = [np.zeros_like(excess)] * len(final.effects)
-    if final.swings:
-        gained = gains(trials.problem, trials.fit(final), [(effect,) for effect in final.effects])
+    gained = gains(trials.problem, trials.fit(final), [(effect,) for effect in final.effects])
     for k, effect in enumerate(final.effects):
-        # Beside links that swing, which are slow to simulate, derivatives do for all but gears.
-        linear = final.swings and not deflects(effect)
-        smaller = None if linear else trials.of(without(final.effects, effect))
+        # How links move behind gears that yield is no linear matter.
+        smaller = trials.of(without(final.effects, effect)) if deflects(effect) else None
         if smaller is not None:
             gained[k] = smaller.outputs - final.outputs
     each = _supports(trials, final, gained, excess, explained)

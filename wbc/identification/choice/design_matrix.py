@@ -67,14 +67,6 @@ class DesignMatrix:
         prior = np.zeros(size) if expected is None else expected
         return cls(*sums, prior, usual or (np.zeros((size, size)), np.zeros(size)))
 
-    def fit(self, chosen: Sequence[int]) -> FloatArray:
-        """Return the least-squares coefficients of these columns on all folds."""
-        index = np.asarray(chosen, dtype=np.int_)
-        if index.size == 0:
-            return np.zeros(0)
-        gram, moment = self._whole
-        return _solve(gram[np.ix_(index, index)], moment[index])
-
     def moved(self, chosen: Sequence[int], steps: FloatArray) -> DesignMatrix:
         """Return the same for a residual from which some columns times `steps` are taken."""
         index = np.asarray(chosen, dtype=np.int_)
@@ -102,7 +94,7 @@ class DesignMatrix:
         across, rest = gram[np.ix_(others, own)], gram[np.ix_(others, others)]
         gram, left = gram[:count, :count], moment[:count]
         if others.size:
-            taken = _solve(rest, np.column_stack([across, moment[others]]).T).T
+            taken = _solve(rest, np.column_stack([across, moment[others]]))
             left = left - across.T @ taken[:, -1]
             gram = gram - across.T @ taken[:, :-1]
         moment = left
@@ -129,42 +121,81 @@ class DesignMatrix:
         index = np.asarray(beside, dtype=np.int_)
         if index.size:
             right = np.column_stack([gram[index], moment[index]])
-            taken = _solve(gram[np.ix_(index, index)], right.T).T
+            taken = _solve(gram[np.ix_(index, index)], right)
             energy -= float(moment[index] @ taken[:, -1])
             moment = moment - gram[:, index] @ taken[:, -1]
             gram = gram - gram[:, index] @ taken[:, :-1]
         gains = np.zeros(len(groups))
         for k, group in enumerate(groups):
             own = np.asarray(group, dtype=np.int_)
-            gains[k] = moment[own] @ _solve(gram[np.ix_(own, own)], moment[own])
+            gains[k] = moment[own] @ _solve(gram[np.ix_(own, own)], moment[own, None])[:, 0]
         return np.asarray(np.maximum(energy - gains, 0.0) / self.count.sum())
+
+
+class Beside:
+    """Fits sets of columns beside others that stay free: without each fold, and last on all.
+
+    The others are eliminated once (Schur complement): a set costs a system of its own size.
+    """
+
+    def __init__(self, matrix: DesignMatrix, others: Sequence[int]) -> None:
+        """Eliminate the others."""
+        self._sums, self._others = matrix, np.asarray(others, dtype=np.int_)
+        whole = np.einsum("kii->i", matrix.gram)
+        # A column that only the held-out fold knows must not be extrapolated from nothing.
+        self._shrink = _RIDGE_HELD_OUT * whole
+        moment = matrix.moment.sum(axis=0) + matrix.usual[1]
+        without = moment - matrix.moment + self._shrink * matrix.expected
+        self._right = np.concatenate([without, moment[None]])
+        self._across = self._normal(self._others, np.arange(whole.size))
+        both = np.concatenate([self._across, self._right[:, self._others, None]], axis=2)
+        self._taken = _solve(self._across[:, :, self._others], both)
+
+    def fit(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the least-squares coefficients of these columns on all folds."""
+        return np.asarray(self._fits(chosen)[-1])
 
     def held_out(self, chosen: Sequence[int]) -> float:
         """Return the mean square of the residual on folds left out of the fit."""
-        index = np.asarray(chosen, dtype=np.int_)
-        total = float(self.energy.sum())
-        if index.size == 0:
-            return total / float(self.count.sum())
-        gram = self.gram[:, index[:, None], index[None, :]]
-        moment = self.moment[:, index]
-        whole = gram.sum(axis=0)
-        # A column that only the held-out fold knows must not be extrapolated from nothing.
-        shrink = _RIDGE_HELD_OUT * np.diag(whole)
-        usual, pull = self.usual[0][np.ix_(index, index)], self.usual[1][index]
-        others = moment.sum(axis=0) - moment + shrink * self.expected[index] + pull
-        rest = _solve(whole - gram + np.diag(shrink) + usual, others)
-        explained = 2.0 * np.einsum("ki,ki->", rest, moment)
-        model = np.einsum("ki,kij,kj->", rest, gram, rest)
-        return float((total - explained + model) / self.count.sum())
+        sums, index = self._sums, np.concatenate([np.asarray(chosen, dtype=np.int_), self._others])
+        own = self._fits(chosen)[:-1]
+        taken = self._taken[:-1]
+        beside = taken[..., -1] - np.einsum("kic,kc->ki", taken[..., list(chosen)], own)
+        rest = np.concatenate([own, beside], axis=1)
+        explained = 2.0 * np.einsum("ki,ki->", rest, sums.moment[:, index])
+        model = np.einsum("ki,kij,kj->", rest, sums.gram[:, index[:, None], index], rest)
+        return float((sums.energy.sum() - explained + model) / sums.count.sum())
+
+    def _fits(self, chosen: Sequence[int]) -> FloatArray:
+        """Return (K + 1, r) the coefficients of these columns in each fit."""
+        own = np.asarray(chosen, dtype=np.int_)
+        across = self._across[:, :, own].swapaxes(1, 2)
+        whole = self._normal(own, own)
+        apart = whole - across @ self._taken[..., own]
+        right = self._right[:, own] - (across @ self._taken[..., -1:])[..., 0]
+        return _solve(apart, right[..., None], whole)[..., 0]
+
+    def _normal(self, rows: IntArray, columns: IntArray) -> FloatArray:
+        """Return (K + 1, r, c) a part of the normal matrices."""
+        gram = self._sums.gram[:, rows[:, None], columns]
+        whole = gram.sum(axis=0) + self._sums.usual[0][rows[:, None], columns]
+        shrink = np.where(rows[:, None] == columns, self._shrink[columns], 0.0)
+        return np.concatenate([whole - gram + shrink, whole[None]])
 
 
-def _solve(gram: FloatArray, moment: FloatArray) -> FloatArray:
-    """Solve normal equations after scaling the diagonal to one, with a tiny ridge."""
-    diagonal = np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300))
-    scaled = gram / diagonal[..., :, None] / diagonal[..., None, :]
-    scaled = scaled + _RIDGE * np.eye(scaled.shape[-1])
-    solution = np.linalg.solve(scaled, (moment / diagonal)[..., None])[..., 0]
-    return np.asarray(solution / diagonal)
+def _solve(gram: FloatArray, right: FloatArray, whole: FloatArray | None = None) -> FloatArray:
+    """Solve normal equations after scaling the columns to one, with a tiny ridge.
+
+    Args:
+        gram: (..., n, n).
+        right: (..., n, m).
+        whole: (..., n, n) with what was eliminated, if anything was: what is left of a column that
+            the others hold is rounding.
+    """
+    squares = np.diagonal(gram if whole is None else whole, axis1=-2, axis2=-1)
+    size = np.sqrt(np.maximum(squares, 1e-300))[..., None]
+    scaled = gram / size / size.swapaxes(-1, -2) + _RIDGE * np.eye(gram.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, right / size) / size)
 
 
 class FoldSums(NamedTuple):

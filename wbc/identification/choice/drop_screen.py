@@ -70,7 +70,7 @@ def exchanged(
     among = columns.reshape(len(weighted), -1).T @ weighted
     along = fit.residual[:, felt].ravel() @ weighted
     normal = np.block([[gram, beside], [beside.T, among]]), np.concatenate([moment, along])
-    (step,) = _steps(normal, [until_null(fit, own, problem.robot)])
+    (step,) = _steps(*_scaled(*normal), [until_null(fit, own, problem.robot)])
     residual = fit.residual + change_along(fit.jacobian, step[: moment.size])
     residual[:, felt] += columns @ step[moment.size :]
     stays = _as_left(problem, h, fit.residual)
@@ -84,16 +84,23 @@ def exchanged(
 def gains(
     problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
 ) -> list[FloatArray]:
-    """Return (outputs,) what each drop adds to the mean squares, to first order.
+    """Return (outputs,) what each drop adds to the held-out mean squares, to first order.
 
     Args:
         problem: the logs.
         fit: of a hypothesis.
         drops: causes that are dropped together.
     """
-    here = np.mean(fit.residual**2, axis=0)
-    left = _moved(problem, fit, drops)
-    return [np.asarray(np.mean(residual**2, axis=0) - here) for residual in left]
+    gone = [([], np.zeros(0)), *(until_null(fit, own, problem.robot) for own in drops)]
+    squares = np.zeros((len(gone), fit.residual.shape[1]))
+    for rows, gram, moment in fit.without_each(problem.folds):
+        known, along, norm = fit.beside_usual(gram, moment)
+        size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
+        for sums, step in zip(squares, _steps(known, along, size, gone), strict=True):
+            left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
+            sums += np.einsum("ro,ro->o", left, left)
+    means = squares / len(fit.residual)
+    return list(means[1:] - means[0])
 
 
 def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
@@ -109,7 +116,7 @@ def _moved(
 ) -> Iterator[FloatArray]:
     """Yield what is left (rows, outputs) without the causes of each drop."""
     gone = [until_null(fit, dropped, problem.robot) for dropped in drops]
-    for step in _steps(_normal(fit), gone):
+    for step in _steps(*_scaled(*_normal(fit)), gone):
         yield fit.residual + change_along(fit.jacobian, step)
 
 
@@ -153,8 +160,17 @@ def _cheaper(h: Hypothesis, dropped: Sequence[Effect], effects: Sequence[Effect]
     return h.asked - asked(effects, kept) + saved
 
 
+def _scaled(gram: FloatArray, moment: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return normal equations in units of the parameters' sizes, and these."""
+    known, size = scaled(gram)
+    return known, moment / size, size
+
+
 def _steps(
-    normal: tuple[FloatArray, FloatArray], drops: Sequence[tuple[list[int], FloatArray]]
+    known: FloatArray,
+    moment: FloatArray,
+    size: FloatArray,
+    drops: Sequence[tuple[list[int], FloatArray]],
 ) -> list[FloatArray]:
     """Return the steps (p,) after which some parameters say nothing, the others fitted again.
 
@@ -162,13 +178,13 @@ def _steps(
     that go, it is  n + C_:g C_gg^-1 (s - n_g).
 
     Args:
-        normal: equations of the fit, (p, p) and (p,).
+        known: (p, p) normal matrix, in units of `size`.
+        moment: (p,) likewise.
+        size: (p,) of the parameters.
         drops: each the numbers g of the parameters, and their steps s.
     """
-    gram, moment = normal
-    known, size = scaled(gram)
     covariance = np.linalg.inv(known)
-    lowest = -(covariance @ (moment / size))
+    lowest = -(covariance @ moment)
     found = []
     for gone, steps in drops:
         lacking = steps * size[gone] - lowest[gone]

@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
-from wbc.identification.choice.design_matrix import DesignMatrix, fold_sums
+from wbc.identification.choice.design_matrix import Beside, DesignMatrix, fold_sums
 from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.evaluation import evaluate
@@ -82,6 +82,7 @@ class LinearScreen:
         columns = [regressor.columns for regressor in self.regressors]
         sums = fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds, _EVERY)
         self.matrix = DesignMatrix(*sums, expected, usual)
+        self._beside = Beside(self.matrix, self._nuisance)
         self._errors: dict[tuple[int, ...], float] = {}
         self._taken: frozenset[Key] = frozenset()
 
@@ -101,25 +102,28 @@ class LinearScreen:
         other.robot = robot
         other._nuisance = [column for column in self._nuisance if column not in columns]
         other.matrix = self.matrix.moved(columns, steps)
+        other._beside = Beside(other.matrix, other._nuisance)
         other._errors = {}
         other._taken = frozenset(taken)
         return other
 
     def columns(self, chosen: Sequence[int]) -> list[int]:
         """Return the column numbers of these regressors."""
-        return [column for k in chosen for column in self._slices[k]] + self._nuisance
+        return [column for k in chosen for column in self._slices[k]]
 
     def error(self, chosen: Sequence[int]) -> float:
         """Return the held-out error of a set; infinite if its parameters are impossible."""
         key = tuple(sorted(chosen))
         if key not in self._errors:
             allowed = not key or self._possible(key)
-            self._errors[key] = self.matrix.held_out(self.columns(key)) if allowed else float("inf")
+            self._errors[key] = (
+                self._beside.held_out(self.columns(key)) if allowed else float("inf")
+            )
         return self._errors[key]
 
     def coefficients(self, chosen: Sequence[int]) -> list[FloatArray]:
         """Return the coefficients of each regressor of a set."""
-        all_of_them = self.matrix.fit(self.columns(chosen))
+        all_of_them = self._beside.fit(self.columns(chosen))
         result, start = [], 0
         for k in chosen:
             size = len(self._slices[k])

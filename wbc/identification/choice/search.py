@@ -19,9 +19,10 @@ from wbc.identification.records.record import Record
 from wbc.robot import Effect, Robot
 
 _ADDED = 6  # offers that are fitted for one addition
-_SWAPPED = 5  # ... are looked at in the place of one cause
-_EXCHANGES = 24  # ... and fitted in the place of all
-_PAIRS = 6
+_PAIRS = 6  # ... of two causes
+_SWAPPED = 5  # ... that are looked at in the place of one cause
+EXCHANGES = 24
+"""Offers that are fitted in the place of one cause, of all causes together."""
 _ROUNDING = 1e-9  # of a torque
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
@@ -83,7 +84,7 @@ def _swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     trials = proposer.trials
     offers = [pair for effect in h.effects for pair in proposer.instead(h, effect, _SWAPPED)]
     offers.sort(key=lambda pair: -pair[0])
-    for _, offer in offers[:_EXCHANGES]:
+    for _, offer in offers[:EXCHANGES]:
         yield from trials.rivals_of(h, [offer])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,6 +31,7 @@ _TRUSTED = 0.25  # error of a promised gain up to which links that swing keep th
 _STRAIGHT = 1e-2  # share of a step's change in which it may miss what its derivatives promised
 _SINGULAR = 1e-9  # of the largest eigenvalue: leaves seven digits of a step
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
+_ROUGH = 4.0  # times a fold's error, that a step of all other rows leaves of a rough model
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +113,28 @@ class Fit:
         held = self.residual.copy()
         if self.failed or not self.parameters:
             return held
+        for rows, gram, moment in self.without_each(folds):
+            held[rows] += change_along(self.jacobian[rows], self._solved(gram, moment))
+        return held
+
+    def without_each(
+        self, folds: IntArray
+    ) -> Iterator[tuple[IntArray | slice, FloatArray, FloatArray]]:
+        """Yield the rows of each fold, and normal equations (p, p) and (p,) of all other rows.
+
+        Where the model is too rough for a step that they tell (a bouncing link), those of all rows.
+        """
         parts = rows_of_folds(folds)
         sums = [self._sums(rows) for rows in parts]
-        gram, moment = (sum(own[k] for own in sums) for k in (0, 1))
+        gram, moment = (np.sum([own[k] for own in sums], axis=0) for k in (0, 1))
         for rows, own in zip(parts, sums, strict=True):
-            step = self._solved(gram - own[0], moment - own[1])
-            moved = self.residual[rows] + change_along(self.jacobian[rows], step)
-            rough = self.swings and np.sum(moved**2) >= 4.0 * np.sum(held[rows] ** 2)
-            if not rough:
-                held[rows] = moved
-        return held
+            others = gram - own[0], moment - own[1]
+            here = self.residual[rows]
+            if self.swings:
+                moved = here + change_along(self.jacobian[rows], self._solved(*others))
+                if np.sum(moved**2) >= _ROUGH * np.sum(here**2):
+                    others = gram, -self.usual.jacobian.T @ self.usual.residual
+            yield rows, *others
 
     def step(self, rows: BoolArray | IntArray | slice) -> FloatArray:
         """Return the Gauss-Newton step (p,) on a choice of rows.
@@ -138,6 +151,16 @@ class Fit:
 
     def _solved(self, gram: FloatArray, moment: FloatArray) -> FloatArray:
         """Return the step (p,) of normal equations, beside what is usual."""
+        known, along, norm = self.beside_usual(gram, moment)
+        return np.asarray(np.linalg.solve(known, -along) / norm)
+
+    def beside_usual(
+        self, gram: FloatArray, moment: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return normal equations beside what is usual, in units of the columns' sizes, and these.
+
+        The size (p,) of a column that says nothing is infinite.
+        """
         norm = self._norm
         gram = gram / np.outer(norm, norm) + _KNOWS_NOTHING * np.eye(norm.size)
         moment = moment / norm
@@ -145,7 +168,7 @@ class Fit:
             leaning = self.usual.jacobian / norm
             gram += leaning.T @ leaning
             moment += leaning.T @ self.usual.residual
-        return np.asarray(np.linalg.solve(gram, -moment) / norm)
+        return gram, moment, norm
 
     @cached_property
     def _norm(self) -> FloatArray:
