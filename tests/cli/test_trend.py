@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sims.fleet import record_fleet
-from tests.cli.conftest import Told
+from tests.conftest import Told
 from wbc import load_robot, save_robot
 from wbc.effects import CoulombFriction
 from wbc.errors import IdentificationError, LogError

@@ -116,8 +116,7 @@ def _odd(values: FloatArray) -> list[str]:
     if low == high:
         return [f"{low:.5g} throughout"]
     said = [f"{low:.5g} to {high:.5g}"]
-    step, rows = resolution(values), jumps(values)[0]
-    share = plateau(values)[2]
+    step, rows, share = resolution(values), jumps(values)[0], plateau(values)[2]
     said += [f"steps of {step:.4g}"] if step else []
     said += [f"{rows.size} jumps"] if rows.size else []
     said += [f"{100.0 * share:.1f} % at an end"] if share > 0.005 else []

@@ -31,7 +31,6 @@ HORIZONS = (0.1, 0.5, 2.0)
 
 _STARTS = 12  # over all logs: an rms of as many independent errors is known within 20 %
 _APART = 0.5  # [s] between starts at least; closer ones say the same
-_LATE = "the time given was over before. `wbc compare` simulates them."
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +224,7 @@ def open_loop(
         moved=table,
         starts=(0,) * len(horizons),
     )
-    late = replace(nothing, reason=_LATE)
+    late = replace(nothing, reason="the time given was over before. `wbc compare` simulates them.")
     if time.monotonic() > until:
         return late
     pieces, _ = cut_at_gaps(logs)

@@ -293,12 +293,10 @@ def _run(robot: Robot, log: Log) -> ServoRun:
 
 def _folds(logs: Sequence[Log]) -> list[list[int]]:
     """Return the logs that each fold leaves out: those of one machine, or single ones."""
-    settings = [_setting(log) for log in logs]
-    kinds = list(dict.fromkeys(settings))
-    if len(kinds) > 2:
-        groups = [[k for k, own in enumerate(settings) if own == kind] for kind in kinds]
-    else:
-        groups = [[k] for k in range(len(logs))]
+    kinds = [_setting(log) for log in logs]
+    if len(set(kinds)) < 3:
+        kinds = [(float(k),) for k in range(len(logs))]
+    groups = [[k for k, own in enumerate(kinds) if own == kind] for kind in dict.fromkeys(kinds)]
     count = min(_FOLDS, len(groups))
     return [[k for group in groups[fold::_FOLDS] for k in group] for fold in range(count)]
 

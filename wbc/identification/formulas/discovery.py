@@ -199,8 +199,7 @@ def _preferred(problem: EstimationProblem, fresh: Attempt, beside: Attempt) -> A
 def _outcome(start: Attempt, found: Attempt) -> Outcome:
     if not found.formulas:
         return "none"
-    left = np.sqrt(max(found.error - 1.0, 0.0))
-    first = np.sqrt(max(start.error - 1.0, 0.0))
+    left, first = (np.sqrt(max(one.error - 1.0, 0.0)) for one in (found, start))
     return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
 
 
