@@ -30,15 +30,16 @@ class StepEvent:
     """One thing that a user of a step should know.
 
     Attributes:
-        kind: "energy", where contacts, stops or gears made energy, which no law allows; "coarse",
-            where the step's energy balance gained more than a hundredth of the energy in play,
-            where more energy is stored at its end than it was given, or where that was taken from
-            speeds that no law bounds (`sim/step/passive`), which a shorter step mends;
-            "unsettled", where the budget of work ended before all laws were met: friction is that
-            of the impulses found so far, or flanks of gears or the coupling of rotors are not
-            settled; "overlap", where a barrier was overrun further than the plant's return speed
-            takes back in one step; "sunk", where a joint of a robot with a free base is under the
-            ground, because its link has no contact there.
+        kind: one of these five.
+            "energy": contacts, stops or gears made energy, which no law allows.
+            "coarse": the energy balance of the step gained more than a hundredth of the energy in
+            play, or more energy was stored at its end than it was given, or that was taken from
+            speeds that no law bounds (`sim/step/passive`). A shorter step mends it.
+            "unsettled": the budget of work ended before all laws were met. Friction is that of the
+            impulses found so far, or flanks of gears or the coupling of rotors are not settled.
+            "overlap": a barrier was overrun further than one step takes back, see `return_speed`.
+            "sunk": a joint of a robot with a free base is under the ground, because its link has
+            no contact there.
         time: [s], at the end of the part it happened in.
         size: [J], depth [m, rad], or speed [m/s, rad/s] by which laws are missed.
         text: the same as a sentence.

@@ -77,11 +77,12 @@ def write_report(
 ) -> Path:
     """Write what `compare` or `diagnose` found as one HTML file without any network.
 
-    Top to bottom: the verdict in a sentence, what to do now, what is left at each joint in its
-    unit, how far the simulated robot strays from the logs, the effects with their parameters,
-    measured and modelled torque over time with the residual, the log with the model as a ghost,
-    formulas proposed for the rest, the staircase of the error, which parameters move together, the
-    ranked table of what else was tried, the quality of the logs, and how to reproduce it.
+    The page begins with the verdict in a sentence and what to do now. Then it shows what is left at
+    each joint in its unit, how far the simulated robot strays from the logs, and the effects with
+    their parameters. Measured and modelled torque over time, with the residual, follow, and the log
+    with the model as a ghost. At its end are formulas proposed for the rest, the error after each
+    effect, which parameters move together, what else was tried, the quality of the logs, and how
+    to reproduce it.
 
     Args:
         path: the file to write (whole or not at all).

@@ -244,7 +244,7 @@ class Attempt:
 def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:
     """Whether the evidence at one output outweighs what more is asked to be believed.
 
-    A bad joint hides no other.
+    An output that both leave unexplained does not hide another one at which they differ.
     """
     one, other = log_densities(problem, [worse.hypothesis, better.hypothesis])
     asked = worse.hypothesis.prior - better.hypothesis.prior

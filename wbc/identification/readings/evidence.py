@@ -189,8 +189,8 @@ def foreign(logs: Sequence[Sequence[Report]]) -> FloatArray:
     """Return (m,) the probability that no report of a joint follows what the links need.
 
     That is what neither an idle drive explains nor the need with a gain that machines have; or all
-    reports, where none follows its need in any log: those of another robot, or of another run. Of
-    a report that tells nothing nobody is accused.
+    reports that tell something, where none of them follows its need in any log: those of another
+    robot, or of another run.
     """
     total, strange = _at_gains(logs)
     tells = np.any([[one.samples > 0.0 for one in reports] for reports in logs], axis=0)

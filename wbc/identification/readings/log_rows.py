@@ -162,11 +162,11 @@ class Need:
 def rows_of(robot: Robot, log: Log) -> LogRows | None:
     """Return the rows of a log, None where it cannot be held against the robot.
 
-    That is so for a log without the positions and torques that the robot has, for one without the
-    forces on a robot that stands on them, for one too short to be filtered, for one without motion,
-    for links that need no torque, such as the shaft of a bench without a torque sensor, and for
-    drives that report nothing but noise: then every reading explains next to nothing, and the one
-    that needs least torque, such as degrees, would be called the best.
+    A log cannot be held against it without its positions and torques, without the forces on which
+    it stands, without motion, or if it is too short to be filtered. Links that need no torque (the
+    shaft of a bench without a torque sensor) and drives that report noise alone tell nothing: every
+    reading explains next to nothing, and the one that needs least torque, such as degrees, would
+    be called the best.
     """
     robot, log = robot if log.machine is None else log.machine.of(robot), longest_piece(log)
     joints = robot.transmission.joints
