@@ -125,7 +125,7 @@ def test_no_joint_of_a_leg_is_left_with_more_than_by_the_classic_fit(tmp_path: P
     (tmp_path / "leg.toml").write_text(f"{head}lock = {others}\n\n{own}")
     robot = load_robot(tmp_path / "leg.toml").lossless()
     columns = ROOT / "robots" / "go2" / "columns.toml"
-    logs = load_logs([outside("go2_position_control/go2_air.parquet")], columns)[:6]
+    logs = load_logs([outside("go2_position_control/go2_air.parquet")], columns)[:4]
     names = """coulomb_friction viscous_friction stribeck_friction load_friction torque_offset
     rotor_inertia link_inertia link_inertias torque_constant"""
     kinds = [EFFECTS[name] for name in names.split()]
