@@ -17,7 +17,7 @@ from wbc.samples import sample_paths
 
 COMMANDS = ["compare", "diagnose", "check", "play", "metrics", "design", "experiment", "list"]
 PIPED = ["list effects", "list robots", "metrics planar_leg", "--help"]
-PIPED += ["compare LOGS", "diagnose LOGS", "check LOGS"]
+PIPED += ["compare LOGS", "diagnose LOGS", "check LOGS", "identify LOGS"]
 
 
 def test_diagnose_names_the_effect_and_saves_a_robot_that_explains_the_logs(
