@@ -26,8 +26,6 @@ from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
 from wbc.identification.readings.first_guess import guessed_numbers
-from wbc.identification.servo import MOTOR, UNITS, fit_rollouts
-from wbc.identification.trend import find_sessions, follow
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.tables import TextTable
@@ -235,6 +233,9 @@ def run_identify(options: Options, console: Console) -> Outcome:
 
 def run_rollout(options: Options, console: Console) -> Outcome:
     """Fit, print, write."""
+    # To load the rollouts takes a fifth of a second, which no other command waits for.
+    from wbc.identification.servo import MOTOR, UNITS, fit_rollouts
+
     robot, logs = robot_and_logs(options)
     with working(console, "simulating") as progress:
         found = fit_rollouts(robot, logs, progress)
@@ -252,6 +253,8 @@ def run_rollout(options: Options, console: Console) -> Outcome:
 
 def run_trend(options: Options, console: Console) -> Outcome:
     """Measure every session, print what drifts, draw, write; exit code 4 if it is asked for."""
+    from wbc.identification.trend import find_sessions, follow
+
     robot, sessions = robot_from(options), find_sessions(options.logs)
     with watching("sessions", console) as watch:
         trend = follow(robot, sessions, options.columns, options.workers, watch)
