@@ -73,5 +73,6 @@ def test_parameters_are_printed_and_written(tmp_path: Path, told: Told) -> None:
     said = told("identify", *sample_paths(), *LEG, "--json", out := tmp_path / "parameters.json")
     friction = said.partition("coulomb_friction at hip")[2].split()
     found = {p["name"]: p for p in json.loads(out.read_text())["parameters"]}
+    assert {"viscous_friction at knee", "torque_offset at knee", "mz shin"} <= found.keys()
     for value in (float(friction[0]), found["coulomb_friction at hip"]["value"]):
         assert value == pytest.approx(0.5, rel=0.02)

@@ -115,15 +115,6 @@ def test_one_file_is_split_into_logs_and_rows_are_chosen(tmp_path: Path) -> None
         load_log(*files)
 
 
-def test_unsigned_encoders_are_unwrapped(tmp_path: Path) -> None:
-    time = np.arange(500) * 0.01
-    counts = np.round(4096 * (0.4 + 1.3 * np.sin(time)))
-    np.savez(tmp_path / "log.npz", time=time, enc=counts % 4096)
-    entry = {"from": "enc", "scale": 0.5, "unwrap": 4096}
-    log = load_log(tmp_path / "log.npz", parse_column_map({"columns": {"a.position": entry}}))
-    np.testing.assert_array_equal(log.column("a.position"), 0.5 * counts)
-
-
 RULE = '[columns]\n"hip.position" = '
 
 

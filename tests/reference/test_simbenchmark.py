@@ -103,19 +103,6 @@ def test_a_ball_thrown_flat_slides_until_it_rolls(heading):
         np.testing.assert_allclose(R * np.cross(spin, [0.0, 0.0, 1.0]), speed, atol=1e-9)
 
 
-@pytest.mark.parametrize("friction", [0.6, 0.2])
-def test_a_block_on_a_slope_stands_or_slides_as_coulomb_says(friction):
-    """On 25 degrees (tan = 0.466); MuJoCo's soft friction lets the first creep."""
-    angle = np.deg2rad(25.0)
-    plane = Plane.slope(angle)
-    plant = Plant(block(SIZE, friction, 10.0), plane)
-    start = plant.state(at(0.05 * plane.normal, pin.rpy.rpyToMatrix(0.0, -angle, 0.0)))
-    end = along(plant, start)[-1]
-    exact = 0.5 * G * max(0.0, np.sin(angle) - friction * np.cos(angle)) * TIME**2
-    moved = np.linalg.norm(end.position[:3] - start.position[:3])
-    assert moved == pytest.approx(exact, rel=1e-6, abs=1e-9)
-
-
 # Bouncing: energy of elastic impacts, and the bounces of less elastic ones.
 
 
