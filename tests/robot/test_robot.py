@@ -64,14 +64,6 @@ def test_what_there_is_not_is_named(message: str, ask: Callable[[], object]) -> 
         ask()
 
 
-def test_places_of_joints_with_and_without_a_free_base_and_gears() -> None:
-    assert (SOLO.has_free_flyer, SOLO.floating_size) == (True, 6)
-    assert (BARE.transmission.size, BARE.floating_size) == (0, LEG.model.nv)
-    assert [SOLO.velocity_index(joint) for joint in SOLO.transmission.joints] == [*SOLO.actuated]
-    q = SOLO.configuration(FL_HAA=1.6)
-    assert q[6:8].tolist() == [1.0, 1.6]
-
-
 @pytest.mark.parametrize("how", [copy.deepcopy, copy.copy, lambda r: pickle.loads(pickle.dumps(r))])
 @pytest.mark.parametrize("name", ["solo12", "parallelogram_leg", "emps", "talos"])
 def test_a_copy_is_the_robot(name, how):
