@@ -254,7 +254,7 @@ def trend_figure(trend: Trend, *, theme: Theme = LIGHT) -> Figure:
                 ax.errorbar(
                     np.array([session.date for session in own], dtype="datetime64[s]"),
                     value, (value - low, high - value), label=drift.machine, marker=".",
-                    color=f"C{machines.index(drift.machine)}",
+                    color=theme.series[machines.index(drift.machine) % len(theme.series)],
                     linewidth=2.4 if drift in trend.drifting else 0.8,
                 )  # fmt: skip
                 ax.set(title=name, ylabel=_label("", {"": found[0].unit}))
