@@ -18,6 +18,7 @@ from wbc.control.qp.search import DirectedSolution
 from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import TORQUE_ROW
+from wbc.mechanics.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -210,6 +211,20 @@ class Fallback:
         return gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T
 
 
+@compiled(inside=True)
+def solve_positive(matrix: Dense, right: OutRow) -> None:
+    """Replace the right side (n,) by the solution.
+
+    Raises:
+        LinAlgError: the matrix is not positive definite.
+    """
+    lower = np.empty((len(right), len(right)))
+    if not factor_inertia(matrix, lower):
+        raise np.linalg.LinAlgError
+    halfway(lower, right.reshape(-1, 1))
+    rest_of_way(lower, right)
+
+
 @compiled
 def held(
     mass: Dense, gravity: Row, jacobian: Dense, force: Row, u: Places, m: Places
@@ -236,19 +251,50 @@ def held(
     Raises:
         LinAlgError: a matrix that has no inverse.
     """
-    size, back = len(m), np.ascontiguousarray(jacobian.T)
-    on_base, of_base = np.ascontiguousarray(jacobian[:, u]), back[u]
-    alike = of_base @ on_base + _SOFT * np.eye(len(u))
-    pushes = force + on_base @ np.linalg.solve(alike, gravity[u] - of_base @ force)
-    left = gravity - back @ pushes
-    base = np.linalg.solve(np.ascontiguousarray(mass[u][:, u]), -left[u])
-    hold = left[m] + np.ascontiguousarray(mass[m][:, u]) @ base
-    moved = np.linalg.solve(mass, np.hstack((np.eye(len(mass))[:, m], back)))
-    free: FloatArray = np.ascontiguousarray(moved[m][:, :size])
-    pushed = jacobian @ np.ascontiguousarray(moved[:, :size])
-    normal = jacobian @ np.ascontiguousarray(moved[:, size:])
-    normal += _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
-    rested: FloatArray = free - np.ascontiguousarray(pushed.T) @ np.linalg.solve(normal, pushed)
+    n, k, b, size = len(mass), len(jacobian), len(u), len(m)
+    pushes, base, on_base = force.copy(), gravity[u], np.zeros((b, b))
+    for i in range(b):
+        on_base[i, i] = _SOFT
+        for c in range(k):
+            base[i] -= jacobian[c, u[i]] * force[c]
+            for j in range(b):
+                on_base[i, j] += jacobian[c, u[i]] * jacobian[c, u[j]]
+    solve_positive(on_base, base)
+    left, columns = gravity.copy(), np.zeros((n, size + k))
+    for c in range(k):
+        for i in range(b):
+            pushes[c] += jacobian[c, u[i]] * base[i]
+        for i in range(n):
+            left[i] -= jacobian[c, i] * pushes[c]
+            columns[i, size + c] = jacobian[c, i]
+    for i in range(b):
+        base[i] = -left[u[i]]
+        for j in range(b):
+            on_base[i, j] = mass[u[i], u[j]]
+    solve_positive(on_base, base)
+    hold, lower, moved = left[m], np.empty((n, n)), np.empty((size + k, size + k))
+    for i in range(size):
+        columns[m[i], i] = 1.0
+        for j in range(b):
+            hold[i] += mass[m[i], u[j]] * base[j]
+    if not factor_inertia(mass, lower):
+        raise np.linalg.LinAlgError
+    halfway(lower, columns)
+    products(columns, moved)
+    free, rested = moved[:size, :size].copy(), np.empty((size, size))
+    pushed, normal, hard = moved[size:, :size].copy(), moved[size:, size:].copy(), 1.0
+    for c in range(k):
+        hard += normal[c, c]
+    for c in range(k):
+        normal[c, c] += _SOFT * hard
+    stiff = np.empty((k, k))
+    if not factor_inertia(normal, stiff):
+        raise np.linalg.LinAlgError
+    halfway(stiff, pushed)
+    products(pushed, rested)
+    for i in range(size):
+        for j in range(size):
+            rested[i, j] = free[i, j] - rested[i, j]
     return hold, free, rested
 
 
