@@ -149,3 +149,15 @@ def test_impacts_of_heavy_rotors_behind_lossy_gears_have_a_solution(seed):
         result = plant.step(state, np.zeros(gears.size), 5e-3)
         assert not [event for event in result.events if event.kind == "energy"]
         state = result.state
+
+
+def test_an_impact_at_the_start_leaves_motors_behind_springs_their_speed() -> None:
+    leg = geared(load_robot("planar_leg"), stiffness=80.0)
+    plant = Plant(leg)
+    q = leg.configuration(hip=-0.5, knee=1.0, base_z=0.8 * np.cos(0.5))
+    landed = plant.state(q, [0.0, -1.0, 0.0, 0.0, 0.0])
+    told = landed.replace(motor_velocity=np.zeros(2))
+    ends = [plant.step(state, np.zeros(2), 1e-5) for state in (landed, told)]
+    assert all(len(end.impacts) == 1 for end in ends)
+    assert np.array_equal(ends[0].state.motor_velocity, ends[1].state.motor_velocity)
+    assert np.abs(ends[0].state.motor_velocity).max() < 0.1 < np.abs(ends[0].state.velocity).max()

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Simulation, simulate
     from wbc.sim.state import SimState
-    from wbc.sim.step.impacts import Impact
     from wbc.sim.step.program import StepProgram, StepSolution, solve_program
+    from wbc.sim.step.stages import Impact
 
 __all__ = [
     "Box",
@@ -68,7 +68,7 @@ _HOMES = {
         "TorqueLag",
         "with_wrong_efficiencies",
     ),
-    "step.impacts": ("Impact",),
+    "step.stages": ("Impact",),
     "energy": ("EnergyAudit", "EnergyFlow"),
     "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
     "height_field": ("HeightField",),

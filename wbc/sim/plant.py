@@ -19,8 +19,8 @@ from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.arrival import lift
-from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
+from wbc.sim.step.stages import stepped
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -189,8 +189,8 @@ class Plant:
         setup, command = self._setup, self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
-        done = take_step(setup, state, command, dt, external)
-        return StepResult(done[0], dt, command, *done[1:], state, setup)
+        course = stepped(setup, state, command, dt, external)
+        return StepResult(course.state(len(course.stages)), dt, command, (course,))
 
     def run(
         self,
@@ -291,7 +291,7 @@ class Plant:
                 f"rotors: {', '.join(gears.joints)}."
             )
         if self.motor_bounds is None:
-            low, high = -gears.torque_limit, gears.torque_limit
+            low, high = self._setup.limits
         else:
             speed = gears.gear_ratio * self._setup.drive.motion(state)[1]
             bounds = self.motor_bounds(self.robot, speed)

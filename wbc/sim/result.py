@@ -16,10 +16,9 @@ from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.course import Flow
-from wbc.sim.step.impacts import Impact
 from wbc.sim.step.passive import MADE
 from wbc.sim.step.program import StepSolution
+from wbc.sim.step.stages import Course, Flow, Impact
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
@@ -60,19 +59,39 @@ class StepResult:
         duration: dt [s].
         command: (m,) [N m] on the rotors that the motors took, within their bounds; as a mean where
             several steps are joined.
-        parts: the smooth parts of the step; more than one where something landed in between.
-        impacts: those that happened in the step.
-        start: the state it started from.
-        setup: the plant's.
+        courses: of the steps that it stands for, one or several in a row.
     """
 
     state: SimState
     duration: float
     command: FloatArray
-    parts: tuple[Flow, ...]
-    impacts: tuple[Impact, ...]
-    start: SimState
-    setup: Setup
+    courses: tuple[Course, ...]
+
+    @property
+    def start(self) -> SimState:
+        """The state it started from."""
+        return self.courses[0].start
+
+    @property
+    def setup(self) -> Setup:
+        """The plant's."""
+        return self.courses[0].setup
+
+    @property
+    def parts(self) -> tuple[Flow, ...]:
+        """The smooth parts of the step; more than one where something landed in between."""
+        return self._stages[0]
+
+    @property
+    def impacts(self) -> tuple[Impact, ...]:
+        """Those that happened in the step."""
+        return self._stages[1]
+
+    @cached_property
+    def _stages(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
+        """All parts, and all impacts."""
+        parts, impacts = zip(*(course.divided() for course in self.courses), strict=True)
+        return reduce(add, parts), reduce(add, impacts)
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -97,9 +116,7 @@ class StepResult:
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        return np.asarray(
-            reduce(add, [part.record["mesh_impulse"] for part in self.parts]) / self.duration
-        )
+        return np.asarray(reduce(add, [part.mesh_impulse for part in self.parts]) / self.duration)
 
     @property
     def rotor_torque(self) -> FloatArray:
@@ -147,10 +164,7 @@ class StepResult:
             state=results[-1].state,
             duration=duration,
             command=reduce(add, [one.duration / duration * one.command for one in results]),
-            parts=tuple(part for result in results for part in result.parts),
-            impacts=tuple(impact for result in results for impact in result.impacts),
-            start=results[0].start,
-            setup=results[0].setup,
+            courses=tuple(course for result in results for course in result.courses),
         )
 
 

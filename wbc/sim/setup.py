@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.dynamics import RotorCoupling, Workspace, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
@@ -18,22 +19,26 @@ from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import FIELD, Terrain
-from wbc.sim.state import SimState
+from wbc.sim.state import EffectMemory, SimState
 from wbc.sim.step.arrival import DRIFT
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
-from wbc.sim.step.impact import gaps_of
+from wbc.sim.step.impact import gaps_of, impact_in_rows
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import NOT_POSITIVE, solve_rows
 from wbc.sim.step.tables import (
     BACKWARD,
     INVERSE,
+    NOTED,
+    STAGE,
+    TIME,
     Ending,
     Flight,
     Forces,
     Hit,
+    Now,
     Obstacles,
     Opened,
     PlacedTree,
@@ -41,6 +46,7 @@ from wbc.sim.step.tables import (
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
+_STAGES = 4  # most steps have less
 
 
 class Setup:
@@ -58,16 +64,16 @@ class Setup:
         barriers: its limits and contacts.
         effects: of the robot.
         still: (nv,) zeros, the forces of no effects.
-        none: (2 j + c,) no barrier.
-        back: (2 j + c,) restitution of every barrier.
+        limits: least and greatest torque (m,) on the rotors [N m].
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle: for effects that no table holds, for
             efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        ending, hit: the numbers of `plant.end` and `plant.hit`, each as one record.
-        acts: what the effects did in the last part.
+        end_kind, hit_kind: how the words of `Ending` and `Hit` are a record.
+        places, time_at, closed_at: where the state lies in the words of `Now`, see `_places`.
+        acts: what the effects did in each part of the last step, by its stage, where it waits.
     """
 
     def __init__(
@@ -99,17 +105,18 @@ class Setup:
             raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
         self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
         self.barriers = Barriers(robot, terrain, self.space, self.tree, hulls)
-        self.effects, size = PlantEffects.of(robot), self.barriers.size
+        self.effects = PlantEffects.of(robot)
         self.varying = bool(robot.varying_gears.any())
         self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
         self.waits = bool(self.effects.hooks) or self.varying or robot.rotors_turn_with_links
+        self.limits = -robot.transmission.torque_limit, robot.transmission.torque_limit
         self.still = frozen(np.zeros(robot.model.nv))
-        self.none: BoolArray = frozen(np.zeros(size), bool)
-        self.back = frozen(np.full(size, restitution))
         bases = free_bases(robot)
         self.flies, self._pushed = bool(len(bases)), False
         self._error: BaseException | None = None
         self._answers: list[Any] = []
+        self._taken: list[FloatArray] = []
+        self.acts: dict[int, EffectForces] = {}
         self.plant = self._opened(bases, (return_speed, DRIFT, TOUCH, *compliance))
         self._check_rotors()
 
@@ -117,17 +124,21 @@ class Setup:
         """Return numbers and memory as the structure that compiled loops read and write."""
         barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.size
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
-        kept = m + nv + size + d * barriers.contacts
+        rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        sizes = nq, nv, m, kept, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, nq
-        self.ending = _record(Ending, sizes)
-        self.hit = _record(Hit, (nv, pushes, kept, size, 8))
+        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv, nq
+        now, kind = _memory(Now, nq, nv, rows, m, m, 4, *[size] * 4)
+        ending, self.end_kind = _memory(Ending, *end, *[size] * 4)
+        hit, self.hit_kind = _memory(Hit, nv, pushes, rows, size, 8, *[size] * 3)
+        self.places, self.time_at, self.closed_at = _places(kind)
+        width = len(now.words) + max(len(ending.words), len(hit.words))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
         springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
-        asked = self._address(self._ask_forces) if self.waits else 0, self._address(self._ask_rows)
+        asked = self._address(self._ask_forces) if self.waits else 0
+        others = map(self._address, (self._ask_rows, self._take_stages))
         forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
         return stored(
             Opened(
@@ -137,10 +148,12 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(Forces._make((*told, *forces, *asked))),
-                stored(Ending._make([*_numbers(self.ending), *np.zeros((4, size), bool)])),
-                stored(Hit._make([*_numbers(self.hit), *np.zeros((2, size), bool)])),
-                np.array([*bounds, AHEAD, slow]),
+                stored(Forces._make((*told, *forces, asked, *others))),
+                now,
+                ending,
+                hit,
+                np.zeros((_STAGES, width)),
+                np.array([*bounds, AHEAD, slow, self.restitution]),
             )
         )
 
@@ -175,28 +188,50 @@ class Setup:
             self._error, told.touch[:] = error, np.nan
 
     def _ask_forces(self) -> None:
-        """Tell what acts in the middle of a part, where only Python knows it."""
-        (state, command, external), told, end = self._given, self.plant.forces, self.plant.end
-        step, q, v = float(told.length[0]), end.before.copy(), end.speed.copy()
-        mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
+        """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
+        (state, command, external), now, end = self._given, self.plant.now, self.plant.end
+        told = self.plant.forces
+        step, stage, time = float(told.length[0]), int(now.numbers[STAGE]), float(now.numbers[TIME])
         try:
-            at, more = (q, v, state.time + 0.5 * step), (self.temperature, mesh)
-            self.acts = self.effects.forces(at, command, state.memory, step, *more)
+            if step == 0.0:
+                self.forget_losses()
+                self.tell_coupling(now.position, now.velocity)
+                return
+            q, v, given = end.before.copy(), end.speed.copy(), told.mesh
+            mesh = None if np.isnan(given).any() or not len(given) else given.copy()
+            memory = memory_before(self.acts, stage, state.memory)
+            at, more = (q, v, time + 0.5 * step), (self.temperature, mesh)
+            self.acts[stage] = self.effects.forces(at, command, memory, step, *more)
             self.tell_losses(q, v)
             self.tell_coupling(q, v)
-            self.tell_forces(self.acts, external)
+            self.tell_forces(self.acts[stage], external)
         except BaseException as error:
             self._error, told.torque[:], told.outer[:] = error, np.nan, np.nan
 
     def _ask_rows(self) -> None:
-        """Solve the rows of a part with self-locking gears that have several solutions."""
-        state, kept, told = self._given[0], self.plant.end.kept, self.plant.forces
+        """Solve the rows of a stage with self-locking gears that have several solutions."""
+        plant, size, step = self.plant, self.drive.size, float(self.plant.forces.length[0])
         try:
-            _, system, start, _ = self.in_rows(state, kept, float(told.length[0]))
+            if step > 0.0:
+                _, system, start, _ = part_in_rows(plant, step)
+            else:
+                _, system, _ = impact_in_rows(plant)
+                start = np.zeros(len(system.free))
+                start[:size] = plant.now.impulse[:size]
             impulse, _, _ = solve_rows(system, start, self.robot.transmission.joints)
-            self.plant.hit.impulse[: len(impulse)] = impulse
+            plant.hit.impulse[: len(impulse)] = impulse
         except BaseException as error:
-            self._error = error
+            self._error = self._error or error
+
+    def _take_stages(self) -> None:
+        """Keep stages of a step that has more of them than the loops have room for."""
+        self._taken.append(self.plant.stages.copy())
+
+    def stages(self) -> tuple[FloatArray, FloatArray]:
+        """Return the stages (s, w) of the last step, and the words of `now` at its end."""
+        taken, self._taken, now = self._taken, [], self.plant.now
+        rest = self.plant.stages[: int(now.numbers[NOTED])]
+        return np.concatenate([*taken, rest]) if taken else rest.copy(), now.words.copy()
 
     def _address(self, answer: Callable[[], None]) -> int:
         """Return the address of a function that loops may ask."""
@@ -204,12 +239,21 @@ class Setup:
         return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
 
     def begin(self, state: SimState, command: FloatArray, external: FloatArray | None) -> None:
-        """Tell the loops what a part starts from; see `PartInput`."""
-        self._given = state, command, external
-        self.tell_motion(state)
-        if not self.waits:
-            self.acts = EffectForces(self.still, None, self.effects.delivered(command), ())
-            self.tell_forces(self.acts, external)
+        """Tell the loops what acts over a step that starts in a state; see `Course`."""
+        if self.waits:
+            self._given, self.acts = (state, command, external), {}
+            return
+        self.plant.forces.torque[:] = self.effects.delivered(command)
+        if external is not None or self._pushed:
+            self.plant.forces.outer[:] = 0.0 if external is None else external
+            self._pushed = external is not None
+
+    def recall(self, stage: FloatArray, memory: Ending | Hit) -> None:
+        """Let the loops know again what they held at the end of a stage of a step."""
+        now, motion, size = self.plant.now, self.plant.gears.motion, len(memory.words)
+        start = len(now.words)
+        now.words[:], memory.words[:] = stage[:start], stage[start : start + size]
+        motion[:, 0], motion[:, 1] = now.deflection, now.motor_speed
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""
@@ -224,12 +268,6 @@ class Setup:
         self.heard()
         return gap
 
-    def in_rows(self, state: SimState, kept: BoolArray, step: float) -> Any:
-        """Return what `part_in_rows` does; the loops have been told motion and forces."""
-        q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-        self.plant.end.kept[:] = kept
-        return part_in_rows(self.plant, state.closed, state.impulse, q, v, step)
-
     def tell_motion(self, state: SimState) -> None:
         """Give the loops the motion of loose motor outputs."""
         if self.drive.any_loose:
@@ -237,15 +275,13 @@ class Setup:
             self.plant.gears.motion[:, 0], self.plant.gears.motion[:, 1] = deflection, speed
 
     def tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
-        """Give the loops what acts, beside what stays and what they evaluate."""
+        """Give the loops what acts, beside what they evaluate."""
         told = self.plant.forces
         told.torque[:] = forces.rotor
+        told.outer[:] = forces.joint if external is None else forces.joint + external
+        self._pushed = True
         if forces.friction is not None:
             told.friction[:] = forces.friction
-            told.outer[:] = forces.joint if external is None else forces.joint + external
-        elif external is not None or self._pushed:
-            told.outer[:] = 0.0 if external is None else external
-            self._pushed = external is not None
 
     def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
@@ -317,21 +353,42 @@ class Setup:
             )
 
 
-def _record(names: type[Ending] | type[Hit], sizes: tuple[int, ...]) -> Any:
-    """Return memory for the first fields of a structure, whose arrays are as long as `sizes`."""
-    fields = zip(names._fields, sizes, strict=False)  # flags follow
-    kind = np.dtype([(name, np.float64, (size,)) for name, size in fields])
-    return np.ndarray((), kind, np.zeros(sum(sizes)))
+def memory_before(
+    acts: Mapping[int, EffectForces], stage: int, first: EffectMemory
+) -> EffectMemory:
+    """Return the memory of the effects where a stage of a step starts.
+
+    Args:
+        acts: what they did in each part, by its stage.
+        stage: its number.
+        first: their memory at the start of the step.
+    """
+    before = [number for number in acts if number < stage]
+    return acts[before[-1]].memory if before else first
 
 
-def copied(record: Any) -> Any:
-    """Return a copy of a record; NumPy's own goes field by field, which takes 50 times as long."""
-    return np.ndarray((), record.dtype, record.base.copy())
+def _memory(names: Any, *sizes: int) -> tuple[Any, np.dtype[Any]]:
+    """Return a structure with new arrays as long as `sizes`, and how they lie in its words."""
+    fields = zip(names.structure.kind.fields.items(), sizes, strict=False)  # words follow
+    kinds = [(name, np.dtype(str(kind.dtype)), (size,)) for (name, kind), size in fields]
+    layout = np.dtype(kinds, align=True)
+    words = np.zeros(layout.itemsize // 8)
+    record = np.ndarray((), layout, words)
+    return stored(names(*[record[name] for name in names._fields[:-1]], words)), layout
 
 
-def _numbers(record: Any) -> list[FloatArray]:
-    """Return the arrays of a record, in their order."""
-    return [record[name] for name in record.dtype.names]
+def _places(layout: np.dtype[Any]) -> tuple[list[slice], int, slice]:
+    """Return where the arrays of a `SimState` lie among the words of `Now`.
+
+    These are the five of numbers, the time, and what is closed, by bytes.
+    """
+    at = [layout.fields[name][1] for name in Now._fields[:-1]] if layout.fields else []
+    closed = Now._fields.index("closed")
+    return (
+        [slice(start // 8, end // 8) for start, end in pairwise(at[:6])],
+        at[5] // 8 + TIME,
+        slice(at[closed], at[closed + 1]),
+    )
 
 
 def _known_tree(robot: Robot) -> Tree:

@@ -17,7 +17,7 @@ from wbc.sim.plant import Plant
 from wbc.sim.recorder import Recorder
 from wbc.sim.result import StepEvent
 from wbc.sim.state import SimState
-from wbc.sim.step.impacts import Impact
+from wbc.sim.step.stages import Impact
 
 Controller = Callable[[SimState], FloatArray]
 """Takes the plant's state, returns the rotor torque (m,) [N m] to hold until the next tick."""

@@ -106,7 +106,7 @@ def made_by_rows(result: sim.StepResult) -> float:
         inertia, firm = program.inertia, ~np.isfinite(stiffness)
         push = np.where(firm, 0.0, solution.impulse[:m])
         free = program.free_velocity + np.linalg.solve(inertia, program.rows[:m].T @ push)
-        rotor = drive.motion(part.given.state)[1] + drive.ratio * part.rotor_impulse / reflected
+        rotor = drive.motion(part.start)[1] + drive.ratio * part.rotor_impulse / reflected
         before = 0.5 * free @ inertia @ free + 0.5 * (reflected * rotor**2)[firm].sum()
         after = 0.5 * velocity @ inertia @ velocity
         after += 0.5 * (reflected * part.state.motor_velocity**2)[firm].sum()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
 from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
@@ -20,8 +20,16 @@ from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
-from wbc.sim.step.solution import NO_INERTIA, solve_part
-from wbc.sim.step.tables import BACKWARD, INERTIA, INVERSE, REACH, TOUCH, Opened
+from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
+from wbc.sim.step.tables import (
+    BACKWARD,
+    INERTIA,
+    INVERSE,
+    REACH,
+    RESTITUTION,
+    TOUCH,
+    Opened,
+)
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -31,6 +39,10 @@ restitution, the kinetic energy before [J], what `Solved.way` says, and the spee
 end misses the laws."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
+_ROUNDING = 1e-9
+_TRIES = 5
+"""Shares of the restitution tried between none and all; the loss is quadratic in the share while
+rows keep to their pieces, so that false position meets it soon."""
 _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
 
@@ -124,38 +136,46 @@ def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
 
 
 @inner
-def reaches(plant: Opened, before: Flags, kept: Flags, q: Row) -> bool:
+def reaches(plant: Opened, goes_on: bool) -> bool:
     """Write the barriers that are reached, and those that take part; return whether there are any.
 
-    Arguments as of `impact_at`. The poses and touches then stand at q.
+    Arguments as of `impact_at`. The poses and touches then stand where the robot is.
     """
-    hit, gap, found = plant.hit, plant.end.gap, False
-    gaps_of(plant, q, gap)
+    hit, gap, before, found = plant.hit, plant.end.gap, plant.now.closed, False
+    gaps_of(plant, plant.now.position, gap)
     for i in range(len(before)):
         hit.fresh[i] = not before[i] and gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
-        hit.closed[i] = before[i] or hit.fresh[i] or kept[i]
+        hit.together[i] = before[i] or hit.fresh[i] or (goes_on and plant.now.kept[i])
+        hit.closed[i] = hit.together[i]
         found = found or (hit.closed[i] and not before[i])
     return found
 
 
 @inner
-def impact_targets(
-    plant: Opened, before: Flags, back: Row, v: Row, left: float, rows: PartRows
-) -> bool:
+def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> bool:
     """Write at which speeds the barriers are to part; return whether one of them is coming.
 
-    Arguments as of `impact_at`; found[SHARE] is one where any springs back.
+    What landed slowly, or was reached in the step before, does not spring back. Arguments as of
+    `impact_at`; found[SHARE] is that share where any springs back.
     """
-    hit, row, coming = plant.hit, 0, False
+    hit, now, before, v, row, coming = (
+        plant.hit,
+        plant.now,
+        plant.now.closed,
+        plant.now.velocity,
+        0,
+        False,
+    )
     for i in range(len(before)):
         if not hit.closed[i]:
             continue
         approach = dot(v, rows.matrix[len(rows.laws) + row])
         ahead = not before[i] and not hit.fresh[i]
         least = -2.0 * plant.end.gap[i] / left if ahead else 0.0
-        opening = 0.0 if ahead else -back[i] * min(approach, 0.0)
-        if opening > 0.0:
-            hit.found[SHARE] = 1.0
+        back = 0.0 if ahead or now.struck[i] or now.slow[i] else plant.bounds[RESTITUTION]
+        opening = -share * back * min(approach, 0.0)
+        if back * min(approach, 0.0) < 0.0:
+            hit.found[SHARE] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
         hit.aims[row] = rows.targets[row] = least + opening
         row += 1
@@ -175,43 +195,31 @@ def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     found[CONTACT] = found[ENERGY] - kept - found[MESH]
 
 
-@compiled
-def impact_at(
-    plant: Opened,
-    before: Flags,
-    kept: Flags,
-    back: Row,
-    q: Row,
-    v: Row,
-    left: float,
-    given: Row,
-) -> int:
+@compiled(inside=True)
+def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Row) -> int:
     """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
 
     Args:
-        plant: what moves.
-        before: (2 j + c,) barriers that are known to be closed.
-        kept: (2 j + c,) barriers that are rows of what is left of the step.
-        back: (2 j + c,) restitution of the barriers.
-        q, v: (nq,), (nv,).
-        left: of the step [s].
+        plant: what moves, with its state.
+        share: of the restitution.
+        left, goes_on: see `settle`.
         given: (r,) impulses where they are known already, else empty.
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
         found[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
-    hit, gravity = plant.hit, plant.tree.gravity
+    hit, gravity, before, v = plant.hit, plant.tree.gravity, plant.now.closed, plant.now.velocity
     found = hit.found
     found[:] = 0.0
-    if not reaches(plant, before, kept, q):
+    if not reaches(plant, goes_on):
         return APART
     weigh(plant.tree, plant.flight, plant.placed)
     rows = impact_rows(plant, hit.closed, v)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
         return HIT
-    if not impact_targets(plant, before, back, v, left, rows):
+    if not impact_targets(plant, share, left, rows):
         for i in range(len(before)):
             hit.closed[i] = before[i] or hit.fresh[i]
         return RESTING
@@ -240,21 +248,80 @@ def impact_at(
     return HIT
 
 
-@compiled
-def impact_in_rows(
-    plant: Opened, together: Flags, q: Row, v: Row, targets: Row
-) -> tuple[PartRows, RowSystem, OutDense]:
-    """Return the rows of an impact at known targets (l + k,), their system, and H_l.
+@inner
+def strike(plant: Opened, share: float, left: float, goes_on: bool) -> tuple[int, bool]:
+    """Take an impact with a share of the restitution; return its kind, and if Python was asked.
+
+    Python is asked for the rows where self-locking gears leave several solutions.
+    """
+    kind = impact_at(plant, share, left, goes_on, plant.hit.impulse[:0])
+    asked = plant.hit.found[WAY] == UNDECIDED
+    if asked:
+        kind = impact_at(plant, share, left, goes_on, decided(plant))
+    return kind, asked
+
+
+@inner
+def makes_energy(found: Row) -> bool:
+    """Return whether an impact has a solution, and one that makes no energy, in `Hit.found`."""
+    return bool(found[WAY] >= UNSOLVED or found[CONTACT] < -_ROUNDING * found[ENERGY])
+
+
+@compiled(inside=True)
+def settle(plant: Opened, left: float, goes_on: bool) -> int:
+    """Take the impact on barriers that have just been reached, into `plant.hit`.
+
+    A barrier counts as reached where its gap is closed and the state does not know it to be. After
+    the impact those stay closed that part so slowly that gravity would bring them back within what
+    is left of the step: their rows let them open, and spare them an impact and a part of their own.
+
+    A kept barrier is a row of the rest of the step, and the row acts from the middle on. An impact
+    elsewhere must not drive the robot through it before: where it closes faster than 2 gap/left it
+    takes part in the impact, and then closes at that speed.
+
+    The impact has the largest share of the restitution at which it makes no energy, by a few tries.
 
     Args:
-        plant: what moves.
-        together: (2 j + c,) barriers that take part.
-        q, v: (nq,), (nv,).
-        targets: speeds at which they part.
+        plant: what moves, with its state.
+        left: of the step [s].
+        goes_on: whether there is a rest of the step, of which the kept barriers are rows.
+
+    Returns:
+        APART, RESTING or HIT, see `impact_at`.
     """
-    gaps_of(plant, q, np.empty(len(together)))
+    found, high, low, used = plant.hit.found, 1.0, 0.0, 0.0
+    plant.forces.length[0] = 0.0
+    if plant.forces.asked != 0:
+        ask(plant.forces.asked)
+    kind, asked = strike(plant, 1.0, left, goes_on)
+    if kind != HIT or found[SHARE] == 0.0 or not makes_energy(found):
+        return kind
+    used, lost_high = found[USED], found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+    strike(plant, 0.0, left, goes_on)
+    used, lost_low = used + found[USED], found[CONTACT]
+    for _ in range(_TRIES if found[WAY] < UNSOLVED and not asked else 0):
+        share = 0.5 * (low + high)
+        if lost_high < 0.0:
+            share = low + (high - low) * lost_low / (lost_low - lost_high)
+            share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+        strike(plant, share, left, goes_on)
+        used += found[USED]
+        if makes_energy(found):
+            high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+        else:
+            low, lost_low = share, found[CONTACT]
+    strike(plant, low, left, goes_on)
+    found[USED] += used
+    return kind
+
+
+@compiled
+def impact_in_rows(plant: Opened) -> tuple[PartRows, RowSystem, OutDense]:
+    """Return the rows of the impact that the memory holds, at its aims, their system, and H_l."""
+    now, hit = plant.now, plant.hit
+    gaps_of(plant, now.position, np.empty(len(hit.together)))
     weigh(plant.tree, plant.flight, plant.placed)
-    rows = impact_rows(plant, together, v)
-    rows.targets[:] = targets
-    system = part_system(rows, plant.obstacles.tangents)
-    return rows, system, plant.placed.inertia.copy()
+    rows = impact_rows(plant, hit.together, now.velocity)
+    for i in range(len(rows.targets)):
+        rows.targets[i] = hit.aims[i]
+    return rows, part_system(rows, plant.obstacles.tangents), plant.placed.inertia.copy()

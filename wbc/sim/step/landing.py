@@ -99,7 +99,7 @@ def to_landing(
 
     Args:
         plant: where the whole part has ended; barriers whose gaps jump are written to `jumps`.
-        closed, stored: see `flow_until`.
+        closed, stored: see `second_half`.
         at: q (nq,) and v (nv,) at the start.
         start: (2 j + c,) gaps.
         whole: what the whole part returned, and its length [s].
@@ -137,32 +137,33 @@ def to_landing(
     return result, early
 
 
-@compiled
-def flow_until(
-    plant: Opened, closed: Flags, kept: Flags, stored: Row, q: Row, v: Row, step: float
-) -> tuple[int, float, bool]:
+@compiled(inside=True)
+def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     """Do the part to the end of a step, or to the next touchdown.
 
     Args:
-        plant: what moves; `kept`, `slow` and `jumps` of its end are written, too.
-        closed: (2 j + c,) barriers closed at the start.
-        kept: (2 j + c,) barriers that may close within the part, to begin with.
-        stored: see `part_of_step`.
-        q, v: (nq,), (nv,) at the start.
+        plant: what moves, with its state; `kept`, `slow` and `jumps` of its end are written, too.
         step: that is left [s].
 
     Returns:
         what `part_of_step` does, the length of the part [s], and whether more barriers are kept.
     """
-    size, length, short, end = len(closed), step, plant.bounds[SLOW] * step * step, plant.end
+    now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
+    q, v, closed, stored, size = (
+        now.position,
+        now.velocity,
+        now.closed,
+        now.impulse,
+        len(now.closed),
+    )
     for i in range(size):
-        end.kept[i], end.slow[i], end.jumps[i] = kept[i], False, False
+        end.kept[i], end.slow[i], end.jumps[i] = now.kept[i], False, False
     result = part_with_mesh(plant, closed, stored, q, v, step)
-    if result >= 10 or abs(result) != LANDED:
+    if result >= 10 or result != LANDED:
         return result, step, False
     start = np.empty(size)
     gaps_of(plant, q, start)
-    while result < 10 and abs(result) == LANDED:
+    while result < 10 and result == LANDED:
         if lands_slowly(plant, closed, start, short):
             for i in range(size):
                 end.slow[i] = end.slow[i] or end.jumps[i]

@@ -15,7 +15,7 @@ from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of
 from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
-from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, solve_part
+from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
 from wbc.sim.step.tables import DEFLECTION, HERTZ, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
@@ -60,15 +60,14 @@ def begin(
 ) -> tuple[PartRows, RowSystem, OutRow]:
     """Return the rows of a part, their system, and the impulses (r,) from which they start.
 
-    The rows start from the last step's impulses, from zeros without one. Where H_l is not positive,
-    `lower[0, 0]` is no number. Arguments as of `second_half`.
+    The rows start from the last step's impulses. Where H_l is not positive, `lower[0, 0]` is no
+    number. Arguments as of `second_half`.
     """
     close(plant, before, step)
     rows = rows_of(plant, v, step)
-    start = np.zeros(len(rows.places))
-    if len(stored):
-        for i in range(len(start)):
-            start[i] = stored[rows.places[i]]
+    start = np.empty(len(rows.places))
+    for i in range(len(start)):
+        start[i] = stored[rows.places[i]]
     return rows, part_system(rows, plant.obstacles.tangents), start
 
 
@@ -120,14 +119,13 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
         plant: what moves, with the forces and the barriers that may close within the part,
             `plant.end.kept`; the rest of `plant.end` is written.
         before: (2 j + c,) barriers closed at the start.
-        stored: row impulses of the last step in the plant's layout; empty for none.
+        stored: row impulses of the last step in the plant's layout.
         given: (r,) row impulses where they are known already, else empty.
         v: (nv,) at the start.
         step: h [s].
 
     Returns:
-        SMOOTH or LANDED, minus that where some overlap is left; ten and more where it failed, ten
-        beyond what `Solved.way` says.
+        SMOOTH or LANDED; ten and more where it failed, ten beyond what `Solved.way` says.
     """
     end = plant.end
     rows, system, start = begin(plant, before, stored, v, step)
@@ -146,7 +144,8 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
     rounding = _ROUNDING * np.sum(np.abs(pressed))
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
-    left = arrive(plant, step, rows.matrix[elements : elements + both], pressed)
+    matrix = rows.matrix[elements : elements + both]
+    end.work[2] = 1.0 if arrive(plant, step, matrix, pressed) else 0.0
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
@@ -157,8 +156,7 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
         started = plant.gears.motion.copy()
         keep_passive(plant, v, step)
         plant.gears.motion[:] = started
-    result = hold_or_land(plant, pressed)
-    return -result if left else result
+    return hold_or_land(plant, pressed)
 
 
 @compiled(inside=True)
@@ -169,17 +167,12 @@ def part_of_step(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step
     self-locking gears leave several solutions.
     """
     to_middle(plant, q, v, 0.5 * step, before)
-    plant.forces.length[0], impulse = step, plant.hit.impulse
+    plant.forces.length[0] = step
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    result = second_half(plant, before, stored, impulse[:0], v, step)
+    result = second_half(plant, before, stored, stored[:0], v, step)
     if result == 10 + UNDECIDED:
-        impulse[:] = np.nan
-        ask(plant.forces.undecided)
-        count = 0
-        while count < len(impulse) and impulse[count] == impulse[count]:
-            count += 1
-        result = second_half(plant, before, stored, impulse[:count], v, step)
+        result = second_half(plant, before, stored, decided(plant), v, step)
     return result
 
 
@@ -215,13 +208,12 @@ def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, st
 
 
 @compiled
-def part_in_rows(
-    plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float
-) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
-    """Return the rows of a part, their system, the start of the rows, and H_l.
+def part_in_rows(plant: Opened, step: float) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
+    """Return the rows of the part that starts now, their system, the start of the rows, and H_l.
 
     Laws and free speeds are those without coupling and flanks: `solve_part` puts these into them.
     """
-    to_middle(plant, q, v, 0.5 * step, before)
-    rows, system, start = begin(plant, before, stored, v, step)
+    now = plant.now
+    to_middle(plant, now.position, now.velocity, 0.5 * step, now.closed)
+    rows, system, start = begin(plant, now.closed, now.impulse, now.velocity, step)
     return rows, system, start, plant.placed.inertia.copy()

@@ -19,7 +19,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import OutDense, OutRow, Row, ask, compiled, inner
 from wbc.mechanics.linear import dot, halfway, rest_of_way
 from wbc.mechanics.newton import (
     PASSIVE,
@@ -136,6 +136,17 @@ def undecided(plant: Opened, laws: OutDense) -> bool:
         fast = max(law[0], -law[1]) > _SLOWEST * law[2]
         found = found or (law[4] < 0.0 and fast)
     return found and not plant.gears.loose and len(plant.gears.coupling) == 0
+
+
+@compiled(inside=True)
+def decided(plant: Opened) -> OutRow:
+    """Return the impulses (r,) that Python finds for rows with self-locking gears; none if none."""
+    impulse, count = plant.hit.impulse, 0
+    impulse[:] = np.nan
+    ask(plant.forces.undecided)
+    while count < len(impulse) and impulse[count] == impulse[count]:
+        count += 1
+    return impulse[:count]
 
 
 @inner

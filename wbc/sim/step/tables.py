@@ -153,13 +153,14 @@ class Forces(NamedTuple):
         torque: (m,) memory: [N m] on the rotors.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
         friction: (nv,) memory: level of dry friction.
-        length: (1,) memory: h [s] of the part.
+        length: (1,) memory: h [s] of the part, zero in an impact.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
         asked: address of a function of Python that fills torque, outer and friction in the middle,
-            and coupling and efficiencies of gears, else zero.
+            and coupling and efficiencies of gears, also before an impact; else zero.
         undecided: address of one that writes the impulses of rows with self-locking gears into
             `Hit.impulse`; there are none where it fails.
+        full: address of one that takes `Opened.stages`, which are all used.
     """
 
     joints: Table
@@ -171,6 +172,40 @@ class Forces(NamedTuple):
     mesh: OutRow
     asked: int
     undecided: int
+    full: int
+
+
+TIME, LENGTH, STAGE, NOTED = range(4)
+"""Numbers of `Now`: [s]; how long the part takes that begins there [s], zero where an impact does;
+how many parts and impacts the step had before; and how many of them `Opened.stages` holds."""
+
+
+@structured
+class Now(NamedTuple):
+    """Memory for where the next part or impact starts: the state, and what is kept of the step.
+
+    Attributes:
+        position, velocity: q (nq,), v (nv,).
+        impulse: of the rows of the last part, in the layout of `Ending.impulse`.
+        deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
+        numbers: (4,) TIME to NOTED.
+        closed: (2 j + c,) barriers that hold.
+        kept, slow, struck: (2 j + c,) barriers that may close within the next part, those that
+            landed slowly in the step, and those that were reached in it.
+        words: all of this memory in one.
+    """
+
+    position: OutRow
+    velocity: OutRow
+    impulse: OutRow
+    deflection: OutRow
+    motor_speed: OutRow
+    numbers: OutRow
+    closed: OutFlags
+    kept: OutFlags
+    slow: OutFlags
+    struck: OutFlags
+    words: OutRow
 
 
 @structured
@@ -189,7 +224,8 @@ class Ending(NamedTuple):
             world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
-        work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
+        work: (3,) linear systems solved, what found the impulses, see `mechanics.newton`, and
+            whether some overlap is left.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
@@ -198,6 +234,7 @@ class Ending(NamedTuple):
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
         kept, slow, jumps: (2 j + c,) barriers that may close within the part, those of them that
             land slowly, and those that are to be kept from its end on, see `landing`.
+        words: see `Now`.
     """
 
     position: OutRow
@@ -222,6 +259,7 @@ class Ending(NamedTuple):
     kept: OutFlags
     slow: OutFlags
     jumps: OutFlags
+    words: OutRow
 
 
 @structured
@@ -234,8 +272,9 @@ class Hit(NamedTuple):
         impulse: of the rows, one after the other, of a part's, too; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order.
         found: (8,) numbers MESH to LEFT of `impact`.
-        fresh: (2 j + c,) barriers that are reached.
-        closed: (2 j + c,) barriers that take part; afterwards those that are closed.
+        fresh, together: (2 j + c,) barriers that are reached, and those that take part.
+        closed: (2 j + c,) the latter, too; afterwards those that are closed.
+        words: see `Now`.
     """
 
     after: OutRow
@@ -244,7 +283,9 @@ class Hit(NamedTuple):
     aims: OutRow
     found: OutRow
     fresh: OutFlags
+    together: OutFlags
     closed: OutFlags
+    words: OutRow
 
 
 @structured
@@ -252,12 +293,14 @@ class Opened(NamedTuple):
     """All of a plant.
 
     Attributes:
-        tree, flight, obstacles, gears, placed, bodies, forces, end, hit: see there.
-        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
+        tree, flight, obstacles, gears, placed, bodies, forces, now, end, hit: see there.
+        stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
+            those of `end` and `hit` at their end.
+        bounds: (8,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
             from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
             HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; REACH: memory,
             gap up to which those from height fields are known; SLOW: way of a slow landing per
-            square of the step, see `landing`.
+            square of the step, see `landing`; RESTITUTION.
     """
 
     tree: Tree
@@ -267,8 +310,10 @@ class Opened(NamedTuple):
     placed: PlacedTree
     bodies: Bodies
     forces: Forces
+    now: Now
     end: Ending
     hit: Hit
+    stages: OutDense
     bounds: OutRow
 
 
@@ -276,7 +321,7 @@ JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
 """Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
 planar one), first entry of q."""
 
-RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW = range(7)
+RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW, RESTITUTION = range(8)
 
 
 @compiled(inside=True)

@@ -1,0 +1,372 @@
+"""The stages of a step as Python sees them: smooth parts, and the impacts between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wbc.arrays import FloatArray
+from wbc.errors import SimulationError
+from wbc.mechanics.newton import WAYS
+from wbc.sim.barriers import TOUCH
+from wbc.sim.energy import EnergyFlow
+from wbc.sim.setup import Setup, memory_before
+from wbc.sim.state import SimState
+from wbc.sim.step import books
+from wbc.sim.step.arrival import rigid_ones
+from wbc.sim.step.course import IMPACT_FAILED, take_step
+from wbc.sim.step.forces import EffectForces
+from wbc.sim.step.impact import (
+    CONTACT,
+    ENERGY,
+    LEFT,
+    MESH,
+    ROWS_OF,
+    SHARE,
+    USED,
+    WAY,
+    impact_in_rows,
+)
+from wbc.sim.step.part import part_in_rows
+from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
+from wbc.sim.step.solution import NEVER, NO_INERTIA, solve_part
+from wbc.sim.step.tables import LENGTH
+
+
+class Course(NamedTuple):
+    """What happened in one step.
+
+    Attributes:
+        setup: the plant's.
+        start: state, with the memory of its effects.
+        command: (m,) rotor torque [N m].
+        external: generalised force (nv,), None for none.
+        stages: (s, w) of the parts and impacts, see `Opened.stages`.
+        last: words of `Now` at the end of the step.
+        acts: what effects did in each part, by the number of its stage; empty where loops know it.
+    """
+
+    setup: Setup
+    start: SimState
+    command: FloatArray
+    external: FloatArray | None
+    stages: FloatArray
+    last: FloatArray
+    acts: dict[int, EffectForces]
+
+    def state(self, stage: int) -> SimState:
+        """Return the state in which a stage starts; stage s is the end of the step."""
+        words = self.stages[stage] if stage < len(self.stages) else self.last
+        setup, memory = self.setup, self.start.memory
+        q, v, impulse, deflection, speed = [words[place] for place in setup.places]
+        closed, time = words.view(np.bool_)[setup.closed_at], float(words[setup.time_at])
+        if self.acts:
+            memory = memory_before(self.acts, stage, memory)
+        return SimState(q, v, time, closed, impulse, deflection, speed, memory)
+
+    def record(self, stage: int, kind: Any) -> Any:
+        """Return what a stage ended with, its arrays as attributes; `kind` is that of a setup."""
+        words = self.stages[stage, len(self.last) :]
+        return np.ndarray((), kind, words).view(np.recarray)
+
+    def length(self, stage: int) -> float:
+        """Return how long a part takes [s]; zero for an impact."""
+        return float(self.stages[stage, self.setup.time_at + LENGTH])
+
+    def divided(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
+        """Return the smooth parts, and the impacts."""
+        numbers = range(len(self.stages))
+        parts = tuple(Flow(self, stage) for stage in numbers if self.length(stage) > 0.0)
+        return parts, tuple(Impact(self, stage) for stage in numbers if self.length(stage) == 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What happened in one smooth part.
+
+    Attributes:
+        course: of the step.
+        stage: number of the part in it.
+    """
+
+    course: Course
+    stage: int
+
+    @cached_property
+    def end(self) -> Any:
+        """What `Ending` held at the end, as attributes."""
+        return self.course.record(self.stage, self.course.setup.end_kind)
+
+    @cached_property
+    def start(self) -> SimState:
+        """At its start."""
+        return self.course.state(self.stage)
+
+    @cached_property
+    def state(self) -> SimState:
+        """At its end."""
+        return self.course.state(self.stage + 1)
+
+    @cached_property
+    def forces(self) -> EffectForces:
+        """Of the effects."""
+        setup = self.course.setup
+        found = self.course.acts.get(self.stage)
+        if found is None:
+            delivered = setup.effects.delivered(self.course.command)
+            found = EffectForces(setup.still, None, delivered, ())
+        return found
+
+    @property
+    def step(self) -> float:
+        """h [s]."""
+        return self.course.length(self.stage)
+
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.end.books[books.MISSED])
+
+    @property
+    def gap(self) -> FloatArray:
+        """(2 j + c,) at its end."""
+        return np.asarray(self.end.gap)
+
+    @property
+    def overlap(self) -> FloatArray:
+        """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
+        return np.asarray(self.end.depth if self.end.work[2] else self.end.depth[:0])
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return np.asarray(self.end.pushes.reshape(-1, 3))
+
+    @property
+    def mesh_impulse(self) -> FloatArray:
+        """T (m,) [N m s] after each mesh."""
+        return np.asarray(self.end.mesh_impulse)
+
+    @property
+    def rotor_impulse(self) -> FloatArray:
+        """Impulse (m,) [N m s] delivered on the rotors."""
+        return self.step * self.forces.rotor
+
+    @cached_property
+    def solution(self) -> StepSolution:
+        """Of the step program, which is put together and solved again."""
+        setup, end, step = self.course.setup, self.end, self.step
+        setup.recall(self.course.stages[self.stage], setup.plant.end)
+        if setup.waits:
+            setup.tell_coupling(end.before, end.speed)
+            setup.tell_losses(end.before, end.speed)
+        setup.tell_forces(self.forces, self.course.external)
+        rows, system, start, inertia = part_in_rows(setup.plant, step)
+        used, way = end.work.astype(int).tolist()[:2]
+        impulse = end.impulse[rows.places]
+        asked = used == 0 and len(impulse) > 0  # Python solved the rows
+        given = impulse if asked else impulse[:0]
+        solve_part(setup.plant, rows, system, end.speed, start, step, 1.0, given)
+        if len(rows.depths):  # what compliant contacts meet is their aim
+            met = slice(len(rows.targets) - len(rows.depths), None)
+            normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
+            speed = system.free[normal] + system.delassus[normal] @ impulse
+            rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
+        setup.forget_losses()
+        program = StepProgram.of(rows, system, inertia)
+        return StepSolution(
+            program, system, end.after, impulse, used, "ranges" if asked else WAYS[way]
+        )
+
+    @cached_property
+    def energy(self) -> EnergyFlow:
+        """Work and losses.
+
+        Effects that store energy of their own have lines of their own (`Effect.memory_energy`).
+        """
+        setup, step, external, end = self.course.setup, self.step, self.course.external, self.end
+        found, forces = end.books.tolist(), self.forces
+        motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
+        joint = end.force if external is None else end.force - external
+        if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
+            joint = joint - forces.kept_joint
+            before = setup.drive.motion(self.start)[1]
+            turned = 0.5 * step * setup.drive.ratio * (before + end.motor_speed)
+            motor -= float(forces.kept_rotor @ turned)
+            for effect, motion in forces.stores:
+                own = effect.memory_energy(setup.robot, motion)
+                if own is not None:
+                    stored += EnergyFlow(reloaded=own.reloaded, bent=own.stored, bristles=own.lost)
+        if external is not None or setup.robot.effects:
+            mean = 0.5 * (end.speed + end.after)
+            work = float(step * (joint @ mean))
+            outer = 0.0 if external is None else float(step * (external @ mean))
+        return EnergyFlow(
+            motor=motor,
+            external=outer,
+            effects=work,
+            reloaded=stored.reloaded,
+            bent=stored.bent,
+            mesh=found[books.MESH],
+            rotor_friction=found[books.ROTOR],
+            gear_damping=found[books.GEAR],
+            joint_friction=found[books.FRICTION],
+            bristles=stored.bristles,
+            contact=found[books.CONTACT],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """One impact.
+
+    Attributes:
+        course: of the step.
+        stage: number of the impact in it.
+    """
+
+    course: Course
+    stage: int
+
+    @cached_property
+    def hit(self) -> Any:
+        """What `Hit` held at its end, as attributes."""
+        return self.course.record(self.stage, self.course.setup.hit_kind)
+
+    @cached_property
+    def state(self) -> SimState:
+        """Just before."""
+        return self.course.state(self.stage)
+
+    @property
+    def time(self) -> float:
+        """[s]."""
+        return self.state.time
+
+    @property
+    def before(self) -> FloatArray:
+        """v (nv,) just before."""
+        return self.state.velocity
+
+    @property
+    def after(self) -> FloatArray:
+        """v (nv,) just after."""
+        return np.asarray(self.hit.after)
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return np.asarray(self.hit.pushes.reshape(-1, 3))
+
+    @property
+    def restitution(self) -> float:
+        """Normal speed after over before; as much less than the plant's as it would make energy."""
+        return float(self.hit.found[SHARE]) * self.course.setup.restitution
+
+    @property
+    def mesh_loss(self) -> float:
+        """Energy lost in the gears [J]."""
+        return float(self.hit.found[MESH])
+
+    @property
+    def contact_loss(self) -> float:
+        """Energy lost in the contacts [J]."""
+        return float(self.hit.found[CONTACT])
+
+    @property
+    def kinetic(self) -> float:
+        """Energy before [J], of rotors included."""
+        return float(self.hit.found[ENERGY])
+
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.hit.found[LEFT])
+
+    @cached_property
+    def solution(self) -> StepSolution:
+        """Of the impact's program, which is put together again."""
+        setup, state, numbers = self.course.setup, self.state, self.hit.found
+        setup.recall(self.course.stages[self.stage], setup.plant.hit)
+        setup.tell_coupling(state.position, state.velocity)
+        rows, system, inertia = impact_in_rows(setup.plant)
+        impulse = np.asarray(self.hit.impulse[: len(rows.places)])
+        start = np.zeros(len(impulse))
+        solve_part(setup.plant, rows, system, state.velocity, start, 0.0, 1.0, impulse)
+        program, used = StepProgram.of(rows, system, inertia), int(numbers[USED])
+        return StepSolution(program, system, self.after, impulse, used, WAYS[int(numbers[WAY])])
+
+
+def stepped(
+    setup: Setup, state: SimState, command: FloatArray, step: float, external: FloatArray | None
+) -> Course:
+    """Take a step.
+
+    Args:
+        setup: the plant's.
+        state: at the start, with the memory of its effects.
+        command: (m,) [N m] on the rotors.
+        step: h [s].
+        external: generalised force (nv,), None for none.
+
+    Raises:
+        SimulationError: a start inside the ground or beyond a joint limit, or a part or an impact
+            without a solution, or with several.
+    """
+    numbers = state.position, state.velocity, state.impulse, state.deflection, state.motor_velocity
+    q, v, impulse, deflection, speed = map(np.ascontiguousarray, numbers)
+    if len(state.closed) != setup.barriers.size:
+        check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
+    setup.begin(state, command, external)
+    try:
+        arrays = q, v, impulse, deflection, speed, state.closed
+        failed = take_step(setup.plant, *arrays, state.time, step)
+        stages = setup.stages()
+        setup.heard()
+        if failed:
+            raise _failure(setup, failed)
+    finally:
+        setup.forget_losses()
+    return Course(setup, state, command, external, *stages, setup.acts)
+
+
+def _failure(setup: Setup, code: int) -> SimulationError:
+    """Return the error for a part or an impact that has no solution, see IMPACT_FAILED."""
+    plant, inertia = setup.plant, setup.plant.placed.inertia.copy()
+    impulse, velocity = plant.end.impulse.copy(), plant.now.velocity
+    if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
+        return blown_up(inertia, velocity)
+    if code >= IMPACT_FAILED:
+        _, system, _ = impact_in_rows(plant)
+        return unsolved(system, plant.hit.impulse[: int(plant.hit.found[ROWS_OF])])
+    rows, system, _, _ = part_in_rows(plant, float(plant.forces.length[0]))
+    if not np.isfinite(system.free).all():
+        return blown_up(inertia, velocity)
+    return unsolved(system, impulse[rows.places])
+
+
+def check_outside(setup: Setup, gap: FloatArray) -> None:
+    """Refuse a start inside the ground or beyond a joint limit.
+
+    Args:
+        setup: the plant's.
+        gap: of the barriers that do not yield, (2 j + c,) at most.
+
+    Raises:
+        SimulationError: an overlap beyond TOUCH; it names the place and the depth.
+    """
+    depth = -float(gap.min(initial=0.0))
+    if depth <= TOUCH:
+        return
+    place = int(np.argmin(gap))
+    where = setup.barriers.names[place]
+    beyond = f"{depth:.3g} rad (m) beyond its stop"
+    inside = f"{1e3 * depth:.3g} mm inside the ground"
+    raise SimulationError(
+        f"the start of '{setup.robot.name}' overlaps: {where} is "
+        f"{beyond if place < setup.barriers.limits else inside}. Place the robot outside, or "
+        "let the plant do it: plant.state(position, lifted=True)."
+    )
