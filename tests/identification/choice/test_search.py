@@ -13,6 +13,7 @@ from wbc.effects import (
     LinkInertia,
     LinkInertias,
     LoadFriction,
+    StribeckFriction,
     SupplySag,
     ThermalDrift,
     TorqueConstant,
@@ -26,6 +27,7 @@ from wbc.identification import diagnose
 from wbc.identification.choice import gears
 from wbc.identification.choice.design_matrix import Beside, DesignMatrix
 from wbc.identification.choice.gears import two_gears
+from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
@@ -55,6 +57,14 @@ def test_two_gears_are_sought_behind_a_link_of_little_inertia(
     monkeypatch.setattr(gears, "evaluate", flies_off)
     monkeypatch.setattr(gears, "_left", lambda links, *_, **__: np.zeros(len(links)))
     assert two_gears(Trials(problem), [JointCompliance, Backlash]) == []
+
+
+def test_a_plain_fit_holds_friction_that_falls_over_all_speeds() -> None:
+    """A classic fit has viscous friction below zero there, which no joint of a robot can have."""
+    hidden = [CoulombFriction("hip", 1.0), StribeckFriction("hip", 1.0, 2.0)]
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
+    *_, before, falling = plain_fits(Trials(problem), tuple(EFFECTS.values()))
+    assert falling.error < 1.1 and before.error > 2.0 * falling.error
 
 
 HIDDEN: dict[str, list[Effect]] = {
