@@ -48,6 +48,10 @@ def test_two_sessions_are_too_few() -> None:
     assert lines["a"][0] == pytest.approx(1.0 / 9.0)
     assert np.isnan(lines["a"][2])
     assert count_sure([np.nan, np.nan]) == 0
+    # A number that is zero throughout, without an interval, changes by nothing.
+    nothing = fit_lines({"a": np.array([DAYS, 0.0 * DAYS, 0.0 * DAYS])})
+    assert nothing["a"][0] == 0.0
+    assert nothing["a"][2] == pytest.approx(1.0)
 
 
 def test_machine_and_date_are_read_from_names() -> None:

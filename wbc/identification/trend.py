@@ -256,7 +256,7 @@ def fit_lines(points: Mapping[str, FloatArray]) -> dict[str, tuple[float, float,
     Returns:
         by machine; the chance is NaN where no machine has three points.
     """
-    least = _EXACT * max((float(np.abs(p[1]).max()) for p in points.values()), default=0.0) + 1e-300
+    least = _EXACT * max((float(np.abs(p[1]).max()) for p in points.values()), default=0.0) + 1e-12
     freedom = sum(p.shape[1] - 2 for p in points.values())
 
     def line(p: FloatArray, scatter: float) -> tuple[float, float, float]:
