@@ -64,7 +64,8 @@ def test_a_plain_fit_holds_friction_that_falls_over_all_speeds() -> None:
     hidden = [CoulombFriction("hip", 1.0), StribeckFriction("hip", 1.0, 2.0)]
     problem = EstimationProblem.from_logs(LEG, record_with(LEG, hidden, duration=4.0))
     *_, before, falling = plain_fits(Trials(problem), tuple(EFFECTS.values()))
-    assert falling.error < 1.1 and before.error > 2.0 * falling.error
+    assert falling.error < 1.1
+    assert before.error > 2.0 * falling.error
 
 
 HIDDEN: dict[str, list[Effect]] = {
