@@ -101,14 +101,3 @@ def test_the_published_servo_moves_as_its_logs_say() -> None:
         errors.append(np.mean([one.mean() for one in missed]))
     assert errors[1] < 0.6 * errors[0]
     assert errors[1] < 0.06  # rad
-
-
-def test_staubli_wrist_is_coupled_as_the_topology_says() -> None:
-    (log,) = logs_of("staubli_tx40", "staubli_tx40/tx40.parquet")
-    robot = load_robot("staubli_tx40")
-    gears, rate = robot.transmission, 5000.0
-    position = low_pass(log.stack("position", robot.joints), rate, 50.0)
-    rotors = log.stack("rotor_position", robot.joints)
-    # Zero positions shift the motors by a constant only.
-    model = position @ gears.motor_from_joint.T * gears.gear_ratio
-    assert np.ptp(model - low_pass(rotors, rate, 50.0), axis=0).max() < 1e-3

@@ -1,4 +1,4 @@
-"""Studies write into a folder of their own."""
+"""The folder of studies."""
 
 from pathlib import Path
 
@@ -7,4 +7,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _own_folder(here: Path) -> None:
-    pass
+    """Studies write where they run."""

@@ -35,15 +35,6 @@ def test_a_fall_off_an_edge_keeps_the_speed() -> None:
     assert state.position[2] == pytest.approx(-0.5 * 9.81 * 0.25**2, abs=3e-3)
 
 
-def test_a_start_in_the_ground_is_lifted_out() -> None:
-    plant = Plant(load_robot("solo12"))
-    pose = plant.robot.pose()
-    state = plant.state(pose - 0.01 * np.eye(19)[2], lifted=True)
-    assert state.position == pytest.approx(pose, abs=1e-6)
-    after = plant.step(state, np.zeros(12), 1e-3).state
-    assert np.abs(after.velocity).max() < 0.1
-
-
 class _Jump(Terrain):
     """A ground of one face whose height jumps, as a user may write one."""
 
