@@ -213,9 +213,9 @@ class Setup:
         plant, size, step = self.plant, self.drive.size, float(self.plant.forces.length[0])
         try:
             if step > 0.0:
-                _, system, start, _ = part_in_rows(plant, step)
+                _, system, start, _ = part_in_rows(plant, step, False)
             else:
-                _, system, _ = impact_in_rows(plant)
+                _, system, _ = impact_in_rows(plant, False)
                 start = np.zeros(len(system.free))
                 start[:size] = plant.now.impulse[:size]
             impulse, _, _ = solve_rows(system, start, self.robot.transmission.joints)

@@ -316,12 +316,19 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
 
 
 @compiled
-def impact_in_rows(plant: Opened) -> tuple[PartRows, RowSystem, OutDense]:
-    """Return the rows of the impact that the memory holds, at its aims, their system, and H_l."""
+def impact_in_rows(plant: Opened, solved: bool) -> tuple[PartRows, RowSystem, OutDense]:
+    """Return the rows of the impact that the memory holds, at its aims, their system, and H_l.
+
+    Laws and free speeds are those without coupling, or those of its end where it holds it `solved`.
+    """
     now, hit = plant.now, plant.hit
     gaps_of(plant, now.position, np.empty(len(hit.together)))
     weigh(plant.tree, plant.flight, plant.placed)
     rows = impact_rows(plant, hit.together, now.velocity)
     for i in range(len(rows.targets)):
         rows.targets[i] = hit.aims[i]
-    return rows, part_system(rows, plant.obstacles.tangents), plant.placed.inertia.copy()
+    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.places))
+    if solved:
+        given = hit.impulse[: len(start)]
+        solve_part(plant, rows, system, now.velocity, start, 0.0, 1.0, given)
+    return rows, system, plant.placed.inertia.copy()

@@ -208,12 +208,20 @@ def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, st
 
 
 @compiled
-def part_in_rows(plant: Opened, step: float) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
+def part_in_rows(
+    plant: Opened, step: float, solved: bool
+) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
     """Return the rows of the part that starts now, their system, the start of the rows, and H_l.
 
-    Laws and free speeds are those without coupling and flanks: `solve_part` puts these into them.
+    Laws and free speeds are those without coupling and flanks, or those of the end of a part that
+    the memory holds `solved`, see `solve_part`; where no loop solved it, with its impulses.
     """
-    now = plant.now
+    now, end = plant.now, plant.end
     to_middle(plant, now.position, now.velocity, 0.5 * step, now.closed)
     rows, system, start = begin(plant, now.closed, now.impulse, now.velocity, step)
+    if solved:
+        given = start[: 0 if end.work[0] > 0.0 else len(start)].copy()
+        for i in range(len(given)):
+            given[i] = end.impulse[rows.places[i]]
+        solve_part(plant, rows, system, end.speed, start, step, 1.0, given)
     return rows, system, start, plant.placed.inertia.copy()

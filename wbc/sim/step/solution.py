@@ -212,7 +212,7 @@ def settles(after: Row, last: OutRow) -> float:
     return 0.0 if moved <= _COUPLING_TOLERANCE * (1.0 + largest) else moved
 
 
-@compiled
+@compiled(inside=True)
 def solve_part(
     plant: Opened,
     rows: PartRows,

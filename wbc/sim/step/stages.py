@@ -32,7 +32,7 @@ from wbc.sim.step.impact import (
 )
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
-from wbc.sim.step.solution import NEVER, NO_INERTIA, solve_part
+from wbc.sim.step.solution import NEVER, NO_INERTIA
 from wbc.sim.step.tables import LENGTH
 
 
@@ -158,18 +158,16 @@ class Flow:
     @cached_property
     def solution(self) -> StepSolution:
         """Of the step program, which is put together and solved again."""
-        setup, end, step = self.course.setup, self.end, self.step
+        setup, end = self.course.setup, self.end
         setup.recall(self.course.stages[self.stage], setup.plant.end)
         if setup.waits:
             setup.tell_coupling(end.before, end.speed)
             setup.tell_losses(end.before, end.speed)
         setup.tell_forces(self.forces, self.course.external)
-        rows, system, start, inertia = part_in_rows(setup.plant, step)
+        rows, system, _, inertia = part_in_rows(setup.plant, self.step, True)
         used, way = end.work.astype(int).tolist()[:2]
         impulse = end.impulse[rows.places]
         asked = used == 0 and len(impulse) > 0  # Python solved the rows
-        given = impulse if asked else impulse[:0]
-        solve_part(setup.plant, rows, system, end.speed, start, step, 1.0, given)
         if len(rows.depths):  # what compliant contacts meet is their aim
             met = slice(len(rows.targets) - len(rows.depths), None)
             normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
@@ -292,10 +290,8 @@ class Impact:
         setup, state, numbers = self.course.setup, self.state, self.hit.found
         setup.recall(self.course.stages[self.stage], setup.plant.hit)
         setup.tell_coupling(state.position, state.velocity)
-        rows, system, inertia = impact_in_rows(setup.plant)
+        rows, system, inertia = impact_in_rows(setup.plant, True)
         impulse = np.asarray(self.hit.impulse[: len(rows.places)])
-        start = np.zeros(len(impulse))
-        solve_part(setup.plant, rows, system, state.velocity, start, 0.0, 1.0, impulse)
         program, used = StepProgram.of(rows, system, inertia), int(numbers[USED])
         return StepSolution(program, system, self.after, impulse, used, WAYS[int(numbers[WAY])])
 
@@ -340,9 +336,9 @@ def _failure(setup: Setup, code: int) -> SimulationError:
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
         return blown_up(inertia, velocity)
     if code >= IMPACT_FAILED:
-        _, system, _ = impact_in_rows(plant)
+        _, system, _ = impact_in_rows(plant, False)
         return unsolved(system, plant.hit.impulse[: int(plant.hit.found[ROWS_OF])])
-    rows, system, _, _ = part_in_rows(plant, float(plant.forces.length[0]))
+    rows, system, _, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
     if not np.isfinite(system.free).all():
         return blown_up(inertia, velocity)
     return unsolved(system, impulse[rows.places])
