@@ -50,9 +50,10 @@ def measure(
     diagnosis = diagnose(robot, logs, budget=budget)
     seconds = time.process_time() - start
     kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
+    found = diagnosis.robot.effects[len(problem.robot.effects) :]  # of the model to use
     left, friction = (
         left_by(problem, problem.fit(effects)) if effects else problem.residual[:, kept]
-        for effects in (diagnosis.effects, at_all_joints(problem, FRICTION))
+        for effects in (found, at_all_joints(problem, FRICTION))
     )
     plain = np.minimum(classic.before, rms(friction))
     result = {
