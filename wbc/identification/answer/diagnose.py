@@ -253,7 +253,8 @@ def _steps(trials: Trials, final: Hypothesis) -> tuple[Step, ...]:
         count += len(places)
         whole = count == len(final.effects)
         smaller = [final] if whole else trials.rivals_of(final, [final.effects[:count]])
-        steps += [Step(name, joined(places), float(np.sqrt(h.error))) for h in smaller]
+        where = joined(places) if len(places) <= FEW else f"{len(places)} places"
+        steps += [Step(name, where, float(np.sqrt(h.error))) for h in smaller]
     return tuple(steps)
 
 

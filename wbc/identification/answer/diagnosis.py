@@ -170,7 +170,13 @@ class OutputLevel:
 
 @dataclass(frozen=True)
 class Step:
-    """Held-out error after an addition (the first step adds nothing)."""
+    """Held-out error after an addition (the first step adds nothing).
+
+    Attributes:
+        added: name of the effect.
+        where: its place, its places, or how many there are.
+        error: with it and all before it [noise floors].
+    """
 
     added: str
     where: str
