@@ -187,7 +187,7 @@ def test_held_out_errors_and_gains_equal_those_of_separate_fits() -> None:
     for k in range(4):  # chosen, the others free
         error = Beside(matrix, three[k:]).held_out(three[:k])
         assert error == pytest.approx(squares / residual.size, rel=1e-3)
-    gains, every = matrix.gains_of_two(3, [3, 4]), folds >= 0
+    gains, every = Beside(matrix, [3, 4]).gains_of_two(3), folds >= 0
     before = left([3, 4], every, every)
     for pair in ((0, 1), (0, 2), (1, 2)):
         gain = before - left([*pair, 3, 4], every, every)

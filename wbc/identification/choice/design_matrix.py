@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import compress
 from typing import NamedTuple
 
@@ -74,38 +73,6 @@ class DesignMatrix:
         energy = self.energy - 2.0 * self.moment[:, index] @ steps + along[:, index] @ steps
         return replace(self, moment=self.moment - along, energy=energy)
 
-    @cached_property
-    def _whole(self) -> tuple[FloatArray, FloatArray]:
-        """Return the normal equations of all folds with what is known before."""
-        gram, moment = self.usual
-        return gram + self.gram.sum(axis=0), moment + self.moment.sum(axis=0)
-
-    def gains_of_two(self, count: int, beside: Sequence[int]) -> FloatArray:
-        """Return (n, n) what every two of the first n columns explain beside others.
-
-        Sums of squares of the residual, fitted and judged on all folds.
-
-        Args:
-            count: n.
-            beside: numbers of the columns that stay free.
-        """
-        gram, moment = self._whole
-        own, others = np.arange(count), np.asarray(beside, dtype=np.int_)
-        across, rest = gram[np.ix_(others, own)], gram[np.ix_(others, others)]
-        gram, left = gram[:count, :count], moment[:count]
-        if others.size:
-            taken = _solve(rest, np.column_stack([across, moment[others]]))
-            left = left - across.T @ taken[:, -1]
-            gram = gram - across.T @ taken[:, :-1]
-        moment = left
-        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
-        along, shared = moment / size, gram / np.outer(size, size)
-        apart = 1.0 - shared**2
-        both = along[:, None] ** 2 + along**2 - 2.0 * shared * np.outer(along, along)
-        clear = apart > _ALIKE
-        single = np.maximum(along[:, None] ** 2, along**2)
-        return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
-
     def least_errors(self, groups: Sequence[Sequence[int]], beside: Sequence[int]) -> FloatArray:
         """Return (n,) bounds below what each group of columns leaves on folds left out.
 
@@ -165,6 +132,26 @@ class Beside:
         explained = 2.0 * np.einsum("ki,ki->", rest, sums.moment[:, index])
         model = np.einsum("ki,kij,kj->", rest, sums.gram[:, index[:, None], index], rest)
         return float((sums.energy.sum() - explained + model) / sums.count.sum())
+
+    def gains_of_two(self, count: int) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain.
+
+        Sums of squares of the residual, fitted and judged on all folds.
+
+        Args:
+            count: n.
+        """
+        own = np.arange(count)
+        across, taken = self._across[-1][:, own].T, self._taken[-1]
+        gram = self._normal(own, own)[-1] - across @ taken[:, own]
+        moment = self._right[-1, own] - across @ taken[:, -1]
+        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        along, shared = moment / size, gram / np.outer(size, size)
+        apart = 1.0 - shared**2
+        both = along[:, None] ** 2 + along**2 - 2.0 * shared * np.outer(along, along)
+        clear = apart > _ALIKE
+        single = np.maximum(along[:, None] ** 2, along**2)
+        return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
 
     def _fits(self, chosen: Sequence[int]) -> FloatArray:
         """Return (K + 1, r) the coefficients of these columns in each fit."""

@@ -11,7 +11,7 @@ from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.gears import gears_beside, two_gears
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.search import EXCHANGES, Search, best_of
+from wbc.identification.choice.search import Search, best_of
 from wbc.identification.choice.trials import OutOfTime, Trials
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.model.intervals import DISTORTED
@@ -94,10 +94,8 @@ def find_causes(
 
 def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
     """Fit what comes nearest in the place of the causes: an answer says by how much it is worse."""
-    own = () if final.swings else final.effects
-    offers = [o for effect in own for o in proposer.instead(final, effect, 1, hopeless=True)]
-    offers.sort(key=lambda pair: -pair[0])
-    proposer.trials.rivals_of(final, [offer for _, offer in offers[:EXCHANGES]])
+    if not final.swings:
+        proposer.trials.rivals_of(final, proposer.exchanges(final, 1, hopeless=True))
 
 
 def _with_yielding_gears(

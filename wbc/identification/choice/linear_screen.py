@@ -97,12 +97,13 @@ class LinearScreen:
             robot: without the causes.
             taken: names and places that are not offered.
         """
-        columns = [self._nuisance[k] for k in gone]
         other = copy(self)
         other.robot = robot
-        other._nuisance = [column for column in self._nuisance if column not in columns]
-        other.matrix = self.matrix.moved(columns, steps)
-        other._beside = Beside(other.matrix, other._nuisance)
+        if gone:
+            columns = [self._nuisance[k] for k in gone]
+            other._nuisance = [column for column in self._nuisance if column not in columns]
+            other.matrix = self.matrix.moved(columns, steps)
+            other._beside = Beside(other.matrix, other._nuisance)
         other._errors = {}
         other._taken = frozenset(taken)
         return other
@@ -176,7 +177,7 @@ class LinearScreen:
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
         owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
-        gains = np.triu(self.matrix.gains_of_two(owner.size, self._nuisance), 1)
+        gains = np.triu(self._beside.gains_of_two(owner.size), 1)
         tried: dict[tuple[int, ...], None] = {}
         for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
             one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))

@@ -32,6 +32,7 @@ _LINEAR_HOOKS = ADDS | {"change"}  # by which causes act linearly
 _REPLACED = 0.5  # of what a cause explains, that it may still explain beside what replaces it
 _LINEAR = 0.2  # share of what causes explain, by which a screen without them may be off
 _SCREENED = 40  # causes of a screen that are looked at
+_EXCHANGES = 24  # offers that are fitted in the place of one cause, of all causes together
 # Evidence [nats] that an exchange may lack by derivatives and still be fitted. Of 72 that lacked
 # more (a quadruped, 22 generated logs) all were 41 behind or more once fitted, where derivatives
 # know least: a Stribeck speed between those of the screen. Of 24 that lacked 20 to 250, some won.
@@ -124,6 +125,20 @@ class Proposer:
         if off > _LINEAR * abs(rest.error - h.error) + _SCREEN_NOISE:
             return self._beside_rest(h, own, count)
         return [(gain, (*rest.effects, *offer[len(fewer) :])) for gain, offer in likely]
+
+    def exchanges(self, h: Hypothesis, count: int, *, hopeless: bool = False) -> list[Offer]:
+        """Return the most promising exchanges of any one cause of a hypothesis, best first.
+
+        Args:
+            h: the hypothesis.
+            count: how many offers are looked at in the place of one cause.
+            hopeless: as of `instead`.
+        """
+        pairs = [
+            pair for own in h.effects for pair in self.instead(h, own, count, hopeless=hopeless)
+        ]
+        pairs.sort(key=lambda pair: -pair[0])
+        return [offer for _, offer in pairs[:_EXCHANGES]]
 
     def _beside_rest(self, h: Hypothesis, own: Effect, count: int) -> list[tuple[float, Offer]]:
         """Return the same as `instead`, screened beside the hypothesis fitted without the cause."""

@@ -21,8 +21,6 @@ from wbc.robot import Effect, Robot
 _ADDED = 6  # offers that are fitted for one addition
 _PAIRS = 6  # ... of two causes
 _SWAPPED = 5  # ... that are looked at in the place of one cause
-EXCHANGES = 24
-"""Offers that are fitted in the place of one cause, of all causes together."""
 _ROUNDING = 1e-9  # of a torque
 _MOST_MOVES = 60
 _AGAIN = 0.9  # of its error, that causes tried again with other numbers must leave at most
@@ -81,11 +79,8 @@ def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
 
 def _swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     """Yield hypotheses with another cause in the place of one, the most promising first."""
-    trials = proposer.trials
-    offers = [pair for effect in h.effects for pair in proposer.instead(h, effect, _SWAPPED)]
-    offers.sort(key=lambda pair: -pair[0])
-    for _, offer in offers[:EXCHANGES]:
-        yield from trials.rivals_of(h, [offer])
+    for offer in proposer.exchanges(h, _SWAPPED):
+        yield from proposer.trials.rivals_of(h, [offer])
 
 
 def _pairs(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
