@@ -17,7 +17,7 @@ from wbc.cli.outputs import Options, Outcome, working
 from wbc.effects import load_robot
 from wbc.errors import ViewError
 from wbc.files import write_text
-from wbc.measurement.channel_checks import plateau, resolution
+from wbc.measurement.checks import plateau, resolution
 from wbc.measurement.clocks import gaps, restarts
 from wbc.measurement.column_map import read_table
 from wbc.measurement.filters import jumps

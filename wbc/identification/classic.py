@@ -17,8 +17,8 @@ from wbc.files import as_json
 from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import evaluate
 from wbc.identification.model.intervals import TAIL
+from wbc.identification.model.residual import evaluate
 from wbc.identification.records.folds import ROWS_PER_SAMPLE
 from wbc.identification.records.record import output_names
 from wbc.measurement import Log

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wbc.arrays import FloatArray
-from wbc.measurement.channel_checks import true_runs
+from wbc.measurement.checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
 from wbc.measurement.column_map import parse_column_map, together
 from wbc.measurement.filters import jumps, velocity_fits

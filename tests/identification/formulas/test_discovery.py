@@ -22,7 +22,7 @@ from wbc.effects import CoulombFriction, PayloadMass, TorqueOffset, TorqueTerm, 
 from wbc.errors import LogError
 from wbc.identification import compare, diagnose
 from wbc.identification.formulas import discover
-from wbc.identification.formulas.sparse_regression import SparseRegression
+from wbc.identification.formulas.formula import SparseRegression
 from wbc.identification.formulas.term_table import TermTable
 from wbc.measurement import Log, load_logs, save_log
 

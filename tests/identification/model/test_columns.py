@@ -9,11 +9,9 @@ from tests.moved import waving
 from wbc import effects, load_robot
 from wbc.identification.choice.candidate_columns import evidence, make_regressors
 from wbc.identification.model import estimation_problem
-from wbc.identification.model.columns import derivatives
+from wbc.identification.model.columns import ADDS, derivatives
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import evaluate, with_changes
-from wbc.identification.model.residual import condensed_residual
-from wbc.identification.model.sparse_columns import ADDS
+from wbc.identification.model.residual import condensed_residual, evaluate, with_changes
 from wbc.robot import Effect, Motion, Robot
 
 ADDING = [kind for kind in effects.EFFECTS.values() if kind.acts_by <= ADDS]

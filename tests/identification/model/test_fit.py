@@ -9,8 +9,7 @@ from wbc.arrays import FloatArray
 from wbc.effects import Backlash, CenterOfMass, CoulombFriction, JointCompliance, ViscousFriction
 from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit
-from wbc.identification.model.information import UsualRows
+from wbc.identification.model.fit import Fit, UsualRows
 from wbc.identification.model.intervals import ALIKE, DISTORTED, alike_shifts
 from wbc.measurement import Log
 from wbc.robot import Parameter

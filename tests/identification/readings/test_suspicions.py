@@ -12,7 +12,7 @@ from tests.outside import RECORDED, foreign, outside, recorded
 from wbc.dynamics import link_torque
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification.readings import SuspiciousLogError, find_suspicions, suspicions
-from wbc.identification.readings.robot_checks import told_by_rows
+from wbc.identification.readings.checks import told_by_rows
 from wbc.measurement import Log, load_logs, mended, together, write_map
 from wbc.robot import Motion, Robot
 from wbc.sim.excitation import record_with

@@ -9,7 +9,7 @@ from tests.moved import without_rows
 from wbc.effects import CoulombFriction, load_robot
 from wbc.identification import compare, diagnose
 from wbc.identification.readings import SuspiciousLogError
-from wbc.identification.records.log_checks import moving_bases
+from wbc.identification.records.not_judged import moving_bases
 from wbc.measurement import Log, LogSource
 from wbc.sim.excitation import record_with
 

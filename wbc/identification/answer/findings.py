@@ -16,8 +16,7 @@ from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit, change_along
-from wbc.identification.model.information import beside_others, scaled, slope_of
+from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.folds import ROWS_PER_SAMPLE

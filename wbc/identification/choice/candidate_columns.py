@@ -10,10 +10,8 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import EffectError, RobotError, TransmissionError
-from wbc.identification.model.columns import Change, Columns
-from wbc.identification.model.evaluation import Evaluation
-from wbc.identification.model.residual import raw_residual
-from wbc.identification.model.sparse_columns import SparseColumns
+from wbc.identification.model.columns import Change, Columns, SparseColumns
+from wbc.identification.model.residual import Evaluation, raw_residual
 from wbc.identification.records.record import Record
 from wbc.robot import Effect, Evidence, Robot, Screen
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.identification.model.sparse_columns import SparseColumns
+from wbc.identification.model.columns import SparseColumns
 
 _RIDGE = 1e-10
 _RIDGE_HELD_OUT = 1e-3

@@ -10,10 +10,9 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.choice.evidence import Hypothesis, fold_means, log_densities, without
 from wbc.identification.choice.prior import asked
+from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.fit import Fit, change_along
-from wbc.identification.model.information import scaled
-from wbc.identification.model.sparse_columns import SparseColumns
+from wbc.identification.model.fit import Fit, change_along, scaled
 from wbc.robot import Effect, Robot
 
 

@@ -14,9 +14,8 @@ from wbc.identification.choice.evidence import Offer
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import IMPOSSIBLE, evaluate
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.residual import link_response, rubbing_responses
+from wbc.identification.model.residual import IMPOSSIBLE, evaluate, link_response, rubbing_responses
 from wbc.identification.model.yielding import deflects, plays
 from wbc.identification.records.record import Record
 from wbc.links import LinkResponse, deflections

@@ -15,8 +15,8 @@ from wbc.identification.choice.candidate_columns import Regressor, evidence, mak
 from wbc.identification.choice.design_matrix import Beside, DesignMatrix, fold_sums
 from wbc.identification.choice.evidence import Key
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import evaluate
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence, Robot
 
 # Rows are five per period of the band: half of them hold all that a screen, which only proposes,

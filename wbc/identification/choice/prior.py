@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import IMPOSSIBLE
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.intervals import bootstrap_steps
-from wbc.identification.model.residual import drive_gains, drive_misses
+from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, plays, yielding_gears
 from wbc.robot import Effect
 

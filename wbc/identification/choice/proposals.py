@@ -18,8 +18,7 @@ from wbc.identification.choice.linear_screen import (
     screen_in_shares,
 )
 from wbc.identification.choice.trials import HOPELESS, Trials
-from wbc.identification.model.columns import drawn
-from wbc.identification.model.sparse_columns import ADDS
+from wbc.identification.model.columns import ADDS, drawn
 from wbc.identification.model.yielding import deflects
 from wbc.robot import Effect
 

@@ -14,8 +14,8 @@ from wbc.errors import IdentificationError
 from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
 from wbc.identification.choice.prior import asked, implausible
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.evaluation import IMPOSSIBLE
 from wbc.identification.model.fit import ITERATIONS, Fit
+from wbc.identification.model.residual import IMPOSSIBLE
 from wbc.identification.model.yielding import some_deflect
 from wbc.robot import Effect
 

@@ -29,13 +29,6 @@ from wbc.identification.records.folds import (
     correlated_rows,
     held_out_folds,
 )
-from wbc.identification.records.log_checks import (
-    low_passed_torques,
-    moving_bases,
-    require_readable,
-    require_robot_and_logs,
-    unmeasured_forces,
-)
 from wbc.identification.records.noise import (
     NoiseFloor,
     close_repeats,
@@ -44,15 +37,20 @@ from wbc.identification.records.noise import (
     with_even_noise,
 )
 from wbc.identification.records.not_judged import (
+    low_passed_torques,
+    moving_bases,
     not_judged,
+    require_readable,
+    require_robot_and_logs,
     sensed_joints,
     silent_drives,
     standing_joints,
+    unmeasured_forces,
 )
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record, output_gear, output_names
 from wbc.measurement import Log, cut_at_gaps
-from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.checks import resting_joints
 from wbc.robot import Effect, Motion, Robot
 
 # Of 171 generated logs whose answer explains them 92 % leave less than this, of 69 with a cause

@@ -10,9 +10,8 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.identification.model.columns import STEP
-from wbc.identification.model.evaluation import with_changes
-from wbc.identification.model.fit import Fit
-from wbc.identification.model.information import beside_others
+from wbc.identification.model.fit import Fit, beside_others
+from wbc.identification.model.residual import with_changes
 from wbc.identification.records.contacts import settled, stray_noise, strays
 from wbc.identification.records.folds import correlated_rows
 from wbc.identification.records.record import Record

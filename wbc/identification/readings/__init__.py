@@ -1,9 +1,14 @@
 """What the columns of logs hold, told by a robot: checks, mistakes, and what the torque is."""
 
-from wbc.identification.readings.checks import LogQuality, check_log, check_logs
+from wbc.identification.readings.checks import (
+    LogQuality,
+    check_log,
+    check_logs,
+    check_robot,
+    moving_contact,
+    refusal,
+)
 from wbc.identification.readings.mistakes import SuspiciousLogError, find_suspicions, suspicions
-from wbc.identification.readings.repeats import find_duplicates, find_repeats
-from wbc.identification.readings.robot_checks import check_robot, moving_contact, refusal
 from wbc.identification.readings.torque import (
     feedback_torques,
     joint_position,
@@ -13,6 +18,7 @@ from wbc.identification.readings.torque import (
     with_machine,
     without_position,
 )
+from wbc.measurement.checks import find_duplicates, find_repeats
 
 __all__ = [
     "LogQuality",

@@ -16,8 +16,8 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.files import write_text
+from wbc.identification.readings.checks import check_robot, told_by_rows, turns_ratio
 from wbc.identification.readings.mistakes import find_suspicions, single_ratios
-from wbc.identification.readings.robot_checks import check_robot, told_by_rows
 from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.findings import LIKELY, LogFinding
 from wbc.measurement.guess import MapGuess, guess_table
@@ -42,7 +42,6 @@ _OF_MOTION = (
     "counts",
 )
 _LACKS = ("joints_unknown", "no_torque")  # what is not there is not guessed twice
-_OTHERWISE = 0.01  # of the power of a motor's motion that its joint's may leave
 _DIRECT = 0.1
 """How close to 1 a ratio may be: a motor's motion is often reported in units of the joint, and then
 it tells no ratio."""
@@ -276,18 +275,3 @@ def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
 def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
     worth = LOG_UNITS[column.unit][1] if column.unit else 1.0
     return np.asarray(table.numbers(column.name) * worth)
-
-
-def turns_ratio(joint: FloatArray, motor: FloatArray) -> float:
-    """Return how many times one motion (N,) is another (N,), 0 where they are not the same motion.
-
-    Play, flexible gears and noise leave little of the motor's motion; at 1 % the ratio is off by no
-    more than a hundredth. It is read from the motor, whose encoder turns further and whose noise
-    counts the least.
-    """
-    known = np.isfinite(joint) & np.isfinite(motor)
-    x, y = (values[known] - np.mean(values[known]) for values in (joint, motor))
-    both = float(x @ y)
-    if x.size < 3 or both**2 < (1.0 - _OTHERWISE) * float(x @ x) * float(y @ y) or both == 0.0:
-        return 0.0
-    return float(y @ y) / both

@@ -20,7 +20,7 @@ from wbc.identification.readings.torque import (
     torque_sources,
     without_position,
 )
-from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.checks import resting_joints
 from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
 from wbc.measurement.log import Log

@@ -16,13 +16,13 @@ from wbc.identification.readings.evidence import (
     Judged,
     evidence,
     foreign,
+    other_zeros,
     ratio_evidence,
+    shared_lags,
 )
 from wbc.identification.readings.kinds import Reading, readings
-from wbc.identification.readings.lags_and_zeros import other_zeros, shared_lags
 from wbc.identification.readings.log_rows import rows_of
-from wbc.identification.readings.repeats import find_repeats
-from wbc.measurement.channel_checks import resting_joints
+from wbc.measurement.checks import find_repeats, resting_joints
 from wbc.measurement.column_map import together
 from wbc.measurement.column_mistakes import (
     COUNTS_OF_A_TURN,

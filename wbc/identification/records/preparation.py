@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +11,15 @@ from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
-from wbc.identification.readings.torque import loaded
-from wbc.identification.records.channels import Channels, read_channels
+from wbc.identification.readings import (
+    feedback_torques,
+    rotor_torques,
+    tells_torque,
+    torque_sources,
+    without_position,
+)
+from wbc.identification.readings.torque import contact_forces, loaded, positions, velocities
+from wbc.identification.records.contacts import active_contacts
 from wbc.identification.records.filters import (
     Bandwidth,
     NoiseDensity,
@@ -24,10 +31,137 @@ from wbc.identification.records.filters import (
     white_level,
 )
 from wbc.identification.records.noise import load_bands, synthetic_noise
-from wbc.identification.records.not_judged import away_from_impacts, not_judged_at_rest, rubbing
+from wbc.identification.records.not_judged import not_judged_at_rest, rubbing
 from wbc.identification.records.record import Record, output_count
 from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
+from wbc.transmission import DRIVE_TIMES
+
+_EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The channels of one log that a robot understands, resampled where stamps jitter.
+
+    Attributes:
+        name: of the log.
+        rate: [Hz].
+        time: (N,) [s].
+        position: (N, nq); of `placeless` joints the integral of the velocity.
+        velocity: (N, nv), or None if some joint has no velocity channel.
+        torque: (N, m) on the rotors [N m].
+        feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
+            None where no torque comes from a target.
+        reported: (m,) whether the drive of a joint reports or is told a torque; 0 stands where not.
+        currents: (m,) whether the torque of a drive is the current that it reports.
+        sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
+        forces: contact name -> (N, 3) [N].
+        active: contact name -> (N,) whether it touches, of contacts without a force sensor.
+        temperature: (N, m) [deg C], or None.
+        supply_voltage: (N, m) [V], or None.
+        inertia: (10 n_links,) what the links of this log's machine have more, or None.
+        placeless: joints whose position was not measured and changes nothing.
+    """
+
+    name: str
+    rate: float
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray | None
+    torque: FloatArray
+    feedback: FloatArray | None
+    reported: BoolArray
+    currents: BoolArray
+    sensed: FloatArray
+    forces: dict[str, FloatArray]
+    active: dict[str, BoolArray]
+    temperature: FloatArray | None
+    supply_voltage: FloatArray | None
+    inertia: FloatArray | None = None
+    placeless: tuple[str, ...] = ()
+
+
+def read_channels(robot: Robot, log: Log) -> Channels:
+    """Return what a log that `require_readable` let pass says about `robot`.
+
+    Raises:
+        LogError: the torque of a driven joint or the position of a joint is missing.
+        IdentificationError: a free base without forces.
+    """
+    step = log.sample_time
+    count = int(np.floor(log.duration / step + 1e-6)) + 1
+    grid = log.time[0] + step * np.arange(count)
+    even = count == len(log) and np.abs(log.time - grid).max() < _EVEN * step
+
+    def on_grid(values: FloatArray) -> FloatArray:
+        if even:
+            return values
+        found = np.empty((count, values.shape[1]))
+        for k, column in enumerate(values.T):
+            found[:, k] = np.interp(grid, log.time, column)
+        return found
+
+    joints = robot.transmission.joints
+    velocity = velocities(robot, log)
+    forces = {name: on_grid(force) for name, force in contact_forces(robot, log).items()}
+    position = on_grid(positions(robot, log))
+    active = active_contacts(robot, log, grid, position)
+    torque, feedback, reported = _torque(robot, log)
+    return Channels(
+        name=log.source.label,
+        rate=1.0 / step,
+        time=grid,
+        position=position,
+        velocity=None if velocity is None else on_grid(velocity),
+        torque=on_grid(torque),
+        feedback=None if feedback is None else on_grid(feedback),
+        reported=reported,
+        currents=(np.array(torque_sources(log, robot.transmission)) == "current") & reported,
+        sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
+        forces=forces,
+        active=active,
+        temperature=_optional(log, "temperature", joints, on_grid),
+        supply_voltage=_optional(log, "voltage", joints, on_grid),
+        inertia=None if log.machine is None else log.machine.inertia,
+        placeless=() if velocity is None else without_position(robot, log),
+    )
+
+
+def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, BoolArray]:
+    """Return the drives' torque (N, m), their feedback's share, and who has one.
+
+    It is 0 where only a sensor behind the gear reports.
+
+    Raises:
+        LogError: a joint has neither.
+    """
+    gears = robot.transmission
+    if log.machine is not None:
+        times = {name: getattr(gears, name) for name in DRIVE_TIMES}
+        gears = log.machine.transmission.replace(**times)
+    reported = tells_torque(log, gears)
+    reported |= [joint not in robot.torque_sensors for joint in gears.joints]
+    reported &= [joint not in robot.sensor_only for joint in gears.joints]
+    nothing = {
+        f"{joint}.rotor_torque": np.zeros(len(log))
+        for joint, yes in zip(gears.joints, reported, strict=True)
+        if not yes
+    }
+    told = log.with_columns(nothing)
+    return rotor_torques(told, gears), feedback_torques(told, gears), reported
+
+
+def _optional(
+    log: Log,
+    quantity: str,
+    joints: tuple[str, ...],
+    on_grid: Callable[[FloatArray], FloatArray],
+) -> FloatArray | None:
+    if not log.has(*(f"{joint}.{quantity}" for joint in joints)):
+        return None
+    return on_grid(log.stack(quantity, joints))
+
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
@@ -37,6 +171,9 @@ _SHARED_NOISE = 0.5
 _SAME = 1e-3
 _REST = 3.0  # standard deviations of its noise, up to which a speed is none
 _UNSETTLED = 2.0  # periods of the kinematic band at both ends of a log
+_JUMP = 0.3  # of the robot's weight, by which a force may change from one sample to the next
+_REACH = 2.0  # periods of the kinematic band on both sides, over which the filters carry a jump
+_MOST = 0.5  # of a log that may be set aside
 REVERSAL = 0.8  # width of the weight around a reversal, in periods of the kinematic band
 
 
@@ -275,6 +412,35 @@ def _weight(
     passive[:, np.searchsorted(robot.unactuated, rows[gears:])] = trusted[:, gears:]
     weight = np.concatenate([per_gear, passive, per_gear[:, robot.sensed]], axis=1)
     return np.asarray(weight * settled[:, None])
+
+
+def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> BoolArray:
+    """Return (N,) whether a sample is out of the filters' reach of every impact.
+
+    A foot that strikes is stopped within milliseconds. The force's peak falls between two samples
+    or on one of them by chance, and no filter can mend what was never recorded. The largest
+    impacts go first where all of them would take most of the log.
+
+    Args:
+        robot: whose weight is the measure.
+        channels: of one log.
+        band: of the filters.
+    """
+    jump = np.zeros(len(channels.time))
+    for force in channels.forces.values():
+        np.maximum(jump[1:], np.linalg.norm(np.diff(force, axis=0), axis=1), out=jump[1:])
+    weight = sum(inertia.mass for inertia in robot.model.inertias) * 9.81
+    reach = int(np.ceil(_REACH * channels.rate / band.kinematics))
+    away = np.ones(len(jump), dtype=bool)
+    for k in np.argsort(-jump):
+        if jump[k] < _JUMP * weight or np.mean(away) < 1.0 - _MOST:
+            break
+        away[max(0, k - reach) : k + reach] = False
+    for touches in channels.active.values():
+        # A flag says the moment of a touch or a lift as roughly as a sample does.
+        for k in np.flatnonzero(np.diff(touches.astype(np.int8))):
+            away[max(0, k - reach) : k + reach] = False
+    return away
 
 
 def _settled(motion: Motion, band: Bandwidth) -> BoolArray:
