@@ -35,7 +35,9 @@ def foreign(case: str, runs: str = "run?") -> tuple[Robot, tuple[Log, ...]]:
     """Return the robot of a case, as its user believes it to be, and its logs."""
     folder = outside(f"foreign/{case}")
     columns = next(folder.glob("columns.toml"), None)
-    return load_robot(folder / "robot.toml"), load_logs(sorted(folder.glob(f"{runs}.csv")), columns)
+    return load_robot(folder / "robot.toml"), load_logs(
+        sorted(folder.glob(f"{runs}.csv*")), columns
+    )
 
 
 def recorded(name: str) -> tuple[Robot, tuple[Log, ...]]:

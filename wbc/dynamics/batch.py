@@ -75,7 +75,11 @@ def contact_torque(
 
 
 def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
-    """Return J (N, 3, nv) of a contact point's velocity in world axes.
+    """Return J (N, 3, nv) of the velocity of what touches level ground, in world axes.
+
+    A ball touches a radius r below its centre c and turns with its link:
+
+        v_contact = v_c + r n x w,     n the normal of the ground, w the link's angular velocity.
 
     Args:
         robot: the robot.
@@ -89,10 +93,20 @@ def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArr
     space = Workspace(robot)
     frame = space.frames[robot.contacts.index(contact)]
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    below = np.eye(3, 6)
+    below[:, 3:] = contact.radius * pin.skew(level_normal(robot))
     jacobians = [
-        pin.computeFrameJacobian(space.model, space.data, q, frame, world)[:3] for q in position
+        below @ pin.computeFrameJacobian(space.model, space.data, q, frame, world).reshape(6, -1)
+        for q in position
     ]
     return np.array(jacobians).reshape(len(position), 3, robot.model.nv)
+
+
+def level_normal(robot: Robot) -> FloatArray:
+    """Return (3,) the normal of level ground: against gravity, or z without gravity."""
+    gravity = np.asarray(robot.model.gravity.linear)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 def rotor_torque(

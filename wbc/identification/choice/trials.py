@@ -24,7 +24,7 @@ from wbc.robot import Effect
 # more behind; of those that lacked 10, one ended 1.0 behind.
 HOPELESS = 20.0
 _SEEN = 1e-9  # of the longest column: shorter ones are rounding
-_KEPT = 24  # fits with their derivatives; all others are only remembered by what they left
+_KEPT = 2e8  # [bytes] of fits' derivatives; all others are only remembered by what they left
 
 
 class OutOfTime(Exception):  # noqa: N818 - no error: the search ends with the best so far
@@ -175,8 +175,12 @@ class Trials:
 
     def _keep(self, effects: tuple[Effect, ...], fit: Fit) -> None:
         self._fits[effects] = fit
-        while len(self._fits) > _KEPT:
+        while len(self._fits) > 1 and _size(self._fits.values()) > _KEPT:
             del self._fits[next(iter(self._fits))]
+
+
+def _size(fits: Iterable[Fit]) -> int:
+    return sum(fit.jacobian.nbytes for fit in fits)
 
 
 def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
@@ -192,6 +196,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     untold = fit.untold
+    quieter = problem.quieter(fit.robot)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
     both = [
         np.stack([problem.block_means(own**2) for own in (left @ units).T], axis=1)
@@ -199,8 +204,8 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
     ]
     return Hypothesis(
         effects=fit.effects,
-        folds=fold_means(problem.folds, squares),
-        beside=fold_means(problem.folds, beside),
+        folds=fold_means(problem.folds, squares) + quieter,
+        beside=fold_means(problem.folds, beside) + quieter,
         open=cost,
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),

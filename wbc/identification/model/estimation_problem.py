@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.yielding_gear import Side, YieldingGear
@@ -34,6 +35,7 @@ from wbc.identification.records.noise import (
     close_repeats,
     drawn_noise,
     noise_floor,
+    noise_of_links,
     with_even_noise,
 )
 from wbc.identification.records.not_judged import (
@@ -237,6 +239,34 @@ class EstimationProblem:
     def first(self) -> FloatArray:
         """(outputs,) mean squares in floors of the robot as given."""
         return np.asarray(np.mean((self.residual @ self.whitening) ** 2, axis=0))
+
+    @cached_property
+    def _links_noise(self) -> list[Callable[[pin.Model], FloatArray]]:
+        return [noise_of_links(record) for record in self.records]
+
+    def _noise_of(self, robot: Robot) -> FloatArray:
+        """Return (outputs,) the noise of the motion that a robot's links pass on, in floors^2."""
+        made = zip(self._links_noise, self.records, strict=True)
+        drawn = np.concatenate([noise(record.model_of(robot)) for noise, record in made])
+        return np.asarray(np.mean((drawn @ self.whitening) ** 2, axis=0))
+
+    @cached_property
+    def _given_noise(self) -> FloatArray:
+        return self._noise_of(self.robot)
+
+    def quieter(self, robot: Robot) -> FloatArray:
+        """Return (outputs,) mean squares in floors, by which another robot passes on less noise.
+
+        Lighter links make less of the accelerations' noise. What they leave less for that reason
+        alone says nothing of the links: least squares makes whatever it multiplies with noise too
+        small (Janot, Vandanjon & Gautier, IEEE TCST 2014).
+
+        Args:
+            robot: with causes.
+        """
+        if robot.model is self.robot.model:
+            return np.zeros(self.whitening.shape[1])
+        return np.maximum(self._given_noise - self._noise_of(robot), 0.0)
 
     def distorted(self, share: float) -> FloatArray:
         """Return (outputs,) mean squares in floors that no model is told by.

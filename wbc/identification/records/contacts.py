@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.dynamics import Workspace, contact_jacobians
+from wbc.dynamics import Workspace, contact_jacobians, level_normal
 from wbc.errors import IdentificationError
 from wbc.identification.readings import moving_contact
 from wbc.measurement import Log
@@ -132,7 +132,7 @@ def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -
         for column, frame in enumerate(frames):
             place = space.data.oMf[frame]
             points[row, column], turned[row, column] = place.translation, place.rotation
-    points -= rolled(turned, [robot.contacts[n].radius for n in numbers], _up(robot))
+    points -= rolled(turned, [robot.contacts[n].radius for n in numbers], level_normal(robot))
     for column, rows in enumerate(holds.values()):
         points[~rows, column] = 0.0
         for time in _times(rows):
@@ -173,13 +173,6 @@ def rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatA
             turns = [pin.log3(b @ a.T) for a, b in itertools.pairwise(frames)]
             way[1:, column] = np.cumsum(np.cross(turns, radius * up), axis=0)
     return way
-
-
-def _up(robot: Robot) -> FloatArray:
-    """Return (3,) the normal of level ground."""
-    gravity = np.asarray(robot.model.gravity.linear)
-    size = float(np.linalg.norm(gravity))
-    return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
 def _times(rows: BoolArray) -> list[slice]:

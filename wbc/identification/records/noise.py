@@ -6,7 +6,7 @@ runs raise what it leaves. The load of a link behind a soft gear is believed as 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -244,19 +244,6 @@ def _close(one: Record, other: Record) -> bool:
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
 
 
-def _disturbed(
-    model: pin.Model, positions: FloatArray, position: FloatArray, acceleration: FloatArray
-) -> FloatArray:
-    """Return what errors (N, nv) of position and acceleration change in the links' torque.
-
-    Positions enter through gravity, accelerations through inertia; speeds matter little.
-    """
-    at_rest, rows = np.zeros(position.shape), zip(positions, position, strict=True)
-    shifted = np.array([pin.integrate(model, q, error) for q, error in rows])
-    there = inverse_dynamics(model, shifted, at_rest, acceleration)
-    return there - inverse_dynamics(model, positions, at_rest, at_rest)
-
-
 def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return drawn noise (N, m + b + s) of the reported torque, and of what the model needs.
 
@@ -267,42 +254,87 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
         record: one log.
         seed: of what is drawn.
     """
-    robot, rate, noise = record.robot, record.rate, record.noise
-    random = np.random.default_rng(seed)
-    count = len(record.motion.velocity)
-    cutoff = record.bandwidth.kinematics
-
-    def white(level: FloatArray) -> FloatArray:
-        sigma = np.sqrt(np.maximum(np.nan_to_num(level), 0.0) * 0.5 * rate)
-        return low_pass(sigma * random.standard_normal((count, level.size)), cutoff, rate)
-
-    position = np.nan_to_num(white(noise.position))
-    measured = noise.measures_speed(record.bandwidth)
-    velocity = np.where(measured, white(noise.velocity), derivative(position, rate))
-    acceleration = derivative(velocity, rate)
-    torque = _disturbed(record.model_of(robot), record.motion.position, position, acceleration)
-    forces = {name: white(level) for name, level in noise.forces.items()}
+    robot, noise, random = record.robot, record.noise, np.random.default_rng(seed)
+    position, acceleration = _shaken(record, random)
+    torque = _links_torque(record, position, acceleration)(record.model_of(robot))
+    forces = {name: _white(record, random, level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
+    sensed = _white(record, random, noise.sensed)
     gears = robot.transmission
-    balance = record.balance
+    reported = np.zeros((len(torque), output_count(robot)))
+    reported[:, : gears.size] = _white(record, random, noise.torque)
+    if record.balance is not None:
+        sign = np.sign(gears.gear_ratio)
+        reported[:, : gears.size] = sign * record.balance.seen(sign * reported[:, : gears.size])
+    return reported, _needed(record, torque, acceleration, sensed)
+
+
+def noise_of_links(record: Record, seed: int = 0) -> Callable[[pin.Model], FloatArray]:
+    """Return what links make of drawn noise of the motion: (rows, m + b) of a model.
+
+    Args:
+        record: one log.
+        seed: of what is drawn.
+    """
+    position, acceleration = _shaken(record, np.random.default_rng(seed))
+    torque = _links_torque(record, position, acceleration)
+    sensed = np.zeros((len(position), record.sensed.shape[1]))
+    return lambda model: record.condense(_needed(record, torque(model), acceleration, sensed))
+
+
+def _white(record: Record, random: np.random.Generator, level: FloatArray) -> FloatArray:
+    """Return drawn noise (N, k) of levels (k,), filtered as the log was."""
+    sigma = np.sqrt(np.maximum(np.nan_to_num(level), 0.0) * 0.5 * record.rate)
+    drawn = sigma * random.standard_normal((len(record.motion.velocity), level.size))
+    return low_pass(drawn, record.bandwidth.kinematics, record.rate)
+
+
+def _shaken(record: Record, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return drawn errors (N, nv) of positions and accelerations."""
+    noise = record.noise
+    position = np.nan_to_num(_white(record, random, noise.position))
+    drawn = _white(record, random, noise.velocity)
+    measured = noise.measures_speed(record.bandwidth)
+    velocity = np.where(measured, drawn, derivative(position, record.rate))
+    return position, derivative(velocity, record.rate)
+
+
+def _links_torque(
+    record: Record, position: FloatArray, acceleration: FloatArray
+) -> Callable[[pin.Model], FloatArray]:
+    """Return what errors (N, nv) of position and acceleration change in the torque of links.
+
+    Positions enter through gravity, accelerations through inertia; speeds matter little.
+    """
+    measured, at_rest = record.motion.position, np.zeros(position.shape)
+    rows = zip(measured, position, strict=True)
+    shifted = np.array([pin.integrate(record.robot.model, q, error) for q, error in rows])
+
+    def torque(model: pin.Model) -> FloatArray:
+        there = inverse_dynamics(model, shifted, at_rest, acceleration)
+        return there - inverse_dynamics(model, measured, at_rest, at_rest)
+
+    return torque
+
+
+def _needed(
+    record: Record, torque: FloatArray, acceleration: FloatArray, sensed: FloatArray
+) -> FloatArray:
+    """Return noise (N, m + b + s) of what a model needs, of that in its links' torque (N, nv)."""
+    robot, gears, balance = record.robot, record.robot.transmission, record.balance
     if balance is not None:
-        torque -= balance.carried(torque[:, robot.unactuated])
+        torque = torque - balance.carried(torque[:, robot.unactuated])
     mesh = torque[:, robot.actuated] @ gears.topology
-    sensed = white(noise.sensed)
     behind = sensed - mesh[:, robot.sensed]
     mesh[:, robot.sensed] = sensed
     spin = acceleration[:, robot.actuated] @ gears.motor_from_joint.T
     needed = np.sign(gears.gear_ratio) * mesh + np.abs(gears.gear_ratio) * (
         gears.rotor_inertia * gears.gear_ratio * spin
     )
-    reported = np.zeros((count, output_count(robot)))
-    reported[:, : gears.size] = white(noise.torque)
     if balance is not None:
         sign = np.sign(gears.gear_ratio)
         needed = sign * balance.seen(sign * needed)
-        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
-    rows = [-needed, -torque[:, robot.unactuated], behind]
-    return reported, np.concatenate(rows, axis=1)
+    return np.concatenate([-needed, -torque[:, robot.unactuated], behind], axis=1)
 
 
 def load_bands(record: Record, noise: FloatArray) -> FloatArray:
