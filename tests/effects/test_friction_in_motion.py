@@ -14,10 +14,9 @@ from wbc.arrays import FloatArray
 from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion
-from wbc.robot.dc_drive import DcDrive
 from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant
+from wbc.sim.servo import DcDrive, ServoRun
 from wbc.sim.servo_rollout import servo_rollout
-from wbc.sim.servo_run import ServoRun
 from wbc.transmission import mesh_input
 
 LEG = load_robot("planar_leg_fixed").lossless()

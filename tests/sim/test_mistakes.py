@@ -15,9 +15,8 @@ from wbc import load_robot, sim
 from wbc.effects import CoulombFriction, JointEffect, ThermalDrift
 from wbc.errors import EffectError, RobotError, SimulationError, WbcError
 from wbc.robot import ContactPoint, FreeBody, Robot
-from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo import DcDrive, ServoRun
 from wbc.sim.servo_rollout import servo_rollout
-from wbc.sim.servo_run import ServoRun
 from wbc.transmission import Transmission
 
 FAR, NONE, TWO = sim.Plane(height=-9.0), np.zeros(0), np.zeros(2)

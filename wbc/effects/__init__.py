@@ -17,7 +17,13 @@ from wbc.effects.friction import (
     ThermalViscousFriction,
     ViscousFriction,
 )
-from wbc.effects.gear_losses import LoadFriction, LoadStribeckFriction, TransmissionEfficiency
+from wbc.effects.gear_losses import (
+    Backlash,
+    JointCompliance,
+    LoadFriction,
+    LoadStribeckFriction,
+    TransmissionEfficiency,
+)
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.link_inertias import LinkInertia, LinkInertias
 from wbc.effects.links import CenterOfMass, GravityDirection, PayloadMass
@@ -26,7 +32,6 @@ from wbc.effects.presliding import LoadPresliding, Presliding
 from wbc.effects.saved import load_robot, save_robot
 from wbc.effects.sensing import ForceSensorGain, PositionOffset
 from wbc.effects.supply import SupplySag, ThermalDrift, VoltageScaling
-from wbc.effects.yielding_gear import Backlash, JointCompliance
 
 __all__ = [
     "EFFECTS",

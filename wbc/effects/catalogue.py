@@ -15,7 +15,6 @@ from wbc.effects import (
     presliding,
     sensing,
     supply,
-    yielding_gear,
 )
 from wbc.errors import EffectError, unknown_name
 from wbc.robot import Effect
@@ -51,8 +50,8 @@ _CLASSES: tuple[type[Effect], ...] = (
     supply.SupplySag,
     supply.VoltageScaling,
     drive.CurrentLimit,
-    yielding_gear.JointCompliance,
-    yielding_gear.Backlash,
+    gear_losses.JointCompliance,
+    gear_losses.Backlash,
 )
 
 EFFECTS = MappingProxyType({cls.name: cls for cls in _CLASSES})

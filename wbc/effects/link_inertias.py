@@ -14,14 +14,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import EffectError, unknown_name
-from wbc.robot import (
-    Effect,
-    Motion,
-    Parameter,
-    Quantity,
-    Robot,
-    SearchOffer,
-)
+from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, SearchOffer
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 """The ten numbers, named as by Rucker and Wensing (2022)."""

@@ -18,16 +18,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError
-from wbc.robot import (
-    Evidence,
-    Memory,
-    MemoryEnergy,
-    Motion,
-    Robot,
-    Screen,
-    SearchOffer,
-    number,
-)
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Robot, Screen, SearchOffer, number
 
 _SHARES = (0.004, 0.012, 0.035, 0.1, 0.3)  # of the travel; a fit goes on between them
 # Lengths after which z is within exp(-3) = 5 % of its end. Where the joint never travels so far the

@@ -11,7 +11,7 @@ import numpy as np
 import tomli_w
 
 from wbc.effects.catalogue import effect_class
-from wbc.effects.yielding_gear import SIDES
+from wbc.effects.gear_losses import SIDES
 from wbc.errors import RobotError, unknown_name
 from wbc.files import SCHEMA, write_text
 from wbc.robot import (

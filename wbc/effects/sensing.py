@@ -44,7 +44,7 @@ class PositionOffset(JointEffect):
                 "base tilted about that joint's axis: put a spirit level on the base, or mount it "
                 "at another known angle."
             ),
-        },
+        }
     )
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:

@@ -21,9 +21,8 @@ from wbc.identification.answer.shown import plain
 from wbc.identification.records.not_judged import require_robot_and_logs
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
-from wbc.robot.dc_drive import DcDrive
+from wbc.sim.servo import DcDrive, ServoRun
 from wbc.sim.servo_rollout import servo_rollout
-from wbc.sim.servo_run import ServoRun
 from wbc.tables import TextTable
 
 MOTOR = ("torque_constant", "resistance", "rotor_inertia")

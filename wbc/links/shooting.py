@@ -10,8 +10,7 @@ from itertools import product
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.links.driven_links import DrivenLinks, Motions
-from wbc.links.response import LinkResponse
+from wbc.links.driven_links import DrivenLinks, LinkResponse, Motions
 from wbc.transmission import Flanks
 
 _WINDOW = 0.3  # [s] after which a motion is compared with the log again

@@ -1,9 +1,22 @@
-"""Inertia and velocity terms of a tree (Featherstone's composite bodies and Newton-Euler)."""
+"""Inertia, velocity terms and momentum of a tree (composite bodies, Newton-Euler).
+
+A base is some first rows of a tree, six of a free flyer or three of a planar one. Momenta (6,) are
+linear and angular about the tree's centre of mass, world axes.
+"""
 
 from __future__ import annotations
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, Table, Vector, compiled, local
-from wbc.mechanics.linear import dot
+from wbc.compiled import Dense, OutDense, OutRow, Row, Table, Vector, compiled, inner, local, view
+from wbc.mechanics.linear import (
+    add_cross,
+    add_times,
+    copy_to,
+    dot,
+    factor_inertia,
+    halfway,
+    rest_of_way,
+)
+from wbc.mechanics.tree import Tree
 
 
 @compiled(counted=False)
@@ -54,12 +67,10 @@ def bodies_at(joints: Table, shapes: Dense, poses: Dense, about: Row, bodies: Ou
 def composites_of(joints: Table, bodies: Dense, composite: OutDense) -> None:
     """Write the sums (n, 10) of `bodies_at` over the tree behind each joint."""
     for i in range(len(joints)):
-        for k in range(10):
-            composite[i, k] = bodies[i, k]
+        copy_to(bodies[i], composite[i])
     for i in range(len(joints) - 1, -1, -1):
         if joints[i, 0] >= 0:
-            for k in range(10):
-                composite[joints[i, 0], k] += composite[i, k]
+            add_times(1.0, composite[i], composite[joints[i, 0]])
 
 
 @compiled(counted=False)
@@ -92,14 +103,6 @@ def motion_at(joints: Table, columns: Dense, v: Vector, motion: OutDense) -> Non
             motion[i, k] = motion[parent, k] if parent >= 0 else 0.0
             for row in range(joints[i, 3], last):
                 motion[i, k] += columns[row, k] * v[row]
-
-
-@compiled(counted=False)
-def _add_cross(left: Row, right: Row, total: OutRow) -> None:
-    """Add the cross product of two vectors (3,)."""
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        total[k] += left[i] * right[j] - left[j] * right[i]
 
 
 @compiled
@@ -142,20 +145,134 @@ def move_bodies(
             own[k] = motion[i, k] - (motion[parent, k] if parent >= 0 else 0.0)
             moved[k] = drift[parent, k] if parent >= 0 else 0.0
         # V x S v, and below V x* I V
-        _add_cross(turning, own[:3], moved[:3])
-        _add_cross(motion[i, :3], own[3:], moved[:3])
-        _add_cross(turning, own[3:], moved[3:])
+        add_cross(1.0, turning, own[:3], moved[:3])
+        add_cross(1.0, motion[i, :3], own[3:], moved[:3])
+        add_cross(1.0, turning, own[3:], moved[3:])
         for k in range(6):
             part[k] = moved[k] - (gravity[k] if k < 3 else 0.0)
         momentum_of(bodies[i], part, force[i])
         momentum_of(bodies[i], motion[i], part)
-        _add_cross(turning, part[:3], force[i, :3])
-        _add_cross(turning, part[3:], force[i, 3:])
-        _add_cross(motion[i, :3], part[:3], force[i, 3:])
+        add_cross(1.0, turning, part[:3], force[i, :3])
+        add_cross(1.0, turning, part[3:], force[i, 3:])
+        add_cross(1.0, motion[i, :3], part[:3], force[i, 3:])
     for i in range(count - 1, -1, -1):
         parent, first = joints[i, 0], joints[i, 3]
         last = joints[i + 1, 3] if i + 1 < count else len(v)
         for row in range(first, last):
             bias[row] = dot(columns[row], force[i])
-        for k in range(6 if parent >= 0 else 0):
-            force[parent, k] += force[i, k]
+        if parent >= 0:
+            add_times(1.0, force[i], force[parent])
+
+
+@inner
+def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
+    """Move a wrench (6,) from the centre of mass to the point of `columns_at`; back with -1."""
+    add_cross(sign / composite[0], composite[1:4], wrench[:3], wrench[3:])
+
+
+@inner
+def _solve(block: Dense, rows: OutRow) -> None:
+    """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
+    size = len(rows)
+    lower = view(local(36), 0, size, size)
+    factor_inertia(block, lower)
+    halfway(lower, rows.reshape(-1, 1))
+    rest_of_way(lower, rows)
+
+
+@inner
+def momentum_at(
+    tree: Tree, columns: Dense, composite: Dense, root: int, velocity: Row, momentum: OutRow
+) -> None:
+    """Write the momentum (6,) of the tree behind a joint.
+
+    Args:
+        tree: with the joint.
+        columns: (nv, 6), see `columns_at`.
+        composite: (n, 10), see `composites_of`.
+        root: number of the joint, the root of its tree.
+        velocity: v (nv,).
+        momentum: to write.
+    """
+    own = local(6)
+    momentum[:] = 0.0
+    for row in range(len(velocity)):
+        joint = tree.rows[row, 0]
+        if tree.joints[joint, 4] == root:
+            momentum_of(composite[joint], columns[row], own)
+            add_times(velocity[row], own, momentum)
+    _to_point(composite[root], -1.0, momentum)
+
+
+@inner
+def velocity_at(
+    tree: Tree,
+    columns: Dense,
+    composite: Dense,
+    root: int,
+    first: int,
+    size: int,
+    momentum: Row,
+    velocity: OutRow,
+) -> None:
+    """Write the base's rows of v (nv,) so that the tree has a momentum (6,); inverts `momentum_at`.
+
+    The other rows of `velocity` are read. Arguments as in `momentum_at`, and
+
+    Args:
+        first, size: rows of the base.
+        momentum: (6,).
+        velocity: to change.
+    """
+    left, own, rows = local(6), local(6), local(6)[:size]
+    block = view(local(36), 0, size, size)
+    copy_to(momentum, left)
+    _to_point(composite[root], 1.0, left)
+    for row in range(len(velocity)):
+        joint = tree.rows[row, 0]
+        if tree.joints[joint, 4] != root:
+            continue
+        momentum_of(composite[joint], columns[row], own)
+        if first <= row < first + size:
+            for i in range(size):
+                block[row - first, i] = dot(own, columns[first + i])
+        else:
+            add_times(-velocity[row], own, left)
+    for i in range(size):
+        rows[i] = dot(columns[first + i], left)
+    _solve(block, rows)
+    for i in range(size):
+        velocity[first + i] = rows[i]
+
+
+@inner
+def part_on_joints(
+    inertia: Dense, columns: Dense, composite: Row, first: int, size: int, weight: Row, bias: OutRow
+) -> None:
+    """Take out of the bias (nv,) what the momentum of a free base accounts for, in place.
+
+    With the bias [b_b; b_j] and the rows g_b that hold the weight alone, an acceleration d_b of the
+    base with H_bb d_b = b_b - g_b is due to the turning of coordinates alone. It is added to the
+    motion: the bias becomes [g_b; b_j - H_jb d_b].
+
+    Args:
+        inertia: H (nv, nv).
+        columns: (nv, 6), see `columns_at`.
+        composite: (10,) of the whole tree, see `composites_of`.
+        first, size: rows of the base.
+        weight: -m g and zeros (6,) [N], world: what holds the tree up.
+        bias: (nv,), changed.
+    """
+    about, rows, block = local(6), local(6)[:size], view(local(36), 0, size, size)
+    copy_to(weight, about)
+    _to_point(composite, 1.0, about)
+    for i in range(size):
+        held = dot(columns[first + i], about)
+        rows[i], bias[first + i] = bias[first + i] - held, held
+        for k in range(size):
+            block[i, k] = inertia[first + i, first + k]
+    _solve(block, rows)
+    for j in range(len(bias)):
+        if j < first or j >= first + size:
+            for i in range(size):
+                bias[j] -= inertia[first + i, j] * rows[i]

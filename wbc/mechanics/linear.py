@@ -17,6 +17,28 @@ def dot(left: Row, right: Row) -> float:
 
 
 @compiled(counted=False)
+def add_times(share: float, given: Row, total: OutRow) -> None:
+    """Add a share of a vector to another one, at least as long."""
+    for i in range(len(given)):
+        total[i] += share * given[i]
+
+
+@compiled(counted=False)
+def go_along(start: Row, end: Row, share: float, place: OutRow) -> None:
+    """Write the place a share of the way from one point to another."""
+    for i in range(len(start)):
+        place[i] = start[i] + share * (end[i] - start[i])
+
+
+@compiled(counted=False)
+def add_cross(share: float, left: Row, right: Row, total: OutRow) -> None:
+    """Add a share of the cross product of two vectors (3,)."""
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        total[k] += share * (left[i] * right[j] - left[j] * right[i])
+
+
+@compiled(counted=False)
 def apart(left: Row, right: Row) -> float:
     """Return the square of the distance of two points."""
     square = 0.0
@@ -51,8 +73,7 @@ def take_pivot(matrix: OutDense, k: int, end: int, pivots: OutPlaces) -> bool:
         return False
     for i in range(k + 1, size):
         matrix[i, k] /= matrix[k, k]
-        for j in range(k + 1, end):
-            matrix[i, j] -= matrix[i, k] * matrix[k, j]
+        add_times(-matrix[i, k], matrix[k, k + 1 : end], matrix[i, k + 1 : end])
     return True
 
 
@@ -70,9 +91,7 @@ def factor(matrix: OutDense, pivots: OutPlaces) -> bool:
                 return False
         for k in range(start, end):
             for i in range(k + 1, end):
-                share = matrix[i, k]
-                for j in range(end, size):
-                    matrix[i, j] -= share * matrix[k, j]
+                add_times(-matrix[i, k], matrix[k, end:], matrix[i, end:])
         for i in range(end, size):  # there are none unless the four are whole
             one, two = matrix[i, start], matrix[i, start + 1]
             three, four = matrix[i, start + 2], matrix[i, start + 3]
@@ -92,15 +111,9 @@ def solve_factored(matrix: Dense, pivots: Places, right: OutRow) -> None:
         if pivots[k] != k:
             right[k], right[pivots[k]] = right[pivots[k]], right[k]
     for i in range(size):
-        total = 0.0
-        for j in range(i):
-            total += matrix[i, j] * right[j]
-        right[i] -= total
+        right[i] -= dot(right[:i], matrix[i])
     for i in range(size - 1, -1, -1):
-        total = 0.0
-        for j in range(i + 1, size):
-            total += matrix[i, j] * right[j]
-        right[i] = (right[i] - total) / matrix[i, i]
+        right[i] = (right[i] - dot(right[i + 1 :], matrix[i, i + 1 :])) / matrix[i, i]
 
 
 @compiled(counted=False)
@@ -123,8 +136,7 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
         for i in range(k):
             share = lower[k, i]
             if share != 0.0:
-                for j in range(i + 1):
-                    lower[i, j] -= share * lower[k, j]
+                add_times(-share, lower[k, : i + 1], lower[i])
     return True
 
 
@@ -135,30 +147,22 @@ def halfway(lower: Dense, columns: OutDense) -> None:
         for c in range(columns.shape[1]):
             columns[i, c] /= lower[i, i]
         for j in range(i):
-            share = lower[i, j]
-            if share != 0.0:
-                for c in range(columns.shape[1]):
-                    columns[j, c] -= share * columns[i, c]
+            if lower[i, j] != 0.0:
+                add_times(-lower[i, j], columns[i], columns[j])
 
 
 @compiled(counted=False)
 def rest_of_way(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
-        total = 0.0
-        for j in range(i):
-            total += lower[i, j] * right[j]
-        right[i] = (right[i] - total) / lower[i, i]
+        right[i] = (right[i] - dot(right[:i], lower[i])) / lower[i, i]
 
 
 @compiled(counted=False)
 def products(columns: Dense, gram: OutDense) -> None:
     """Write columns' columns (r, r)."""
-    size = columns.shape[1]
     gram[:] = 0.0
     for k in range(len(columns)):
-        for i in range(size):
-            share = columns[k, i]
-            if share != 0.0:
-                for j in range(size):
-                    gram[i, j] += share * columns[k, j]
+        for i in range(len(gram)):
+            if columns[k, i] != 0.0:
+                add_times(columns[k, i], columns[k], gram[i])

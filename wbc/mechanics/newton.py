@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
-from wbc.mechanics.linear import dot, rest_of_way
+from wbc.mechanics.linear import add_times, dot, rest_of_way
 from wbc.mechanics.pieces import solve_pieces
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
@@ -102,7 +102,7 @@ def merit_of(pieces: Dense) -> float:
     """Return the sum of the squares of the residuals."""
     merit = 0.0
     for i in range(len(pieces)):
-        merit += pieces[i, 3] * pieces[i, 3]
+        merit += pieces[i, 3] ** 2
     return merit
 
 
@@ -231,8 +231,7 @@ def shift_cones(
         speeds_at(system.delassus, system.free, start, speed)
         slips(system, speed, shift)
         for i in range(size):
-            for j in range(len(x)):
-                x[j] += start[i] * ways[i, j]
+            add_times(start[i], ways[i], x)
     used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
         count = minimise(convex, ways, own, about, shift, x, speed, found)
@@ -363,12 +362,7 @@ def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, aft
         impulse: (r,).
         after: to write.
     """
-    half = system.half
     for j in range(len(free)):
-        total = 0.0
-        for i in range(len(impulse)):
-            total += half[j, i] * impulse[i]
-        after[j] = total
+        after[j] = dot(impulse, system.half[j])
     rest_of_way(lower, after)
-    for j in range(len(free)):
-        after[j] += free[j]
+    add_times(1.0, free, after)

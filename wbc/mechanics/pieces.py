@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
-from wbc.mechanics.linear import dot, factor, solve_factored
+from wbc.mechanics.linear import add_times, dot, factor, solve_factored
 from wbc.mechanics.rows import RowSystem
 
 _ROUNDS = 3
@@ -73,17 +73,16 @@ def blocks_of(
 def times(system: RowSystem, blocks: Dense, given: Dense, result: OutDense) -> None:
     """Write blocks (r, 3) times columns (r, c)."""
     contacts, tangents = len(system.frictions), system.tangents
-    first, width = len(blocks) - contacts * tangents, given.shape[1]
+    first = len(blocks) - contacts * tangents
+    result[:] = 0.0
     for i in range(first):
-        for c in range(width):
-            result[i, c] = blocks[i, 0] * given[i, c]
+        add_times(blocks[i, 0], given[i], result[i])
     for contact in range(contacts):
         start, normal = first + contact * tangents, first - contacts + contact
         for i in range(start, start + tangents):
-            for c in range(width):
-                result[i, c] = blocks[i, 0] * given[normal, c]
-                for b in range(tangents):
-                    result[i, c] += blocks[i, 1 + b] * given[start + b, c]
+            add_times(blocks[i, 0], given[normal], result[i])
+            for b in range(tangents):
+                add_times(blocks[i, 1 + b], given[start + b], result[i])
 
 
 @inner
@@ -120,10 +119,8 @@ def through(ways: Dense, given: Dense, result: OutDense) -> None:
     result[:] = 0.0
     for i in range(len(ways)):
         for j in range(len(result)):
-            share = ways[i, j]
-            if share != 0.0:
-                for c in range(given.shape[1]):
-                    result[j, c] += share * given[i, c]
+            if ways[i, j] != 0.0:
+                add_times(ways[i, j], given[i], result[j])
 
 
 @inner
@@ -169,6 +166,30 @@ def change_in_velocities(
     return True
 
 
+@inner
+def system_in_impulses(
+    system: RowSystem, on_speed: Dense, on_impulse: Dense, held: OutRow, total: OutDense
+) -> None:
+    """Write S W'W + C (r, r) with the spring, and what the spring holds (r,), see `blocks_of`."""
+    delassus, contacts, tangents = system.delassus, len(system.frictions), system.tangents
+    first = len(held) - contacts * tangents
+    total[:] = 0.0
+    for i in range(len(held)):
+        own = i < first
+        contact = 0 if own else (i - first) // tangents
+        start = first + contact * tangents
+        at = i if own else first - contacts + contact
+        total[i, at] += on_impulse[i, 0]
+        if own:
+            add_times(on_speed[i, 0], delassus[i], total[i])
+        for b in range(0 if own else tangents):
+            total[i, start + b] += on_impulse[i, 1 + b]
+            if on_speed[i, 1 + b] != 0.0:
+                add_times(on_speed[i, 1 + b], delassus[start + b], total[i])
+        held[i] = system.spring[i] * on_speed[i, 0 if own else 1 + i - start]
+        total[i, i] += held[i]
+
+
 @compiled(inside=True)
 def solve_pieces(
     system: RowSystem, pieces: Dense, sliding: Dense, impulse: Row, solved: OutRow
@@ -180,36 +201,15 @@ def solve_pieces(
     pieces. In impulses that is a proximal term, whose effect on the rest a second solve with the
     same factors removes.
     """
-    size, contacts, tangents = len(impulse), len(system.frictions), system.tangents
+    size = len(impulse)
     on_speed, on_impulse, change = np.empty((size, 3)), np.empty((size, 3)), np.empty(size)
     blocks_of(system, pieces, sliding, impulse, on_speed, on_impulse, change)
     if len(system.ways):
         good = change_in_velocities(system, on_speed, on_impulse, change, solved)
-        for i in range(size):
-            solved[i] += impulse[i]
+        add_times(1.0, impulse, solved)
         return good
-    delassus, spring, first = system.delassus, system.spring, size - contacts * tangents
     total, pivots, held = np.empty((size, size)), np.empty(size, dtype=np.int64), np.empty(size)
-    for i in range(first):
-        held[i] = spring[i] * on_speed[i, 0]
-        for j in range(size):
-            total[i, j] = on_speed[i, 0] * delassus[i, j]
-        total[i, i] += on_impulse[i, 0] + held[i]
-    for contact in range(contacts):
-        start, normal = first + contact * tangents, first - contacts + contact
-        for i in range(start, start + tangents):
-            own = on_speed[i, 1 + i - start]
-            held[i] = spring[i] * own
-            for j in range(size):
-                total[i, j] = own * delassus[i, j]
-            total[i, i] += held[i]
-            total[i, normal] += on_impulse[i, 0]
-            for b in range(tangents):
-                share, at = on_speed[i, 1 + b], start + b
-                total[i, at] += on_impulse[i, 1 + b]
-                if at != i and share != 0.0:
-                    for j in range(size):
-                        total[i, j] += share * delassus[at, j]
+    system_in_impulses(system, on_speed, on_impulse, held, total)
     if not factor(total, pivots):
         return False
     solve_factored(total, pivots, change)
@@ -217,6 +217,5 @@ def solve_pieces(
         solved[i] = impulse[i] + change[i]
         held[i] *= change[i]
     solve_factored(total, pivots, held)
-    for i in range(size):
-        solved[i] += held[i]
+    add_times(1.0, held, solved)
     return True

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
-from wbc.mechanics.linear import halfway, products
+from wbc.mechanics.linear import dot, halfway, products
 
 
 class RowSystem(NamedTuple):
@@ -106,14 +106,10 @@ def system_of(
         laws, targets, frictions, tangents: see `RowSystem`.
     """
     size, n = matrix.shape
-    half, delassus = np.empty((n, size)), np.empty((size, size))
+    half, delassus = np.ascontiguousarray(matrix.T), np.empty((size, size))
     own, spring, slope = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
-        total = 0.0
-        for j in range(n):
-            half[j, i] = matrix[i, j]
-            total += matrix[i, j] * free[j]
-        own[i] = total
+        own[i] = dot(free, matrix[i])
     halfway(lower, half)
     products(half, delassus)
     lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)

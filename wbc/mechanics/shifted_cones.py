@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
-from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
+from wbc.mechanics.linear import add_times, dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.rows import RowSystem, branch_of
 
 _COMPLIANCE = 1e-2
@@ -121,38 +121,28 @@ def answer(
             impulse[first + a] = onto[1 + a]
 
 
-@compiled(inside=True)
-def stiffened(system: RowSystem, ways: Dense, rise: Dense, total: OutDense) -> None:
-    """Write the lower half of 1 + W rise W' (n, n), of W' (r, n) and the rises of `answer`."""
+@inner
+def stiffened(system: RowSystem, ways: Dense, rise: Dense, row_of: OutRow, total: OutDense) -> None:
+    """Write the lower half of 1 + W rise W' (n, n), of W' (r, n) and the rises of `answer`.
+
+    `row_of` (n,) is memory.
+    """
     (size, n), d, contacts = ways.shape, system.tangents, len(system.frictions)
-    first, row_of = size - contacts * (1 + d), np.empty(n)
+    first = size - contacts * (1 + d)
     total[:] = 0.0
     for j in range(n):
         total[j, j] = 1.0
     for i in range(size):
         row_of[:] = 0.0
-        if i < first + contacts:
-            share, contact = rise[i, 0], i - first
-        else:
-            share, contact = 0.0, (i - first - contacts) // d
-        normal = first + contact
-        if share != 0.0:
-            for k in range(n):
-                row_of[k] = share * ways[i, k]
-        if contact >= 0:
-            if i != normal and rise[i, 0] != 0.0:
-                for k in range(n):
-                    row_of[k] += rise[i, 0] * ways[normal, k]
-            for b in range(d):
-                other = first + contacts + contact * d + b
-                if rise[i, 1 + b] != 0.0:
-                    for k in range(n):
-                        row_of[k] += rise[i, 1 + b] * ways[other, k]
+        contact = i - first if i < first + contacts else (i - first - contacts) // d
+        if rise[i, 0] != 0.0:  # per speed of the row itself, or of the contact's normal
+            add_times(rise[i, 0], ways[min(i, first + contact)], row_of)
+        for b in range(d if contact >= 0 else 0):
+            if rise[i, 1 + b] != 0.0:
+                add_times(rise[i, 1 + b], ways[first + contacts + contact * d + b], row_of)
         for j in range(n):
-            share = ways[i, j]
-            if share != 0.0:
-                for k in range(j + 1):
-                    total[j, k] += share * row_of[k]
+            if ways[i, j] != 0.0:
+                add_times(ways[i, j], row_of[: j + 1], total[j])
 
 
 @compiled(inside=True)
@@ -185,20 +175,14 @@ def minimise(
         for j in range(n):
             step[j] = -x[j]
         for i in range(size):
-            for j in range(n):
-                step[j] += impulse[i] * ways[i, j]
-        falls, square, along, furthest = 0.0, 0.0, 0.0, 0.0
-        stiffened(system, ways, rise, total)
+            add_times(impulse[i], ways[i], step)
+        stiffened(system, ways, rise, down, total)
         if not factor_inertia(total, lower):
             return used
         down[:] = step
         halfway(lower, step.reshape(-1, 1))
         rest_of_way(lower, step)
-        for j in range(n):
-            falls -= down[j] * step[j]
-            square += step[j] * step[j]
-            along += x[j] * step[j]
-            furthest = max(furthest, abs(x[j]))
+        falls, square, along = -dot(down, step), dot(step, step), dot(x, step)
         for i in range(size):
             turning[i] = dot(step, ways[i])
         share, low, high, at_low, at_high = 1.0, 0.0, 1.0, falls, 0.0
@@ -206,9 +190,7 @@ def minimise(
             for i in range(size):
                 trial[i] = speed[i] + share * turning[i]
             answer(system, own, about, shift, trial, impulse, there)
-            slope = along + share * square
-            for i in range(size):
-                slope -= impulse[i] * turning[i]
+            slope = along + share * square - dot(impulse, turning)
             flat = abs(slope) <= -_FLAT * falls or (cut == 0 and slope < 0.0)
             if flat or cut == _CUTS - 1:
                 break
@@ -218,10 +200,11 @@ def minimise(
                 low, at_low = share, slope
             share = low + (high - low) * at_low / (at_low - at_high)
             share = min(max(share, low + 0.05 * (high - low)), high - 0.05 * (high - low))
-        largest = 0.0
+        largest = furthest = 0.0
         for j in range(n):
-            x[j] += share * step[j]
+            furthest = max(furthest, abs(x[j]))
             largest = max(largest, abs(step[j]))
+        add_times(share, step, x)
         speed[:] = trial
         met = share == 1.0  # a whole step among the same pieces is exact
         for i in range(size):

@@ -1,10 +1,13 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.body_contacts import (
+    Hull,
     PlacedGeometry,
     body_contacts,
     body_surfaces,
     collision_solids,
+    ground_box,
+    hull_of,
     placed_geometry,
 )
 from wbc.robot.description import (
@@ -26,7 +29,6 @@ from wbc.robot.effect import (
     Usual,
     number,
 )
-from wbc.robot.hulls import Hull, ground_box, hull_of
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.library import find_description, robot_names, robots_directory
 from wbc.robot.model import BodySurface, ContactPoint, FreeBody, LinkSolid, RotorMounting

@@ -107,9 +107,7 @@ def build_robot(description: RobotDescription) -> Robot:
         raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
     file = find_model(str(table["model"]), path.parent)
     model, notes = read_model(
-        file,
-        base=str(table.get("base", "")),
-        lock=[str(name) for name in lock],
+        file, base=str(table.get("base", "")), lock=[str(name) for name in lock]
     )
     if "gravity" in table:
         gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")

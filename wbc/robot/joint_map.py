@@ -153,11 +153,7 @@ class BaseState:
 
     @classmethod
     def of(
-        cls,
-        place: ArrayLike,
-        quaternion: ArrayLike,
-        linear: ArrayLike,
-        angular: ArrayLike,
+        cls, place: ArrayLike, quaternion: ArrayLike, linear: ArrayLike, angular: ArrayLike
     ) -> BaseState:
         """Return the state from what estimators and simulators report.
 

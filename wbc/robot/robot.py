@@ -278,9 +278,7 @@ class Robot:
             changed = effect.change(changed)
         before = self.before_effects if self.effects else self
         return changed._with(
-            effects=(*self.effects, *effects),
-            source=self.source,
-            before_effects=before,
+            effects=(*self.effects, *effects), source=self.source, before_effects=before
         )
 
     def with_acting(self, effects: Iterable[Effect]) -> Robot:
@@ -300,10 +298,7 @@ class Robot:
         return frozen([self.transmission.index(j) for j in self.torque_sensors], np.int_)
 
     def gear_efficiencies(
-        self,
-        motion: Motion,
-        forward: FloatArray | None = None,
-        backward: FloatArray | None = None,
+        self, motion: Motion, forward: FloatArray | None = None, backward: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b of all gears at a motion, (..., m); (m,) where it matters nowhere.
 

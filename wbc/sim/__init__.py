@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.height_field import HeightField
     from wbc.sim.plant import HuntCrossley, Plant
-    from wbc.sim.recorder import Recorder
     from wbc.sim.result import StepEvent, StepResult
     from wbc.sim.sensors import Sensor, SensorModel
-    from wbc.sim.simulation import Simulation, simulate
+    from wbc.sim.simulation import Recorder, Simulation, simulate
     from wbc.sim.state import SimState
     from wbc.sim.step.program import StepProgram, StepSolution, solve_program
     from wbc.sim.step.stages import Impact
@@ -60,32 +59,16 @@ __all__ = [
     "with_wrong_efficiencies",
 ]
 
-_HOMES = {
-    "closed_loop": (
-        "ClosedLoop",
-        "LoopTick",
-        "SensorNoise",
-        "TorqueLag",
-        "with_wrong_efficiencies",
-    ),
-    "step.stages": ("Impact",),
-    "energy": ("EnergyAudit", "EnergyFlow"),
-    "ground": ("Box", "Plane", "Sphere", "Stairs", "Terrain", "Together"),
-    "height_field": ("HeightField",),
-    "plant": ("HuntCrossley", "Plant"),
-    "step.program": ("StepProgram", "StepSolution", "solve_program"),
-    "recorder": ("Recorder",),
-    "result": ("StepEvent", "StepResult"),
-    "sensors": ("Sensor", "SensorModel"),
-    "simulation": ("Simulation", "simulate"),
-    "state": ("SimState",),
-}
+_HOMES = "state", "ground", "height_field", "sensors", "result", "step.program"
+_LOOPS = "plant", "simulation", "closed_loop"
+"""From light to heavy: a name comes from the first that has it."""
 
 
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"wbc.sim.{home}"), name)
+    for home in (*_HOMES, *_LOOPS) if name in __all__ else ():
+        module = import_module(f"wbc.sim.{home}")
+        if name in vars(module):
+            return vars(module)[name]
     raise AttributeError(f"module 'wbc.sim' has no attribute '{name}'")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.passive import survey
+from wbc.sim.step.books import survey
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,6 @@ class EnergyAudit:
 def surveyed(setup: Setup, state: SimState) -> tuple[float, float, int]:
     """Return what `survey` finds in a state."""
     setup.tell_coupling(state.position, state.velocity)
-    setup.tell_motion(state)
-    q, v = np.ascontiguousarray(state.position), np.ascontiguousarray(state.velocity)
-    found: tuple[float, float, int] = survey(setup.plant, q, v)
+    numbers = state.position, state.velocity, *setup.drive.motion(state)
+    found: tuple[float, float, int] = survey(setup.plant, *map(np.ascontiguousarray, numbers))
     return found

@@ -12,8 +12,8 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.sim.ground import Plane
 from wbc.sim.plant import Plant
-from wbc.sim.recorder import Recorder
 from wbc.sim.sensors import Sensor, SensorModel
+from wbc.sim.simulation import Recorder
 from wbc.sim.state import SimState
 
 _TICK = 1e-3  # [s] of the control loop, and between rows of the recording
@@ -48,11 +48,7 @@ class MultiSine:
 
 
 def record_run(
-    robot: Robot,
-    believed: Robot,
-    seed: int,
-    duration: float,
-    temperature: FloatArray | None = None,
+    robot: Robot, believed: Robot, seed: int, duration: float, temperature: FloatArray | None = None
 ) -> Log:
     """Return the recording of one run: computed torque of the believed robot plus PD.
 

@@ -134,11 +134,7 @@ class Plant:
             return (), ()
 
     def state(
-        self,
-        position: ArrayLike,
-        velocity: ArrayLike | None = None,
-        *,
-        lifted: bool = False,
+        self, position: ArrayLike, velocity: ArrayLike | None = None, *, lifted: bool = False
     ) -> SimState:
         """Return a state to start from, at time zero.
 
@@ -186,7 +182,8 @@ class Plant:
         Raises:
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
-        setup, command = self._setup, self._command(state, rotor_torque, dt)
+        setup = self._setup
+        command = self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
         course = stepped(setup, state, command, dt, external)

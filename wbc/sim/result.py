@@ -15,8 +15,7 @@ from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.books import KINETIC, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.passive import MADE
+from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.program import StepSolution
 from wbc.sim.step.stages import Course, Flow, Impact
 
@@ -33,7 +32,7 @@ class StepEvent:
             "energy": contacts, stops or gears made energy, which no law allows.
             "coarse": the energy balance of the step gained more than a hundredth of the energy in
             play, or more energy was stored at its end than it was given, or that was taken from
-            speeds that no law bounds (`sim/step/passive`). A shorter step mends it.
+            speeds that no law bounds (`sim/step/books`). A shorter step mends it.
             "unsettled": the budget of work ended before all laws were met. Friction is that of the
             impulses found so far, or flanks of gears or the coupling of rotors are not settled.
             "overlap": a barrier was overrun further than one step takes back, see `return_speed`.
@@ -126,8 +125,7 @@ class StepResult:
     @property
     def unsettled(self) -> int:
         """How many parts and impacts ended passively, without meeting all laws."""
-        ends = [part.missed for part in self.parts] + [impact.missed for impact in self.impacts]
-        return sum(missed > 0.0 for missed in ends)
+        return sum(1 for _ in self._unsettled())
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -144,7 +142,82 @@ class StepResult:
     @cached_property
     def events(self) -> tuple[StepEvent, ...]:
         """Energy that the step made, overlaps that are left; empty in a good step."""
-        return events_of(self.setup, self.parts, self.impacts, self.balance, self._end)
+        return (
+            *self._overlaps(),
+            *self._made(),
+            *self._sunk(),
+            *self._unsettled(),
+            *self._coarse(),
+        )
+
+    def _overlaps(self) -> Iterator[StepEvent]:
+        for part in self.parts:
+            if len(part.overlap):
+                depth, worst = float(np.max(part.overlap)), int(np.argmax(part.overlap))
+                text = (
+                    f"{self.setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is "
+                    f"taken back at {self.setup.return_speed:g} m/s (rad/s)"
+                )
+                yield StepEvent("overlap", part.state.time, depth, text)
+
+    def _made(self) -> Iterator[StepEvent]:
+        """Yield parts and impacts of whose losses one is negative beyond rounding."""
+        found = []
+        for part in self.parts:
+            books = part.end.books.tolist()
+            losses = part.energy.losses | {"normal": -books[NORMAL]}
+            cause = min(losses, key=lambda name: losses[name])
+            play = books[KINETIC] + books[TRAFFIC]
+            found.append((part.state.time, losses[cause], cause.replace("_", " "), play))
+        for hit in self.impacts:
+            found.append((hit.time, hit.mesh_loss, "impact, mesh", hit.kinetic))
+            found.append((hit.time, hit.contact_loss, "impact, contact", hit.kinetic))
+        for time, loss, cause, play in found:
+            if loss < -_ROUNDING * play - 1e-12:
+                text = f"the step made {-loss:.3g} J ({cause})"
+                yield StepEvent("energy", time, -loss, text)
+
+    def _sunk(self) -> Iterator[StepEvent]:
+        """Yield the deepest joint under the ground at the end."""
+        setup, tree, (_, gap, lowest) = self.setup, self.setup.tree, self._end
+        if not setup.flies or not setup.robot.contacts:
+            return
+        if setup.barriers.asked:  # loops do not know all of the ground
+            poses = np.empty((len(tree.joints), 12))
+            place(tree.joints, tree.shapes, self.state.position, poses)
+            links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
+            gaps = setup.barriers.gaps_of(poses[links, 9:])
+            gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
+        # Contacts may be as deep as a step leaves them.
+        if gap < -TOUCH and gap < -float(np.max(self.parts[-1].overlap, initial=0.0)):
+            text = (
+                f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no "
+                "contact holds its link. Give the robot contacts there, or the link collision "
+                "geometry"
+            )
+            yield StepEvent("sunk", self.state.time, -gap, text)
+
+    def _unsettled(self) -> Iterator[StepEvent]:
+        ends = [(part.state.time, part.missed) for part in self.parts]
+        for time, missed in (*ends, *((hit.time, hit.missed) for hit in self.impacts)):
+            if missed > 0.0:
+                text = (
+                    f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
+                    "friction, flanks of gears or the coupling of rotors met them; a shorter dt may"
+                )
+                yield StepEvent("unsettled", time, missed, text)
+
+    def _coarse(self) -> Iterator[StepEvent]:
+        books, flow = [part.end.books.tolist() for part in self.parts], self.balance.flow
+        play = max(own[KINETIC] for own in books) + abs(flow.work) + flow.lost
+        gain, taken = -self.balance.residual, sum(own[TAKEN] for own in books)
+        if taken > 0.0 or gain > min(_COARSE * play, MADE * play + flow.lost) + 1e-9:
+            gain = max(gain, taken)
+            text = (
+                f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from "
+                f"nowhere{' and were taken from its speeds' if taken > 0.0 else ''}; shorten dt"
+            )
+            yield StepEvent("coarse", self.state.time, gain, text)
 
     @cached_property
     def _end(self) -> tuple[float, float, int]:
@@ -166,108 +239,3 @@ class StepResult:
             command=reduce(add, [one.duration / duration * one.command for one in results]),
             courses=tuple(course for result in results for course in result.courses),
         )
-
-
-def events_of(
-    setup: Setup,
-    parts: Sequence[Flow],
-    impacts: Sequence[Impact],
-    balance: EnergyAudit,
-    end: tuple[float, float, int],
-) -> tuple[StepEvent, ...]:
-    """Return what happened in the parts and impacts of a step.
-
-    Args:
-        setup: the plant's.
-        parts, impacts: of the step.
-        balance: of its energy.
-        end: what `survey` found at its end.
-    """
-    found = [*_overlaps(setup, parts), *_made(parts, impacts), *_sunk(setup, parts[-1], *end[1:])]
-    found += _unsettled([(part.state.time, part.missed) for part in parts])
-    found += _unsettled([(impact.time, impact.missed) for impact in impacts])
-    kinetic = max(float(part.end.books[KINETIC]) for part in parts)
-    play = kinetic + abs(balance.flow.work) + balance.flow.lost
-    gain = -balance.residual
-    made = gain - balance.flow.lost
-    taken = sum(float(part.end.books[TAKEN]) for part in parts)
-    if taken > 0.0 or gain > _COARSE * play + 1e-9 or made > MADE * play + 1e-9:
-        gain = max(gain, taken)
-        text = (
-            f"the step is too long: of {play:.3g} J that it moved, {gain:.3g} J came from nowhere"
-            f"{' and were taken from its speeds' if taken > 0.0 else ''}; shorten dt"
-        )
-        found.append(StepEvent("coarse", parts[-1].state.time, gain, text))
-    return tuple(found)
-
-
-def _unsettled(ends: Sequence[tuple[float, float]]) -> Iterator[StepEvent]:
-    """Yield the ends (time, speed) that miss laws."""
-    for time, missed in ends:
-        if missed > 0.0:
-            text = (
-                f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
-                "friction, flanks of gears or the coupling of rotors met them; a shorter dt may"
-            )
-            yield StepEvent("unsettled", time, missed, text)
-
-
-def _overlaps(setup: Setup, parts: Sequence[Flow]) -> Iterator[StepEvent]:
-    for part in parts:
-        if len(part.overlap):
-            worst = int(np.argmax(part.overlap))
-            depth = float(part.overlap[worst])
-            yield StepEvent(
-                "overlap",
-                part.state.time,
-                depth,
-                f"{setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is taken back "
-                f"at {setup.return_speed:g} m/s (rad/s)",
-            )
-
-
-def _sunk(setup: Setup, last: Flow, gap: float, lowest: int) -> Iterator[StepEvent]:
-    """Yield the deepest joint under the ground at the end of a step.
-
-    Args:
-        setup: the plant's.
-        last: its last part.
-        gap, lowest: of the deepest body, as far as loops know the ground.
-    """
-    state, tree = last.state, setup.tree
-    if not setup.flies or not setup.robot.contacts:
-        return
-    if setup.barriers.asked:
-        poses = np.empty((len(tree.joints), 12))
-        place(tree.joints, tree.shapes, state.position, poses)
-        links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
-        gaps = setup.barriers.gaps_of(poses[links, 9:])
-        gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
-    # Contacts may be as deep as a step leaves them.
-    if gap < -TOUCH and gap < -float(np.max(last.overlap, initial=0.0)):
-        yield StepEvent(
-            "sunk",
-            state.time,
-            -gap,
-            f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no contact "
-            "holds its link. Give the robot contacts there, or the link collision geometry",
-        )
-
-
-def _made(parts: Sequence[Flow], impacts: Sequence[Impact]) -> Iterator[StepEvent]:
-    """Yield the parts and impacts one of whose losses is negative beyond rounding."""
-    for part in parts:
-        losses, books = part.energy.losses, part.end.books.tolist()
-        losses["normal"] = -books[NORMAL]
-        least = min(losses.values())
-        if least < -_ROUNDING * (books[KINETIC] + books[TRAFFIC]) - 1e-12:
-            cause = min(losses, key=lambda name: losses[name])
-            yield _energy(part.state.time, -losses[cause], cause.replace("_", " "))
-    for impact in impacts:
-        for loss, cause in ((impact.mesh_loss, "mesh"), (impact.contact_loss, "contact")):
-            if loss < -_ROUNDING * impact.kinetic - 1e-12:
-                yield _energy(impact.time, -loss, f"impact, {cause}")
-
-
-def _energy(time: float, size: float, cause: str) -> StepEvent:
-    return StepEvent("energy", time, size, f"the step made {size:.3g} J ({cause})")

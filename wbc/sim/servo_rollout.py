@@ -34,8 +34,7 @@ from wbc.errors import RobotError
 from wbc.measurement import Machine
 from wbc.mechanics.rows import meeting_speed
 from wbc.robot import Robot, state_gear
-from wbc.robot.dc_drive import DcDrive, winding_current
-from wbc.sim.servo_run import ServoRun
+from wbc.sim.servo import DcDrive, ServoRun, winding_current
 from wbc.structures import stored, structured
 
 RATIO, INERTIA, WEIGHT, PHASE, CONSTANT, COULOMB, VISCOUS = range(7)
@@ -185,9 +184,7 @@ def _held(values: FloatArray, length: int) -> FloatArray:
 
 
 def _servos(
-    variants: Sequence[tuple[Robot, DcDrive]],
-    machines: Sequence[Machine | None],
-    pairs: BoolArray,
+    variants: Sequence[tuple[Robot, DcDrive]], machines: Sequence[Machine | None], pairs: BoolArray
 ) -> Servos:
     """Return the variants, each as the machines of its runs are; most runs share a machine."""
     first = variants[0][0]

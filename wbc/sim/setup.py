@@ -29,8 +29,6 @@ from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import NOT_POSITIVE, solve_rows
 from wbc.sim.step.tables import (
-    BACKWARD,
-    INVERSE,
     NOTED,
     STAGE,
     TIME,
@@ -122,7 +120,7 @@ class Setup:
 
     def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
-        barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.size
+        barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.gears.size
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
@@ -210,7 +208,7 @@ class Setup:
 
     def _ask_rows(self) -> None:
         """Solve the rows of a stage with self-locking gears that have several solutions."""
-        plant, size, step = self.plant, self.drive.size, float(self.plant.forces.length[0])
+        plant, size, step = self.plant, self.drive.gears.size, float(self.plant.forces.length[0])
         try:
             if step > 0.0:
                 _, system, start, _ = part_in_rows(plant, step, False)
@@ -250,10 +248,8 @@ class Setup:
 
     def recall(self, stage: FloatArray, memory: Ending | Hit) -> None:
         """Let the loops know again what they held at the end of a stage of a step."""
-        now, motion, size = self.plant.now, self.plant.gears.motion, len(memory.words)
-        start = len(now.words)
-        now.words[:], memory.words[:] = stage[:start], stage[start : start + size]
-        motion[:, 0], motion[:, 1] = now.deflection, now.motor_speed
+        now, start = self.plant.now, len(self.plant.now.words)
+        now.words[:], memory.words[:] = stage[:start], stage[start : start + len(memory.words)]
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""
@@ -267,12 +263,6 @@ class Setup:
         gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self.heard()
         return gap
-
-    def tell_motion(self, state: SimState) -> None:
-        """Give the loops the motion of loose motor outputs."""
-        if self.drive.any_loose:
-            deflection, speed = self.drive.motion(state)
-            self.plant.gears.motion[:, 0], self.plant.gears.motion[:, 1] = deflection, speed
 
     def tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
         """Give the loops what acts, beside what they evaluate."""
@@ -292,7 +282,7 @@ class Setup:
             motion = Motion(position, velocity)
             self._write(*self.robot.gear_efficiencies(motion, drive.forward, drive.backward))
             return
-        forward, backward, turning = np.empty((3, drive.size))
+        forward, backward, turning = np.empty((3, drive.gears.size))
         turning[:] = drive.rows @ velocity
         fill_efficiencies(table.gears, turning, drive.forward, drive.backward, forward, backward)
         self._write(forward, backward)
@@ -303,8 +293,8 @@ class Setup:
             self._write(self.drive.forward, self.drive.backward)
 
     def _write(self, forward: FloatArray, backward: FloatArray) -> None:
-        numbers = self.plant.gears.numbers
-        numbers[:, INVERSE], numbers[:, BACKWARD] = 1.0 / forward, backward
+        gears = self.plant.gears
+        gears.inverse[:], gears.backward[:] = 1.0 / forward, backward
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
         """Return the inertial coupling at (q, v); None where rotors only feel their own spin."""
@@ -319,7 +309,7 @@ class Setup:
         """Give the loops the inertial coupling at (q, v), at the motor outputs."""
         found = self.coupling(position, velocity)
         if found is not None:
-            told, ratio, nv = self.plant.gears, self.drive.ratio, len(velocity)
+            told, ratio, nv = self.plant.gears, self.drive.gears.gear_ratio, len(velocity)
             told.coupling[:] = ratio[:, None] * found.inertia
             told.gyration[0, :nv] = found.link_bias
             told.gyration[0, nv:] = ratio * found.rotor_bias

@@ -1,6 +1,7 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
 from wbc.transmission.flanks import Flanks
+from wbc.transmission.machines import CompoundPlanetaryGear, WedgeBlock
 from wbc.transmission.mesh import (
     Direction,
     direction,
@@ -10,9 +11,7 @@ from wbc.transmission.mesh import (
     mesh_output,
     wedge_backward_efficiency,
 )
-from wbc.transmission.planetary import CompoundPlanetaryGear
 from wbc.transmission.transmission import DRIVE_TIMES, GEAR_NUMBERS, Transmission
-from wbc.transmission.wedge import WedgeBlock
 
 __all__ = [
     "DRIVE_TIMES",

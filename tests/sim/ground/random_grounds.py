@@ -7,7 +7,6 @@ import pinocchio as pin
 
 from tests.sim.random_robots import BASES, random_robot, softened, unit
 from wbc import Robot, sim
-from wbc.sim.step.tables import INERTIA, STIFFNESS
 
 GROUNDS = ("plane", "stairs", "boxes", "balls", "field")
 
@@ -99,14 +98,16 @@ def made_by_rows(result: sim.StepResult) -> float:
     """
     worst = -np.inf
     drive = result.setup.drive
-    reflected, stiffness = drive.numbers[:, [INERTIA, STIFFNESS]].T
+    reflected, stiffness = drive.gears.reflected_inertia, drive.gears.stiffness
     for part in result.parts:
-        solution, velocity, m = part.solution, part.solution.velocity, drive.size
+        solution, velocity, m = part.solution, part.solution.velocity, len(drive.rows)
         program = solution.program
         inertia, firm = program.inertia, ~np.isfinite(stiffness)
         push = np.where(firm, 0.0, solution.impulse[:m])
         free = program.free_velocity + np.linalg.solve(inertia, program.rows[:m].T @ push)
-        rotor = drive.motion(part.start)[1] + drive.ratio * part.rotor_impulse / reflected
+        rotor = (
+            drive.motion(part.start)[1] + drive.gears.gear_ratio * part.rotor_impulse / reflected
+        )
         before = 0.5 * free @ inertia @ free + 0.5 * (reflected * rotor**2)[firm].sum()
         after = 0.5 * velocity @ inertia @ velocity
         after += 0.5 * (reflected * part.state.motor_velocity**2)[firm].sum()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.effects.gear_losses import YieldingGear
 from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
 from wbc.identification.answer.model_to_use import Answer
 from wbc.identification.answer.ranking import Correlation, correlation_of

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.yielding_gear import JointCompliance, Side, YieldingGear
+from wbc.effects.gear_losses import JointCompliance, Side, YieldingGear
 from wbc.identification.choice.evidence import Offer
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.trials import Trials

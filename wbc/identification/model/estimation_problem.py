@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.effects.yielding_gear import Side, YieldingGear
+from wbc.effects.gear_losses import Side, YieldingGear
 from wbc.identification.drive_times import (
     about_drive_times,
     missed_by_times,

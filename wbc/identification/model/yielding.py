@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque, link_torque
-from wbc.effects.yielding_gear import YieldingGear
+from wbc.effects.gear_losses import YieldingGear
 from wbc.errors import DynamicsError
 from wbc.identification.records.noise import without_noise
 from wbc.identification.records.record import Record

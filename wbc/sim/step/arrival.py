@@ -12,6 +12,9 @@ import numpy as np
 from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along, place
 from wbc.mechanics.linear import (
+    add_times,
+    copy_to,
+    dot,
     factor,
     factor_inertia,
     halfway,
@@ -26,7 +29,6 @@ from wbc.sim.step.pairs import FAR
 from wbc.sim.step.tables import (
     DRIFT_FROM,
     HERTZ,
-    INERTIA,
     REACH,
     RETURN_SPEED,
     TOUCH,
@@ -61,12 +63,10 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
     One linear solve where its signs are right, else sweeps (Gauss-Seidel).
     """
     size, most, right = len(missing), 0.0, True
-    total, pivots = np.empty((size, size)), np.empty(size, dtype=np.int64)
+    total, pivots = delassus.copy(), np.empty(size, dtype=np.int64)
     for i in range(size):
         push[i], most = missing[i], max(most, abs(missing[i]))
         right = right and pressed[i]
-        for j in range(size):
-            total[i, j] = delassus[i, j]
         total[i, i] *= 1.0 + (_HAIR if missing[i] >= 0.0 else _SOFT)
     if right and factor(total, pivots):
         solve_factored(total, pivots, push)
@@ -80,10 +80,7 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
         for i in range(size):
             if delassus[i, i] <= 0.0:
                 continue
-            rest = missing[i] + delassus[i, i] * push[i]
-            for j in range(size):
-                rest -= delassus[i, j] * push[j]
-            aim = rest / delassus[i, i]
+            aim = push[i] + (missing[i] - dot(push, delassus[i])) / delassus[i, i]
             if aim < 0.0:
                 aim = aim / (1.0 + _SOFT) if pressed[i] else 0.0
             worst = max(worst, abs(aim - push[i]) * delassus[i, i])
@@ -96,14 +93,12 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
 def metric_of(inertia: Dense, gears: Gears, metric: OutDense) -> None:
     """Write H_l (nv, nv) with the rotors of rigid gears: what is light moves first."""
     for i in range(len(inertia)):
-        for j in range(len(inertia)):
-            metric[i, j] = inertia[i, j]
+        copy_to(inertia[i], metric[i])
     for g in range(len(gears.rows)):
         turning = gears.rows[g]
-        for i in range(len(inertia)):
-            if turning[i] != 0.0 and gears.at[g, 1] == 0:
-                for j in range(len(inertia)):
-                    metric[i, j] += gears.numbers[g, INERTIA] * turning[i] * turning[j]
+        for i in range(0 if gears.yields[g] else len(inertia)):
+            if turning[i] != 0.0:
+                add_times(gears.inertia[g] * turning[i], turning, metric[i])
 
 
 @compiled(inside=True)
@@ -121,18 +116,13 @@ def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: 
     lower = np.empty((n, n))
     if not factor_inertia(metric, lower):
         return False
-    half, delassus = np.empty((n, count)), np.empty((count, count))
+    half, delassus = np.ascontiguousarray(matrix.T), np.empty((count, count))
     push = np.empty(count)
-    for i in range(count):
-        for j in range(n):
-            half[j, i] = matrix[i, j]
     halfway(lower, half)
     products(half, delassus)
     least(delassus, pressed, missing, push)
     for j in range(n):
-        shift[j] = 0.0
-        for i in range(count):
-            shift[j] += half[j, i] * push[i]
+        shift[j] = dot(push, half[j])
     rest_of_way(lower, shift)
     return True
 
@@ -186,8 +176,7 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
             q[:], gap[:] = last, gap_last
             place(joints, shapes, q, poses)
             return
-        for j in range(n):
-            moved[j] += shift[j]
+        add_times(1.0, shift, moved)
         if off <= plant.bounds[DRIFT_FROM] or off > 0.5 * before:
             return
 

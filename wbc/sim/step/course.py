@@ -1,13 +1,178 @@
-"""The course of one step: smooth parts, and the impacts between them."""
+"""The course of one step: smooth parts up to touchdowns, and the impacts between them.
+
+Slow is what gravity gives within a step, g h: a step changes speeds by that much anyway, so such a
+landing needs no part of its own. With a restitution e, slow is also no more than g h (1 - e)/(2 e),
+from which on all bounces would be over within the step. Barriers that land slowly are kept as rows,
+and so are those whose gap jumps with the length of a part, for example where a contact lets go and
+is no longer pulled back: they may close within the part, but not be passed.
+"""
 
 from __future__ import annotations
 
-from wbc.compiled import Flags, Row, ask, compiled, inner
+from math import sqrt
+
+import numpy as np
+
+from wbc.compiled import Flags, OutRow, Row, ask, compiled, inner
+from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
-from wbc.sim.step.impact import HIT, WAY, settle
-from wbc.sim.step.landing import flow_until
-from wbc.sim.step.tables import DEFLECTION, LENGTH, NOTED, SPEED, STAGE, TIME, Opened
+from wbc.sim.step.arrival import rigid_ones
+from wbc.sim.step.impact import HIT, WAY, gaps_of, settle
+from wbc.sim.step.part import LANDED, part_with_mesh
+from wbc.sim.step.tables import LENGTH, NOTED, SLOW, STAGE, TIME, TOUCH, Opened
+
+_TRIES = 40
+_SOON = 1e-6  # [s] over which gaps tell their speeds
+
+
+@inner
+def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool:
+    """Write which barriers land; return whether only points do, none from farther than `short`.
+
+    Args:
+        plant: with the gaps of the end, and barriers that are kept; `jumps` is written.
+        closed: (2 j + c,) barriers that hold already.
+        start: (2 j + c,) gaps.
+        short: [m].
+    """
+    gap, landing, limits = plant.end.gap, plant.end.jumps, 2 * len(plant.obstacles.limit_at)
+    found, slowly = False, True
+    for i in range(len(gap)):
+        rigid = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+        landing[i] = rigid and gap[i] < -plant.bounds[TOUCH]
+        if landing[i]:
+            found = True
+            slowly = slowly and i >= limits and start[i] - gap[i] <= short
+    return found and slowly
+
+
+@inner
+def nearest(plant: Opened, closed: Flags, start: Row, gap: Row, out: OutRow) -> float:
+    """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
+
+    An overlap at the start is on its way out; what is written counts from there.
+    """
+    least = np.inf
+    for i in range(len(gap)):
+        ahead = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+        out[i] = gap[i] - min(start[i], 0.0) if ahead else np.inf
+        least = min(least, out[i])
+    return least
+
+
+@inner
+def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
+    """Return the share of the way at which the first gap closes.
+
+    Args:
+        early, late: (2 j + c,) gaps at both ends of the way.
+        fall: (2 j + c,) by which they would change on it at the speeds of its start.
+        bent: whether they are parabolas that start like that, else straight lines.
+    """
+    first = 1.0
+    for i in range(len(late)):
+        if late[i] < 0.0:
+            gap = max(early[i], 0.0)
+            along = fall[i] if bent else late[i] - gap
+            bend = late[i] - gap - along
+            root = sqrt(max(along * along - 4.0 * bend * gap, 0.0))
+            if along > 0.0:
+                first = min(first, 0.5 * (along + root) / -bend)
+            else:
+                first = min(first, 2.0 * gap / max(root - along, 1e-300))
+    return min(max(first, 1e-4), 1.0 - 1e-4)
+
+
+@compiled(inside=True)
+def to_landing(
+    plant: Opened,
+    closed: Flags,
+    stored: Row,
+    at: tuple[Row, Row],
+    start: Row,
+    whole: tuple[int, float],
+) -> tuple[int, float]:
+    """Do the part that ends where the first barrier is reached (regula falsi).
+
+    Gaps are parabolas of the length of a part but for what is of third order, and the speeds at the
+    start are known: the first try is enough, unless a gap jumps. There is no place of landing then.
+    The flow ends before the jump, and has no length where that is at once.
+
+    Args:
+        plant: where the whole part has ended; barriers whose gaps jump are written to `jumps`.
+        closed, stored: see `second_half`.
+        at: q (nq,) and v (nv,) at the start.
+        start: (2 j + c,) gaps.
+        whole: what the whole part returned, and its length [s].
+
+    Returns:
+        the same of the part that ends there.
+    """
+    (result, late), early, size, (q, v) = whole, 0.0, len(start), at
+    ahead, gap_early, gap_late = np.empty(size), np.empty(size), np.empty(size)
+    nearest(plant, closed, start, start, gap_early)
+    plant.end.jumps[:] = False
+    if not nearest(plant, closed, start, plant.end.gap, gap_late) < 0.0:
+        return whole  # What overlaps now did so at the start and is moving out.
+    near, fall = np.empty(len(q)), np.empty(size)
+    moved_along(plant.tree.joints, q, v, _SOON, near)
+    gaps_of(plant, near, fall)
+    for i in range(size):
+        fall[i] = late / _SOON * (fall[i] - start[i])
+    for turn in range(_TRIES):
+        # Every third try halves, lest one end of the interval never move.
+        share = 0.5 if turn % 3 == 2 else first_crossing(gap_early, gap_late, fall, turn == 0)
+        trial = early + share * (late - early)
+        result = part_with_mesh(plant, closed, stored, q, v, trial)
+        least = nearest(plant, closed, start, plant.end.gap, ahead)
+        if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
+            return result, trial
+        if least > 0.0:
+            early, gap_early[:] = trial, ahead
+        else:
+            late, gap_late[:] = trial, ahead
+    if early > 0.0:
+        result = part_with_mesh(plant, closed, stored, q, v, early)
+    for i in range(size):
+        plant.end.jumps[i] = gap_late[i] < 0.0
+    return result, early
+
+
+@compiled(inside=True)
+def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
+    """Do the part to the end of a step, or to the next touchdown.
+
+    Args:
+        plant: what moves, with its state; `kept`, `slow` and `jumps` of its end are written, too.
+        step: that is left [s].
+
+    Returns:
+        what `part_of_step` does, the length of the part [s], and whether more barriers are kept.
+    """
+    now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
+    q, v, closed, stored = now.position, now.velocity, now.closed, now.impulse
+    size = len(closed)
+    for i in range(size):
+        end.kept[i], end.slow[i], end.jumps[i] = now.kept[i], False, False
+    result = part_with_mesh(plant, closed, stored, q, v, step)
+    if result >= 10 or result != LANDED:
+        return result, step, False
+    start = np.empty(size)
+    gaps_of(plant, q, start)
+    while result < 10 and result == LANDED:
+        if lands_slowly(plant, closed, start, short):
+            for i in range(size):
+                end.slow[i] = end.slow[i] or end.jumps[i]
+        else:
+            result, length = to_landing(plant, closed, stored, (q, v), start, (result, step))
+            if length > 0.0:
+                return result, length, True
+        for i in range(size):
+            end.kept[i], end.jumps[i] = end.kept[i] or end.jumps[i], False
+        result = part_with_mesh(plant, closed, stored, q, v, step)
+    return result, step, True
+
 
 PART_FAILED, IMPACT_FAILED = 10, 20
 """What a step returns that failed, and as much more as `Solved.way` says."""
@@ -21,7 +186,8 @@ def begin_step(
     plant: Opened, q: Row, v: Row, impulse: Row, deflection: Row, speed: Row, closed: Flags
 ) -> bool:
     """Write the state in which a step starts, see `SimState`; return if it says what is closed."""
-    now, known = plant.now, len(closed) == len(plant.now.closed)
+    now = plant.now
+    known: bool = len(closed) == len(now.closed)
     now.impulse[:], now.deflection[:], now.numbers[:] = 0.0, 0.0, 0.0
     copy_to(q, now.position)
     copy_to(v, now.velocity)
@@ -57,14 +223,6 @@ def end_part(plant: Opened, more: bool) -> bool:
         now.closed[i] = end.closed[i] and not now.kept[i]
         keeps = keeps or now.kept[i]
     return keeps
-
-
-@inner
-def move_motors(plant: Opened) -> None:
-    """Give loose gears the motion of their motor outputs."""
-    now, motion = plant.now, plant.gears.motion
-    for i in range(len(motion)):
-        motion[i, DEFLECTION], motion[i, SPEED] = now.deflection[i], now.motor_speed[i]
 
 
 @inner
@@ -128,8 +286,8 @@ def take_step(
         zero, or how it failed, see IMPACT_FAILED; the end of the step is in `plant.now`.
     """
     numbers, left, over, failed = plant.now.numbers, step, False, 0
-    known, numbers[TIME] = begin_step(plant, q, v, impulse, deflection, speed, closed), time
-    move_motors(plant)
+    known = begin_step(plant, q, v, impulse, deflection, speed, closed)
+    numbers[TIME] = time
     if not known:
         failed = meet(plant, step, False)
     while failed == 0 and not over:
@@ -140,7 +298,6 @@ def take_step(
         note(plant, plant.end.words)
         left, numbers[TIME] = left - length, numbers[TIME] + length
         keeps, over = end_part(plant, more), left <= _OVER * step
-        move_motors(plant)
         if keeps or not over:
             failed = meet(plant, step if over else left, keeps and not over)
     return failed

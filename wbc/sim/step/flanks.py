@@ -13,7 +13,7 @@ from wbc.compiled import OutDense, Row, compiled, inner
 from wbc.mechanics.newton import PASSIVE, UNSOLVED, solve_system, speeds_at
 from wbc.mechanics.rows import RowSystem, own_speed
 from wbc.sim.step.part_rows import PartRows, Solved
-from wbc.sim.step.tables import DAMPING, DEFLECTION, PLAY, STIFFNESS, Gears
+from wbc.sim.step.tables import Gears, Opened
 from wbc.transmission.flank_steps import flank_impulse
 
 END, IMPULSE, SLOPE, DAMPED, HELD = range(5)
@@ -32,7 +32,7 @@ _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 @inner
 def flanks_at(
-    gear: Row, place: float, rate: float, step: float, end: float
+    gears: Gears, which: int, place: float, rate: float, step: float, end: float
 ) -> tuple[float, float, float, bool]:
     """Return what a loose gear passes at the relative speed `end`, by `flank_impulse`.
 
@@ -40,7 +40,7 @@ def flanks_at(
     flank that is reached stops the relative motion; what it is overrun by, at most one step, stays.
 
     Args:
-        gear: (9,) columns RATIO to PLAY.
+        gears, which: all of them, and the number of this one.
         place: of the motor output ahead of the joint, at the start [rad].
         rate: its change there [rad/s].
         step: h [s].
@@ -50,25 +50,25 @@ def flanks_at(
         the impulse [N m s], its change per speed, what of it is not the spring's, and whether the
         gear holds on to its joint at all.
     """
-    half = 0.5 * gear[PLAY]
-    if gear[STIFFNESS] == np.inf:
+    half, stiffness = 0.5 * gears.play[which], gears.stiffness[which]
+    if stiffness == np.inf:
         return 0.0, 0.0, 0.0, not abs(place + 0.5 * step * rate) < half
     impulse, slope, _, damped = flank_impulse(
-        gear[STIFFNESS], gear[DAMPING], half, step, 0.5, 1.0, place, rate, end
+        stiffness, gears.damping[which], half, step, 0.5, 1.0, place, rate, end
     )
     return impulse, slope, damped, slope > 0.0 or impulse != 0.0
 
 
 @inner
-def take_hold(gears: Gears, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
+def take_hold(plant: Opened, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
     """Write the flanks (m, 5) of loose gears that start at relative speeds (m,) and end at `end`.
 
     Those of rigid gears stay.
     """
     for i in range(len(end)):
-        if gears.at[i, 1] == 1:
-            place = gears.motion[i, DEFLECTION]
-            found = flanks_at(gears.numbers[i], place, relative[i], step, end[i])
+        if plant.gears.yields[i]:
+            place = plant.now.deflection[i]
+            found = flanks_at(plant.gears, i, place, relative[i], step, end[i])
             flanks[i, END] = end[i]
             flanks[i, IMPULSE], flanks[i, SLOPE], flanks[i, DAMPED] = found[0], found[1], found[2]
             flanks[i, HELD] = 1.0 if found[3] else 0.0
@@ -80,9 +80,9 @@ def lean_on_flanks(
 ) -> None:
     """Write the springs of a round into laws (m, 9): near flanks (m, 5), with `rounds` (m, 3)."""
     for i in range(len(near)):
-        if gears.at[i, 1] == 0:
+        if not gears.yields[i]:
             continue
-        own, soft = near[i], gears.numbers[i, STIFFNESS] < np.inf
+        own, soft = near[i], gears.stiffness[i] < np.inf
         holds = own[HELD] * (1.0 - rounds[i, RELEASED]) > 0.0
         slope = own[SLOPE]
         if safely and holds:
@@ -95,12 +95,12 @@ def lean_on_flanks(
 
 @inner
 def misses_flanks(
-    gears: Gears, ways: Row, near: OutDense, passed: OutDense, impulse: Row, rounds: OutDense
+    plant: Opened, ways: Row, near: OutDense, passed: OutDense, impulse: Row, rounds: OutDense
 ) -> tuple[bool, float]:
     """Return whether all flanks are met, and the greatest change of speed of one that is not.
 
     Args:
-        gears: of the plant.
+        plant: with the gears.
         ways: (m,) by which motor outputs have moved ahead of joints in the middle.
         near: (m, 5) flanks that the round took.
         passed: (m, 5) those where it ends.
@@ -109,14 +109,14 @@ def misses_flanks(
     """
     met, missed = True, 0.0
     for i in range(len(near)):
-        if gears.at[i, 1] == 0:
+        if not plant.gears.yields[i]:
             continue
         change, slope = passed[i, END] - near[i, END], rounds[i, TAKEN]
         more = passed[i, IMPULSE] - near[i, IMPULSE]
         size = abs(passed[i, END]) + abs(near[i, END])
         good = abs(more - slope * change) <= _MET * (abs(passed[i, IMPULSE]) + slope * size)
-        place = gears.motion[i, DEFLECTION] + ways[i]
-        if gears.numbers[i, STIFFNESS] == np.inf and np.sign(place) * impulse[i] < 0.0:
+        place = plant.now.deflection[i] + ways[i]
+        if plant.gears.stiffness[i] == np.inf and np.sign(place) * impulse[i] < 0.0:
             rounds[i, RELEASED], good = 1.0, False
         met = met and good
         missed = missed if good else max(missed, abs(change))
@@ -127,7 +127,7 @@ def misses_flanks(
 
 @compiled(inside=True)
 def solve_gripped(
-    gears: Gears,
+    plant: Opened,
     rows: PartRows,
     system: RowSystem,
     start: Row,
@@ -145,7 +145,7 @@ def solve_gripped(
     round goes too far and meets the slope between.
 
     Args:
-        gears: of the plant.
+        plant: with the gears, and how they start.
         rows: of the part.
         system: of the rows; springs of loose gears are put into its laws.
         start: (r,) impulses to start from.
@@ -157,7 +157,7 @@ def solve_gripped(
         the number of linear systems solved, what `solve_system` says, and the speed by which
         flanks miss their law: zero, but where the rounds end before they meet it (PASSIVE).
     """
-    impulse, end, laws = solved.impulse, solved.end, system.laws
+    gears, impulse, end, laws = plant.gears, solved.impulse, solved.end, system.laws
     if not gears.loose:
         used, way = solve_system(system, start, tolerance, 1.0, impulse)
         return used, way, 0.0
@@ -165,7 +165,7 @@ def solve_gripped(
     near, passed, safe = np.zeros((m, 5)), np.zeros((m, 5)), np.zeros((m, 5))
     rounds, ways = np.zeros((m, 3)), 0.5 * step * rows.relative
     speed, guess = np.empty(len(start)), start.copy()
-    take_hold(gears, rows.relative, step, rows.relative, near)
+    take_hold(plant, rows.relative, step, rows.relative, near)
     for turn in range(_ROUNDS):
         safely = turn >= _NEWTON and turn % 2 == 0
         lean_on_flanks(gears, safely, near, rounds, laws)
@@ -177,12 +177,12 @@ def solve_gripped(
         speeds_at(system.delassus, system.free, impulse, speed)
         for i in range(m):
             end[i] = 0.0
-            if gears.at[i, 1] == 1:
+            if gears.yields[i]:
                 end[i] = own_speed(laws[i], system.slope[i], impulse[i], speed[i]) - speed[i]
-        take_hold(gears, rows.relative, step, end, passed)
+        take_hold(plant, rows.relative, step, end, passed)
         if safely:
             rounds[:, STEEPEST] *= 0.5
-        met, missed = misses_flanks(gears, ways, near, passed, impulse, rounds)
+        met, missed = misses_flanks(plant, ways, near, passed, impulse, rounds)
         solved.damped[:] = passed[:, DAMPED]
         if met:
             return work, way, 0.0

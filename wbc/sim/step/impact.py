@@ -21,15 +21,7 @@ from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
 from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
-from wbc.sim.step.tables import (
-    BACKWARD,
-    INERTIA,
-    INVERSE,
-    REACH,
-    RESTITUTION,
-    TOUCH,
-    Opened,
-)
+from wbc.sim.step.tables import REACH, RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -48,7 +40,7 @@ _SHARE_OF_WORK = 0.1
 
 
 @inner
-def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
+def impact_laws(gears: Gears, motor: Row, laws: OutDense) -> None:
     """Write the laws (m, 9) of the gears along the velocity path of an impact.
 
     Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
@@ -56,18 +48,23 @@ def impact_laws(plant: Opened, motor: Row, laws: OutDense) -> None:
     and springs are forces and give no impulse: loose gears pass none.
 
     Args:
-        plant: with the gears.
+        gears: of the plant.
         motor: (m,) speeds of the motor outputs before.
         laws: to write, see `RowSystem`.
     """
     laws[:] = 0.0
     for i in range(len(laws)):
-        gear, law = plant.gears.numbers[i], laws[i]
-        if plant.gears.at[i, 1] == 1:
+        law = laws[i]
+        if gears.yields[i]:
             law[2] = law[3] = law[4] = 1.0
             continue
-        rotor_brings(gear, gear[INERTIA] * motor[i], law)
-        law[2], law[3], law[4], law[7] = gear[INERTIA], gear[INVERSE], gear[BACKWARD], np.inf
+        law[2], law[3], law[4], law[7] = (
+            gears.inertia[i],
+            gears.inverse[i],
+            gears.backward[i],
+            np.inf,
+        )
+        rotor_brings(gears, i, law[2] * motor[i], law)
 
 
 @inner
@@ -80,7 +77,7 @@ def kinetic_of(plant: Opened, v: Row, motor: Row) -> float:
 
 
 @inner
-def mesh_loss(plant: Opened, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
+def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh: Row) -> float:
     """Return the energy lost in the meshes of the rigid gears along the straight path [J].
 
     It is what the rotors and their coupling to the housings give and the links do not get: with
@@ -91,21 +88,20 @@ def mesh_loss(plant: Opened, v: Row, after: Row, motor: Row, following: Row, mes
     (1 - eta_f) of the rotor's energy, driven it all of that and 1/|eta_b| times as much again.
 
     Args:
-        plant: with the gears.
+        gears: of the plant.
         v, after: (nv,) before and after.
         motor, following: (m,) speeds of the motor outputs before and after.
         mesh: (m,) impulses T.
     """
     total = 0.0
     for g in range(len(motor)):
-        if plant.gears.at[g, 1] == 1:
+        if gears.yields[g]:
             continue
-        gear, before, then = plant.gears.numbers[g], motor[g], following[g]
-        given, taken = 0.5 * gear[INERTIA] * before**2, 0.5 * gear[INERTIA] * then**2
-        net, backward, forward = -mesh[g], gear[BACKWARD], 1.0 / gear[INVERSE]
-        if len(plant.gears.coupling):
-            for j in range(len(v)):
-                net -= plant.gears.coupling[g, j] * (after[j] - v[j])
+        before, then, half = motor[g], following[g], 0.5 * gears.inertia[g]
+        given, taken = half * before**2, half * then**2
+        net, backward, forward = -mesh[g], gears.backward[g], 1.0 / gears.inverse[g]
+        for j in range(len(v) if len(gears.coupling) else 0):
+            net -= gears.coupling[g, j] * (after[j] - v[j])
         if backward < 0.0 and abs(then) <= _STOPPED * abs(before):
             total += given * (1.0 - forward if net * before < 0.0 else 1.0 - 1.0 / backward)
         elif before * then < 0.0:
@@ -131,7 +127,7 @@ def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
     Their targets are still to be written.
     """
     rows = rows_where(plant, together, v, 0)
-    impact_laws(plant, rows.motor, rows.laws)
+    impact_laws(plant.gears, rows.motor, rows.laws)
     return rows
 
 
@@ -158,14 +154,8 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
     What landed slowly, or was reached in the step before, does not spring back. Arguments as of
     `impact_at`; found[SHARE] is that share where any springs back.
     """
-    hit, now, before, v, row, coming = (
-        plant.hit,
-        plant.now,
-        plant.now.closed,
-        plant.now.velocity,
-        0,
-        False,
-    )
+    hit, now, v, row, coming = plant.hit, plant.now, plant.now.velocity, 0, False
+    before = now.closed
     for i in range(len(before)):
         if not hit.closed[i]:
             continue
@@ -187,10 +177,10 @@ def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
     """Write losses of an impact from v (nv,)."""
     found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)
     for i in range(m):
-        if plant.gears.at[i, 1] == 0:
+        if not plant.gears.yields[i]:
             following[i] = dot(solved.after, plant.gears.rows[i])
     mesh = solved.impulse[:m]
-    found[MESH] = mesh_loss(plant, v, solved.after, rows.motor, following, mesh)
+    found[MESH] = mesh_loss(plant.gears, v, solved.after, rows.motor, following, mesh)
     kept = kinetic_of(plant, solved.after, following)
     found[CONTACT] = found[ENERGY] - kept - found[MESH]
 

@@ -19,10 +19,9 @@ import numpy as np
 
 from wbc.arrays import IntArray
 from wbc.compiled import Flags, OutDense, OutRow, Row, inner, local
-from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at
+from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
-from wbc.mechanics.linear import copy_to, dot
-from wbc.mechanics.momentum import momentum_at, velocity_at
+from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.tree import Tree
 from wbc.robot import Robot
 from wbc.sim.step.contacts import rates_at, touch_ground
@@ -136,8 +135,7 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
         for body in range(len(joints)):
             if joints[body, 4] == joint:
                 placed_at(poses[body], shapes[body, 16:19], center)
-                for k in range(3):
-                    missing[k] -= shapes[body, 15] * center[k]
+                add_times(-shapes[body, 15], center, missing)
         for k in range(3):
             carried[i, 6 + k] += half / carried[i, 9] * carried[i, k]
             missing[k] = carried[i, 6 + k] + missing[k] / carried[i, 9]
@@ -146,12 +144,10 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
             q[bases[i, PLACES]] += missing[0]
             q[bases[i, PLACES] + 1] += missing[2]
         else:
-            for k in range(3):
-                q[bases[i, PLACES] + k] += missing[k]
+            add_times(1.0, missing, q[bases[i, PLACES] :])
         for body in range(len(joints)):
             if joints[body, 4] == joint:
-                for k in range(3):
-                    poses[body, 9 + k] += missing[k]
+                add_times(1.0, missing, poses[body, 9:])
 
 
 @inner

@@ -14,7 +14,7 @@ import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import placed_at, turned
-from wbc.mechanics.linear import apart, copy_to, dot
+from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.tables import Bodies, Opened
 
 FAR = 10.0
@@ -66,8 +66,7 @@ def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
         along += (point[k] - start[k]) * (end[k] - start[k])
     share = along / square if square > 0.0 else 0.0
     within = min(max(share, 0.0), 1.0)
-    for k in range(3):
-        nearest[k] = start[k] + within * (end[k] - start[k])
+    go_along(start, end, within, nearest)
     return share
 
 
@@ -177,9 +176,9 @@ def edge_gap(one: Row, other: Row, radius: float, tilt: float, found: OutRow) ->
     if outside and (tilt > 0.0 or radius > 0.0):
         return FAR
     way, normal, inward = local(3), local(3), 0.0
-    for k in range(3):
-        found[3 + k] = other[k] + t * (other[3 + k] - other[k])
-        way[k] = one[k] + s * (one[3 + k] - one[k]) - found[3 + k]
+    go_along(other[:3], other[3:6], t, found[3:])
+    go_along(one[:3], one[3:6], s, way)
+    add_times(-1.0, found[3:], way)
     if radius > 0.0:
         copy_to(way, normal)
     else:

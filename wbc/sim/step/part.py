@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
-from wbc.mechanics.linear import copy_to
+from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import arrive, rigid_ones
-from wbc.sim.step.books import books_of
+from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
 from wbc.sim.step.contacts import gaps_at, world_pushes
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of
-from wbc.sim.step.passive import TURN, fastest_turn, keep_passive
 from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
-from wbc.sim.step.tables import DEFLECTION, HERTZ, TOUCH, Opened
+from wbc.sim.step.tables import HERTZ, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
@@ -84,9 +83,9 @@ def keep(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
         end.motor_speed[i] = solved.speed[i] + solved.end[i]
         end.mesh_impulse[i] = solved.impulse[i] + np.sign(end.motor_speed[i]) * rows.laws[i, 5]
         end.deflection[i] = 0.0
-        if plant.gears.at[i, 1] == 1:
+        if plant.gears.yields[i]:
             moved = half * (rows.relative[i] + solved.end[i])
-            end.deflection[i] = plant.gears.motion[i, DEFLECTION] + moved
+            end.deflection[i] = plant.now.deflection[i] + moved
 
 
 @inner
@@ -149,13 +148,10 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
-        if plant.gears.at[i, 1] == 1:  # motors stay where they are
-            for c in range(len(end.moved)):
-                end.deflection[i] -= plant.gears.rows[i, c] * end.moved[c]
+        if plant.gears.yields[i]:  # motors stay where they are
+            end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
     if not 0.5 * step * turns <= TURN:
-        started = plant.gears.motion.copy()
         keep_passive(plant, v, step)
-        plant.gears.motion[:] = started
     return hold_or_land(plant, pressed)
 
 
@@ -202,8 +198,7 @@ def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, st
             change[i] = miss[i] / (1.0 - slope[i])
         if met or result >= 10:
             break
-        for i in range(len(taken)):
-            taken[i] += change[i]
+        add_times(1.0, change, taken)
     return result
 
 

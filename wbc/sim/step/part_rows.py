@@ -16,14 +16,13 @@ import numpy as np
 
 from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner, local
 from wbc.effects.tables import fill_joint_torques
-from wbc.mechanics.inertia import move_bodies
-from wbc.mechanics.linear import dot, factor_inertia, halfway, rest_of_way
-from wbc.mechanics.momentum import part_on_joints
+from wbc.mechanics.inertia import move_bodies, part_on_joints
+from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.mechanics.tree import Tree
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
-from wbc.sim.step.tables import BACKWARD, FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
+from wbc.sim.step.tables import FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
 
 
 class PartRows(NamedTuple):
@@ -106,8 +105,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
         free[i] = step * (plant.end.force[i] - bias[i])
     halfway(rows.lower, free.reshape(-1, 1))
     rest_of_way(rows.lower, free)
-    for i in range(len(free)):
-        free[i] += speed[i]
+    add_times(1.0, speed, free)
 
 
 @inner
@@ -117,7 +115,7 @@ def rubs_alone(plant: Opened, c: int) -> bool:
     if not plant.forces.friction[c] > 0.0:
         return False
     for i in range(len(gears.rows) if gears.direct else 0):
-        if gears.at[i, 0] == c and gears.numbers[i, BACKWARD] >= 0.0:
+        if gears.row[i] == c and gears.backward[i] >= 0.0:
             return False
     return True
 
@@ -158,15 +156,12 @@ def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
         np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64),
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
     )  # fmt: skip
-    motor_speeds(gears, v, rows.motor)
+    motor_speeds(gears, v, plant.now.motor_speed, rows.motor)
     for i in range(m):
         rows.places[i] = i
-        for c in range(n):
-            rows.matrix[i, c] = gears.rows[i, c]
-        if gears.at[i, 1] == 1:
-            rows.relative[i] = rows.motor[i]
-            for c in range(n):
-                rows.relative[i] -= gears.rows[i, c] * v[c]
+        copy_to(gears.rows[i], rows.matrix[i])
+        if gears.yields[i]:
+            rows.relative[i] = rows.motor[i] - dot(v, gears.rows[i])
     if both > 0:
         barrier_rows(plant, closed, elements, rows.matrix, rows.axes, rows.which)
         place_barriers(plant, closed, elements, rows)
@@ -209,8 +204,7 @@ def act(plant: Opened) -> None:
         fill_joint_torques(forces.joints, forces.numbers, q, v, end.force, forces.friction)
     else:
         end.force[:] = 0.0
-    for i in range(len(forces.outer)):
-        end.force[i] += forces.outer[i]
+    add_times(1.0, forces.outer, end.force)
 
 
 @compiled(inside=True)

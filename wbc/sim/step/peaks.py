@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import turned
-from wbc.mechanics.linear import apart, copy_to
+from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
 from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment
 from wbc.sim.step.tables import REACH, Opened
@@ -198,10 +198,9 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
         way_out(at, normal)
         gap, share = -radius, min(max(place[2], 0.0), 1.0)
         place[2] = at[0]
-        for k in range(3):
-            spot[k] = start[k] + share * (end[k] - start[k])
-            gap += (spot[k] - place[k]) * normal[k]
-            spot[k] -= radius * normal[k]
+        go_along(start, end, share, spot)
+        gap += dot(spot, normal) - dot(place, normal)
+        add_times(-radius, normal, spot)
         if -radius < gap < ahead:
             offer(field, touch, 0, gap, normal, spot)
 
@@ -277,15 +276,14 @@ def bounds_underside(edge: Row, pose: Row, way: Row) -> bool:
         pose: (12,) of the hull.
         way: (3,) of the edge, world.
     """
-    one, other = local(3), local(3)
+    one, other, across = local(3), local(3), local(3)
+    across[:] = 0.0
     turned(pose, edge[6:9], one)
     turned(pose, edge[9:], other)
     first = way[0] * one[1] - way[1] * one[0]  # upward parts of the normals, of either sign
     second = way[0] * other[1] - way[1] * other[0]
-    outward = 0.0
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        outward -= (way[i] * one[j] - way[j] * one[i]) * other[k]
+    add_cross(-1.0, way, one, across)
+    outward = dot(across, other)
     down: bool = first * outward < 0.0 or second * outward > 0.0
     return down
 
@@ -306,10 +304,10 @@ def meet_edges(
     reach = plant.bounds[REACH]
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
-        square, start = 0.0, points[hull[8] + first]
-        for k in range(3):
-            way[k] = points[hull[8] + last, k] - start[k]
-            square += way[k] * way[k]
+        start = points[hull[8] + first]
+        copy_to(points[hull[8] + last], way)
+        add_times(-1.0, start, way)
+        square = dot(way, way)
         level = way[0] * way[0] + way[1] * way[1]
         least = min(touches[known + first, 0], touches[known + last, 0])
         far = least > reach + 0.125 * bend * level
@@ -322,8 +320,8 @@ def meet_edges(
             slope = way[2] - at[1] * way[0] - at[2] * way[1]
             if before < 0.0 <= slope:
                 here = least_along(field, start, way, came, share, at)
-                for k in range(3):
-                    spot[k] = start[k] + here * way[k]
+                copy_to(start, spot)
+                add_times(here, way, spot)
                 way_out(at, normal)
                 gap, rise = (spot[2] - at[0]) * normal[2], rise_along(at, way)
                 corner = is_same(field, touches[known + first], spot)

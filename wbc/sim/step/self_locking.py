@@ -90,11 +90,7 @@ def _hold(system: RowSystem) -> FloatArray:
 
 
 def solve_in_ranges(
-    system: RowSystem,
-    rows: IntArray,
-    start: FloatArray,
-    tolerance: float,
-    names: Sequence[str],
+    system: RowSystem, rows: IntArray, start: FloatArray, tolerance: float, names: Sequence[str]
 ) -> tuple[FloatArray, int]:
     """Return row impulses (r,) that solve the step, and the number of linear systems solved.
 

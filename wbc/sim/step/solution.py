@@ -20,7 +20,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutDense, OutRow, Row, ask, compiled, inner
-from wbc.mechanics.linear import dot, halfway, rest_of_way
+from wbc.mechanics.linear import add_times, dot, halfway, rest_of_way
 from wbc.mechanics.newton import (
     PASSIVE,
     UNSOLVED,
@@ -34,7 +34,7 @@ from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.flanks import solve_gripped
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.part_rows import PartRows, Solved
-from wbc.sim.step.tables import DISSIPATION, HERTZ, INERTIA, Opened
+from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
 
 UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
 """Self-locking gears may have several solutions; H_l is not positive definite."""
@@ -110,7 +110,7 @@ def solve_compliant(
             delassus[row, row] = own + give
             slope[row] = 1.0 / (own + give)
             targets[first + c] = speed[row] + push * give if give > 0.0 else NEVER
-        used, way, missed = solve_gripped(plant.gears, rows, softer, guess, step, tolerance, solved)
+        used, way, missed = solve_gripped(plant, rows, softer, guess, step, tolerance, solved)
         work += used
         if way >= UNSOLVED:
             return work, way, missed
@@ -187,17 +187,15 @@ def lag_coupling(
         for c in range(n):
             turned += gears.rows[i, c] * (last[c] - speed[c])
             taken += gears.coupling[i, c] * (last[c] - speed[c])
-        for c in range(n):
-            shifted[c] -= gears.coupling[i, c] * turned
+        add_times(-turned, gears.coupling[i], shifted)
         if step > 0.0:
             system.laws[i, 0], system.laws[i, 1] = laws[i, 0] - taken, laws[i, 1] - taken
-        elif gears.at[i, 1] == 0:
-            brought = gears.numbers[i, INERTIA] * rows.motor[i] - taken
-            rotor_brings(gears.numbers[i], brought, system.laws[i])
+        elif not gears.yields[i]:
+            brought = gears.inertia[i] * rows.motor[i] - taken
+            rotor_brings(gears, i, brought, system.laws[i])
     halfway(rows.lower, shifted.reshape(-1, 1))
     rest_of_way(rows.lower, shifted)
-    for c in range(n):
-        shifted[c] += free[c]
+    add_times(1.0, free, shifted)
     for i in range(len(system.free)):
         system.free[i] = dot(shifted, rows.matrix[i])
 
@@ -254,9 +252,7 @@ def solve_part(
                     plant, rows, system, start, step, tolerance, room
                 )
             elif step > 0.0:
-                more, way, short = solve_gripped(
-                    plant.gears, rows, system, start, step, tolerance, room
-                )
+                more, way, short = solve_gripped(plant, rows, system, start, step, tolerance, room)
             else:
                 more, way = solve_system(system, start, tolerance, work, impulse)
             used += more

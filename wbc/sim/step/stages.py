@@ -67,11 +67,6 @@ class Course(NamedTuple):
             memory = memory_before(self.acts, stage, memory)
         return SimState(q, v, time, closed, impulse, deflection, speed, memory)
 
-    def record(self, stage: int, kind: Any) -> Any:
-        """Return what a stage ended with, its arrays as attributes; `kind` is that of a setup."""
-        words = self.stages[stage, len(self.last) :]
-        return np.ndarray((), kind, words).view(np.recarray)
-
     def length(self, stage: int) -> float:
         """Return how long a part takes [s]; zero for an impact."""
         return float(self.stages[stage, self.setup.time_at + LENGTH])
@@ -84,12 +79,12 @@ class Course(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Flow:
-    """What happened in one smooth part.
+class Stage:
+    """A part or an impact.
 
     Attributes:
         course: of the step.
-        stage: number of the part in it.
+        stage: its number in it.
     """
 
     course: Course
@@ -97,8 +92,21 @@ class Flow:
 
     @cached_property
     def end(self) -> Any:
-        """What `Ending` held at the end, as attributes."""
-        return self.course.record(self.stage, self.course.setup.end_kind)
+        """What `Ending` or `Hit` held at its end, as attributes."""
+        course, flows = self.course, self.course.length(self.stage) > 0.0
+        kind = course.setup.end_kind if flows else course.setup.hit_kind
+        words = course.stages[self.stage, len(course.last) :]
+        return np.ndarray((), kind, words).view(np.recarray)
+
+    @property
+    def contact_impulse(self) -> FloatArray:
+        """(k, 3) [N s] on the robot, world axes."""
+        return np.asarray(self.end.pushes.reshape(-1, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Flow(Stage):
+    """What happened in one smooth part."""
 
     @cached_property
     def start(self) -> SimState:
@@ -139,11 +147,6 @@ class Flow:
     def overlap(self) -> FloatArray:
         """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
         return np.asarray(self.end.depth if self.end.work[2] else self.end.depth[:0])
-
-    @property
-    def contact_impulse(self) -> FloatArray:
-        """(k, 3) [N s] on the robot, world axes."""
-        return np.asarray(self.end.pushes.reshape(-1, 3))
 
     @property
     def mesh_impulse(self) -> FloatArray:
@@ -192,7 +195,7 @@ class Flow:
         if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
             joint = joint - forces.kept_joint
             before = setup.drive.motion(self.start)[1]
-            turned = 0.5 * step * setup.drive.ratio * (before + end.motor_speed)
+            turned = 0.5 * step * setup.drive.gears.gear_ratio * (before + end.motor_speed)
             motor -= float(forces.kept_rotor @ turned)
             for effect, motion in forces.stores:
                 own = effect.memory_energy(setup.robot, motion)
@@ -218,21 +221,8 @@ class Flow:
 
 
 @dataclass(frozen=True, eq=False)
-class Impact:
-    """One impact.
-
-    Attributes:
-        course: of the step.
-        stage: number of the impact in it.
-    """
-
-    course: Course
-    stage: int
-
-    @cached_property
-    def hit(self) -> Any:
-        """What `Hit` held at its end, as attributes."""
-        return self.course.record(self.stage, self.course.setup.hit_kind)
+class Impact(Stage):
+    """One impact."""
 
     @cached_property
     def state(self) -> SimState:
@@ -252,46 +242,41 @@ class Impact:
     @property
     def after(self) -> FloatArray:
         """v (nv,) just after."""
-        return np.asarray(self.hit.after)
-
-    @property
-    def contact_impulse(self) -> FloatArray:
-        """(k, 3) [N s] on the robot, world axes."""
-        return np.asarray(self.hit.pushes.reshape(-1, 3))
+        return np.asarray(self.end.after)
 
     @property
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
-        return float(self.hit.found[SHARE]) * self.course.setup.restitution
+        return float(self.end.found[SHARE]) * self.course.setup.restitution
 
     @property
     def mesh_loss(self) -> float:
         """Energy lost in the gears [J]."""
-        return float(self.hit.found[MESH])
+        return float(self.end.found[MESH])
 
     @property
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
-        return float(self.hit.found[CONTACT])
+        return float(self.end.found[CONTACT])
 
     @property
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
-        return float(self.hit.found[ENERGY])
+        return float(self.end.found[ENERGY])
 
     @property
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.hit.found[LEFT])
+        return float(self.end.found[LEFT])
 
     @cached_property
     def solution(self) -> StepSolution:
         """Of the impact's program, which is put together again."""
-        setup, state, numbers = self.course.setup, self.state, self.hit.found
+        setup, state, numbers = self.course.setup, self.state, self.end.found
         setup.recall(self.course.stages[self.stage], setup.plant.hit)
         setup.tell_coupling(state.position, state.velocity)
         rows, system, inertia = impact_in_rows(setup.plant, True)
-        impulse = np.asarray(self.hit.impulse[: len(rows.places)])
+        impulse = np.asarray(self.end.impulse[: len(rows.places)])
         program, used = StepProgram.of(rows, system, inertia), int(numbers[USED])
         return StepSolution(program, system, self.after, impulse, used, WAYS[int(numbers[WAY])])
 
@@ -317,9 +302,9 @@ def stepped(
     if len(state.closed) != setup.barriers.size:
         check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
     setup.begin(state, command, external)
+    plant = setup.plant
     try:
-        arrays = q, v, impulse, deflection, speed, state.closed
-        failed = take_step(setup.plant, *arrays, state.time, step)
+        failed = take_step(plant, q, v, impulse, deflection, speed, state.closed, state.time, step)
         stages = setup.stages()
         setup.heard()
         if failed:

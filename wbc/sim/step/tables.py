@@ -49,32 +49,37 @@ class Obstacles(NamedTuple):
     asked: int
 
 
-RATIO, INERTIA, VISCOUS, COULOMB, INVERSE, BACKWARD, STIFFNESS, DAMPING, PLAY = range(9)
-"""Columns of gears: N, N^2 I_r, N^2 and |N| times the friction, 1/eta_f, eta_b, flanks."""
-DEFLECTION, SPEED = range(2)
-"""Columns of the motion of motor outputs: ahead of the joint [rad], and their own [rad/s]."""
-
-
 @structured
 class Gears(NamedTuple):
     """The gears.
 
     Attributes:
-        numbers: (m, 9), columns RATIO to PLAY.
+        ratio, inertia: N, N^2 I_r (m,).
+        viscous, coulomb: N^2 and |N| times the friction of the rotors (m,).
+        inverse, backward: 1/eta_f, eta_b (m,).
+        stiffness, damping, play: of the flanks (m,).
         rows: (m, nv) speed of the joints per v, as the motor outputs turn where gears are rigid.
-        at: (m, 2) row of v of each joint, and whether the gear is loose.
-        motion: (m, 2) memory: columns DEFLECTION and SPEED, of loose gears.
+        row: (m,) of v of each joint.
+        yields: (m,) whether the motor output may leave its joint: the gear is loose.
         coupling: (m, nv) memory: N C, see `StepCoupling`; empty where rotors feel their spin alone.
         gyration: (1, nv + m) memory: torques on links and on rotors that come with it.
         direct: whether each gear turns its joint alone and rigidly, so that joint friction and
             gear share a row.
-        loose: whether any motor output may leave its joint.
+        loose: whether any gear is.
     """
 
-    numbers: OutDense
+    ratio: OutRow
+    inertia: OutRow
+    viscous: OutRow
+    coulomb: OutRow
+    inverse: OutRow
+    backward: OutRow
+    stiffness: OutRow
+    damping: OutRow
+    play: OutRow
     rows: OutDense
-    at: OutTable
-    motion: OutDense
+    row: OutPlaces
+    yields: OutFlags
     coupling: OutDense
     gyration: OutDense
     direct: bool
