@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
+from operator import add
 
 import numpy as np
 import pinocchio as pin
@@ -143,19 +145,12 @@ def output_torque(
     torque = links - contacts
     if robot.rotors_turn_with_links:
         torque = torque + _coupling_torque(robot, motion)[0]
-    smooth: FloatArray | None = None
-    level: FloatArray | None = None
-    for effect in robot.effects:
-        pushed = effect.joint_torque(robot, motion)
-        if pushed is not None:
-            smooth = pushed if smooth is None else smooth + pushed
-        dry = effect.joint_friction(robot, motion)
-        if dry is not None:
-            level = dry if level is None else level + dry
-    if smooth is not None:
-        torque = torque - smooth
-    if level is not None:
-        torque = torque + level * np.sign(motion.velocity)
+    smooth = [effect.joint_torque(robot, motion) for effect in robot.effects]
+    level = [effect.joint_friction(robot, motion) for effect in robot.effects]
+    if pushed := [own for own in smooth if own is not None]:
+        torque = torque - reduce(add, pushed)
+    if dry := [own for own in level if own is not None]:
+        torque = torque + reduce(add, dry) * np.sign(motion.velocity)
     output = torque[..., robot.actuated] @ robot.transmission.topology
     return output, torque[..., robot.unactuated]
 

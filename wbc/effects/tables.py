@@ -159,7 +159,8 @@ def _is_tabled(robot: Robot, effect: Effect) -> bool:
     if kind in _LAWS or kind is TorqueOffset:
         return True
     if kind in _DRIVES:
-        return all(type(e) in _DRIVES for e in robot.effects if _on_drives(e))
+        acting = [e for e in robot.effects if e.acts_by & {"drive", "drive_inverse"}]
+        return all(type(e) in _DRIVES for e in acting)
     if kind is LoadStribeckFriction:
         on_gears = [e for e in robot.effects if "gear_efficiencies" in e.acts_by]
         alone = len({e.where for e in on_gears}) == len(on_gears)
@@ -168,10 +169,6 @@ def _is_tabled(robot: Robot, effect: Effect) -> bool:
 
 
 _DRIVES = (TorqueConstant, CurrentLimit)
-
-
-def _on_drives(effect: Effect) -> bool:
-    return bool(effect.acts_by & {"drive", "drive_inverse"})
 
 
 def _kind(effect: Effect) -> tuple[object, ...]:

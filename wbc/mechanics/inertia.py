@@ -6,7 +6,19 @@ linear and angular about the tree's centre of mass, world axes.
 
 from __future__ import annotations
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, Table, Vector, compiled, inner, local, view
+from wbc.compiled import (
+    Dense,
+    OutDense,
+    OutRow,
+    Places,
+    Row,
+    Table,
+    Vector,
+    compiled,
+    inner,
+    local,
+    view,
+)
 from wbc.mechanics.linear import (
     add_cross,
     add_times,
@@ -16,7 +28,7 @@ from wbc.mechanics.linear import (
     halfway,
     rest_of_way,
 )
-from wbc.mechanics.tree import Tree
+from wbc.mechanics.tree import FIRST, JOINT, ROWS, Tree
 
 
 @compiled(counted=False)
@@ -171,16 +183,6 @@ def _to_point(composite: Row, sign: float, wrench: OutRow) -> None:
 
 
 @inner
-def _solve(block: Dense, rows: OutRow) -> None:
-    """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
-    size = len(rows)
-    lower = view(local(36), 0, size, size)
-    factor_inertia(block, lower)
-    halfway(lower, rows.reshape(-1, 1))
-    rest_of_way(lower, rows)
-
-
-@inner
 def momentum_at(
     tree: Tree, columns: Dense, composite: Dense, root: int, velocity: Row, momentum: OutRow
 ) -> None:
@@ -205,49 +207,45 @@ def momentum_at(
 
 
 @inner
-def velocity_at(
-    tree: Tree,
-    columns: Dense,
-    composite: Dense,
-    root: int,
-    first: int,
-    size: int,
-    momentum: Row,
-    velocity: OutRow,
-) -> None:
-    """Write the base's rows of v (nv,) so that the tree has a momentum (6,); inverts `momentum_at`.
+def solve_base(tree: Tree, columns: Dense, composite: Dense, base: Places, rows: OutRow) -> None:
+    """Solve H_bb x = rows (b,) in place; arguments as of `velocity_at`."""
+    first, size, own = base[FIRST], base[ROWS], local(6)
+    block, lower = view(local(36), 0, size, size), view(local(36), 0, size, size)
+    for i in range(size):
+        momentum_of(composite[tree.rows[first + i, 0]], columns[first + i], own)
+        for k in range(size):
+            block[i, k] = dot(own, columns[first + k])
+    factor_inertia(block, lower)
+    halfway(lower, rows.reshape(-1, 1))
+    rest_of_way(lower, rows)
 
-    The other rows of `velocity` are read. Arguments as in `momentum_at`, and
+
+@inner
+def velocity_at(
+    tree: Tree, columns: Dense, composite: Dense, base: Places, momentum: Row, velocity: OutRow
+) -> None:
+    """Change the base's rows of v (nv,) so that its tree has a momentum (6,), see `momentum_at`.
 
     Args:
-        first, size: rows of the base.
+        tree, columns, composite: see `momentum_at`.
+        base: (5,) columns JOINT to PLACES.
         momentum: (6,).
         velocity: to change.
     """
-    left, own, rows = local(6), local(6), local(6)[:size]
-    block = view(local(36), 0, size, size)
-    copy_to(momentum, left)
+    root, first, left, rows = base[JOINT], base[FIRST], local(6), local(6)[: base[ROWS]]
+    momentum_at(tree, columns, composite, root, velocity, left)
+    for k in range(6):
+        left[k] = momentum[k] - left[k]
     _to_point(composite[root], 1.0, left)
-    for row in range(len(velocity)):
-        joint = tree.rows[row, 0]
-        if tree.joints[joint, 4] != root:
-            continue
-        momentum_of(composite[joint], columns[row], own)
-        if first <= row < first + size:
-            for i in range(size):
-                block[row - first, i] = dot(own, columns[first + i])
-        else:
-            add_times(-velocity[row], own, left)
-    for i in range(size):
+    for i in range(len(rows)):
         rows[i] = dot(columns[first + i], left)
-    _solve(block, rows)
-    for i in range(size):
-        velocity[first + i] = rows[i]
+    solve_base(tree, columns, composite, base, rows)
+    add_times(1.0, rows, velocity[first:])
 
 
 @inner
 def part_on_joints(
-    inertia: Dense, columns: Dense, composite: Row, first: int, size: int, weight: Row, bias: OutRow
+    tree: Tree, columns: Dense, composite: Dense, base: Places, inertia: Dense, bias: OutRow
 ) -> None:
     """Take out of the bias (nv,) what the momentum of a free base accounts for, in place.
 
@@ -256,22 +254,19 @@ def part_on_joints(
     motion: the bias becomes [g_b; b_j - H_jb d_b].
 
     Args:
+        tree, columns, composite, base: see `velocity_at`.
         inertia: H (nv, nv).
-        columns: (nv, 6), see `columns_at`.
-        composite: (10,) of the whole tree, see `composites_of`.
-        first, size: rows of the base.
-        weight: -m g and zeros (6,) [N], world: what holds the tree up.
         bias: (nv,), changed.
     """
-    about, rows, block = local(6), local(6)[:size], view(local(36), 0, size, size)
-    copy_to(weight, about)
-    _to_point(composite, 1.0, about)
+    first, size, whole = base[FIRST], base[ROWS], composite[base[JOINT]]
+    weight, rows = local(6), local(6)[:size]
+    weight[:] = 0.0
+    add_times(-whole[0], tree.gravity, weight)
+    _to_point(whole, 1.0, weight)
     for i in range(size):
-        held = dot(columns[first + i], about)
+        held = dot(columns[first + i], weight)
         rows[i], bias[first + i] = bias[first + i] - held, held
-        for k in range(size):
-            block[i, k] = inertia[first + i, first + k]
-    _solve(block, rows)
+    solve_base(tree, columns, composite, base, rows)
     for j in range(len(bias)):
         if j < first or j >= first + size:
             for i in range(size):

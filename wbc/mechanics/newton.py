@@ -214,7 +214,7 @@ def shift_cones(
 
     Args:
         system: whose laws are to be met.
-        convex: the same with laws that do not fall.
+        convex: the same with laws that do not fall, and with `ways`.
         start: (r,) impulses to begin at.
         tolerance: largest accepted residual.
         most: no round begins after as many linear systems.
@@ -223,7 +223,7 @@ def shift_cones(
     Returns:
         the number of linear systems, and the distance of the farthest row from its law.
     """
-    size, ways = len(start), np.ascontiguousarray(system.half.T)
+    size = len(start)
     own, x, shift = np.empty(size), np.zeros(len(system.half)), np.zeros(len(system.frictions))
     about, speed, found = start.copy(), np.empty(size), np.empty(size)
     compliance_of(system, own)
@@ -231,10 +231,10 @@ def shift_cones(
         speeds_at(system.delassus, system.free, start, speed)
         slips(system, speed, shift)
         for i in range(size):
-            add_times(start[i], ways[i], x)
+            add_times(start[i], convex.ways[i], x)
     used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
-        count = minimise(convex, ways, own, about, shift, x, speed, found)
+        count = minimise(convex, own, about, shift, x, speed, found)
         used += count
         turned = slips(system, speed, shift)
         about[:] = found
@@ -259,7 +259,7 @@ def shift_cones(
             own *= _FIRMER
     # With the slip kept, what rounds lead to is one convex program: its rows take energy.
     for _ in range(_ROUNDS if _NEAR * tolerance < least <= _PASSABLE * tolerance else 0):
-        used += minimise(convex, ways, own, about, shift, x, speed, impulse)
+        used += minimise(convex, own, about, shift, x, speed, impulse)
         least, moved = distance(system, impulse), 0.0
         for i in range(size):
             moved = max(moved, own[i] * abs(impulse[i] - about[i]))
@@ -314,8 +314,8 @@ def solve_system(
         return used, UNSOLVED
     frictions, grips = system.frictions.copy(), np.zeros(len(system.frictions))
     convex = RowSystem(
-        system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
-        laws, system.targets, frictions, grips, system.tangents,
+        system.half, np.ascontiguousarray(system.half.T), system.delassus, system.free,
+        system.spring, system.slope, laws, system.targets, frictions, grips, system.tangents,
     )  # fmt: skip
     most, least = int(work * _WORK / products_of(size, len(system.half))), np.inf
     impulse[:] = start

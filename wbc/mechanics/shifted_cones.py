@@ -122,12 +122,13 @@ def answer(
 
 
 @inner
-def stiffened(system: RowSystem, ways: Dense, rise: Dense, row_of: OutRow, total: OutDense) -> None:
-    """Write the lower half of 1 + W rise W' (n, n), of W' (r, n) and the rises of `answer`.
+def stiffened(system: RowSystem, rise: Dense, row_of: OutRow, total: OutDense) -> None:
+    """Write the lower half of 1 + W rise W' (n, n), of the rises of `answer`.
 
     `row_of` (n,) is memory.
     """
-    (size, n), d, contacts = ways.shape, system.tangents, len(system.frictions)
+    ways, d, contacts = system.ways, system.tangents, len(system.frictions)
+    size, n = ways.shape
     first = size - contacts * (1 + d)
     total[:] = 0.0
     for j in range(n):
@@ -147,23 +148,16 @@ def stiffened(system: RowSystem, ways: Dense, rise: Dense, row_of: OutRow, total
 
 @compiled(inside=True)
 def minimise(
-    system: RowSystem,
-    ways: Dense,
-    own: Row,
-    about: Row,
-    shift: Row,
-    x: OutRow,
-    speed: OutRow,
-    impulse: OutRow,
+    system: RowSystem, own: Row, about: Row, shift: Row, x: OutRow, speed: OutRow, impulse: OutRow
 ) -> int:
     """Write the end of one convex program; return how many linear systems it took.
 
     Args:
-        system, own, about, shift: see `answer`.
-        ways: W' (r, n).
+        system, own, about, shift: see `answer`; with `ways`.
         x: L (v - v_free) (n,) to begin at, and to write.
         speed, impulse: (r,) to write.
     """
+    ways = system.ways
     size, n = ways.shape
     rise, total, lower = np.empty((size, 3)), np.empty((n, n)), np.empty((n, n))
     step, down, turning, trial = np.empty(n), np.empty(n), np.empty(size), np.empty(size)
@@ -176,7 +170,7 @@ def minimise(
             step[j] = -x[j]
         for i in range(size):
             add_times(impulse[i], ways[i], step)
-        stiffened(system, ways, rise, down, total)
+        stiffened(system, rise, down, total)
         if not factor_inertia(total, lower):
             return used
         down[:] = step

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutDense, OutRow, OutTable
@@ -13,6 +12,10 @@ from wbc.structures import structured
 
 REVOLUTE, UNBOUNDED, PRISMATIC, FREE_FLYER = range(4)
 """Joints that the loops know: about an axis, the same with q as cos and sin, along one, free."""
+
+JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
+"""Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
+planar one), first entry of q."""
 
 _KINDS = {
     **{f"JointModelR{axis}": REVOLUTE for axis in "XYZ"},
@@ -52,11 +55,8 @@ def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
     count = model.njoints - 1
     joints, shapes = np.zeros((count, 5), dtype=np.int64), np.zeros((count, 25))
     for i in range(count):
-        joint, place, body = (
-            model.joints[i + 1],
-            model.jointPlacements[i + 1],
-            model.inertias[i + 1],
-        )
+        joint, place = model.joints[i + 1], model.jointPlacements[i + 1]
+        body = model.inertias[i + 1]
         kind, parent = _KINDS.get(joint.shortname(), -1), int(model.parents[i + 1]) - 1
         root = i if parent < 0 else joints[parent, 4]
         joints[i] = parent, kind, joint.idx_q, joint.idx_v, root
@@ -76,11 +76,9 @@ def tree_of(model: Any) -> Tree | None:
     if (joints[:, 1] < 0).any():
         return None
     rows = np.full((model.nv, 2), -1, dtype=np.int64)
-    pin.computeJointJacobians(model, data, pin.neutral(model))
     for i, (parent, kind, _, first, _) in enumerate(joints.tolist()):
         if kind != FREE_FLYER:
-            own = pin.getJointJacobian(model, data, i + 1, pin.ReferenceFrame.LOCAL)
-            motion = own.reshape(6, -1)[:, first]
+            motion = np.asarray(data.joints[i + 1].S).reshape(6, -1)[:, 0]
             shapes[i, 12:15] = motion[:3] if kind == PRISMATIC else motion[3:]
         before = -1 if parent < 0 else int(joints[parent, 3]) + model.joints[parent + 1].nv - 1
         for row in range(first, first + model.joints[i + 1].nv):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.robot.robot import Robot
@@ -60,11 +59,6 @@ def output_units(robot: Robot) -> tuple[str, ...]:
 
 
 def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:
-    model = robot.model
-    data = model.createData()
-    v = np.zeros(model.nv)
-    v[robot.velocity_index(joint)] = 1.0
-    pin.forwardKinematics(model, data, robot.neutral(), v)
-    twist = data.v[model.getJointId(joint)]
-    # The parents stand still: this is the joint's own motion.
-    return np.asarray(twist.linear), np.asarray(twist.angular)
+    own = robot.model.createData().joints[robot.model.getJointId(joint)]
+    motion = np.asarray(own.S).reshape(6, -1)[:, 0]
+    return motion[:3], motion[3:]

@@ -13,6 +13,7 @@ from wbc.dynamics import Workspace
 from wbc.errors import SimulationError, unknown_name
 from wbc.mechanics.tree import Tree
 from wbc.robot import BodySurface, Hull, Robot, ground_box, hull_of
+from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, Terrain
 from wbc.sim.height_field import HeightField
 from wbc.sim.step.tables import Bodies
@@ -55,13 +56,9 @@ class Barriers:
         """
         model = robot.model
         low, high = _finite(model.lowerPositionLimit), _finite(model.upperPositionLimit)
-        single = [
-            (name, joint)
-            for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True)
-            if joint.nq == 1
-            and joint.nv == 1
-            and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
-        ]
+        joints = [(name, model.joints[model.getJointId(name)]) for name in driven_joints(model)]
+        finite = np.isfinite(low) | np.isfinite(high)
+        single = [(name, joint) for name, joint in joints if finite[joint.idx_q]]
         self._solids = terrain.solids
         self.asked = any(solid.numbers() is None for solid in terrain.solids)
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]

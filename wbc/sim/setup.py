@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -69,8 +68,7 @@ class Setup:
         waits: whether a part needs Python in its middle: for effects that no table holds, for
             efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        end_kind, hit_kind: how the words of `Ending` and `Hit` are a record.
-        places, time_at, closed_at: where the state lies in the words of `Now`, see `_places`.
+        now_kind, end_kind, hit_kind: how the words of `Now`, `Ending` and `Hit` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
     """
 
@@ -124,11 +122,10 @@ class Setup:
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv, nq
-        now, kind = _memory(Now, nq, nv, rows, m, m, 4, *[size] * 4)
+        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv
+        now, self.now_kind = _memory(Now, nq, nv, rows, m, m, 4, *[size] * 4)
         ending, self.end_kind = _memory(Ending, *end, *[size] * 4)
         hit, self.hit_kind = _memory(Hit, nv, pushes, rows, size, 8, *[size] * 3)
-        self.places, self.time_at, self.closed_at = _places(kind)
         width = len(now.words) + max(len(ending.words), len(hit.words))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
@@ -211,12 +208,11 @@ class Setup:
         plant, size, step = self.plant, self.drive.gears.size, float(self.plant.forces.length[0])
         try:
             if step > 0.0:
-                _, system, start, _ = part_in_rows(plant, step, False)
+                rows, system, _ = part_in_rows(plant, step, False)
             else:
-                _, system, _ = impact_in_rows(plant, False)
-                start = np.zeros(len(system.free))
-                start[:size] = plant.now.impulse[:size]
-            impulse, _, _ = solve_rows(system, start, self.robot.transmission.joints)
+                rows, system, _ = impact_in_rows(plant, False)
+                rows.start[:size] = plant.now.impulse[:size]
+            impulse, _, _ = solve_rows(system, rows.start, self.robot.transmission.joints)
             plant.hit.impulse[: len(impulse)] = impulse
         except BaseException as error:
             self._error = self._error or error
@@ -365,20 +361,6 @@ def _memory(names: Any, *sizes: int) -> tuple[Any, np.dtype[Any]]:
     words = np.zeros(layout.itemsize // 8)
     record = np.ndarray((), layout, words)
     return stored(names(*[record[name] for name in names._fields[:-1]], words)), layout
-
-
-def _places(layout: np.dtype[Any]) -> tuple[list[slice], int, slice]:
-    """Return where the arrays of a `SimState` lie among the words of `Now`.
-
-    These are the five of numbers, the time, and what is closed, by bytes.
-    """
-    at = [layout.fields[name][1] for name in Now._fields[:-1]] if layout.fields else []
-    closed = Now._fields.index("closed")
-    return (
-        [slice(start // 8, end // 8) for start, end in pairwise(at[:6])],
-        at[5] // 8 + TIME,
-        slice(at[closed], at[closed + 1]),
-    )
 
 
 def _known_tree(robot: Robot) -> Tree:

@@ -14,6 +14,7 @@ from wbc.measurement import Log
 from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
 from wbc.progress import progress_bar
 from wbc.robot import Robot
+from wbc.robot.model_file import driven_joints
 from wbc.sim.energy import EnergyAudit, EnergyFlow
 from wbc.sim.plant import Plant
 from wbc.sim.result import StepEvent, StepResult
@@ -36,8 +37,7 @@ class Recorder:
         self._robot, self._temperature = robot, temperature
         self._single = [
             (name, robot.position_index(name), robot.velocity_index(name))
-            for name in robot.single_joints
-            if robot.model.joints[robot.model.getJointId(name)].nq == 1
+            for name in driven_joints(robot.model)
         ]
         self._drive = Drivetrain.of(robot)
         self._rows: list[tuple[float | FloatArray, ...]] = []

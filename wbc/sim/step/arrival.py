@@ -227,10 +227,10 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
     """
     joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
     half = 0.5 * step
-    carry(plant.tree, plant.flight, plant.placed, end.after)
+    carry(plant, end.after)
     moved_along(joints, end.before, end.after, half, end.position)
     place(joints, shapes, end.position, poses)
-    advance(plant.tree, plant.flight, half, end.position, poses)
+    advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
     pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
     off, deepest = drifts(plant, pushes, step, pressed, drift)
@@ -244,8 +244,8 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
         take_back(plant, matrix, pressed, drift, furthest)
     end.velocity[:] = end.after
     if len(plant.flight.bases):
-        look(plant.tree, plant.flight, plant.placed)
-        set_momentum(plant.tree, plant.flight, plant.placed, end.velocity)
+        look(plant)
+        set_momentum(plant, end.velocity)
     return left
 
 
@@ -277,7 +277,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
                 gap[i] = here[i]
         if deepest >= -0.5 * plant.bounds[TOUCH]:
             return True
-        weigh(plant.tree, plant.flight, placed)
+        weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
         barrier_rows(plant, near, 0, matrix, axes, np.empty(touching, dtype=np.int64))
         metric[:], most = placed.inertia, 0.0

@@ -51,7 +51,7 @@ def spring_energy(gears: Gears, which: int, deflection: float) -> float:
 
 @inner
 def loose_losses(
-    plant: Opened, step: float, rows: PartRows, solved: Solved, which: int, lost: float
+    plant: Opened, rows: PartRows, solved: Solved, which: int, lost: float
 ) -> tuple[float, float]:
     """Return the losses [J] in the mesh of a loose gear, and between it and the joint.
 
@@ -65,11 +65,11 @@ def loose_losses(
     that hangs in its play loses nothing.
 
     Args:
-        plant, step, rows, solved: see `books_of`.
+        plant, rows, solved: see `books_of`.
         which: number of the gear.
         lost: [J] in the mesh at the final speed.
     """
-    gears = plant.gears
+    gears, step = plant.gears, rows.step
     after, mesh = plant.end.motor_speed[which], plant.end.mesh_impulse[which]
     before, rate, end = rows.motor[which], rows.relative[which], solved.end[which]
     damped = 0.5 * mesh * (rate + end)
@@ -92,10 +92,10 @@ def loose_losses(
 
 
 @inner
-def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
+def book_gears(plant: Opened, rows: PartRows, solved: Solved) -> None:
     """Write the motors' work, and what is lost in gears and in friction of joints."""
     books, motor, mesh = plant.end.books, plant.end.motor_speed, plant.end.mesh_impulse
-    m, gears = len(motor), plant.gears
+    m, gears, step = len(motor), plant.gears, rows.step
     for i in range(m):
         size = abs(motor[i])
         turned = 0.5 * step * gears.ratio[i] * (rows.motor[i] + motor[i])
@@ -104,7 +104,7 @@ def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> No
         gain = gears.inverse[i] if motor[i] * mesh[i] > 0.0 else gears.backward[i]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
         if plant.gears.yields[i]:
-            lost, damped = loose_losses(plant, step, rows, solved, i, lost)
+            lost, damped = loose_losses(plant, rows, solved, i, lost)
         books[MESH] += lost
         books[GEAR] += damped
     for i in range(len(rows.laws)):
@@ -113,18 +113,18 @@ def book_gears(plant: Opened, step: float, rows: PartRows, solved: Solved) -> No
 
 
 @inner
-def soft_loss(plant: Opened, step: float, rows: PartRows, solved: Solved, contact: int) -> float:
+def soft_loss(plant: Opened, rows: PartRows, solved: Solved, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
     stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
     row = len(rows.laws) + len(rows.targets) - len(rows.frictions) + contact
-    after = rows.depths[contact, 1] - 0.5 * step * solved.speed[row]
+    after = rows.depths[contact, 1] - 0.5 * rows.step * solved.speed[row]
     taken = stored_at(stiffness, after) - stored_at(stiffness, before)
-    lost: float = solved.impulse[row] / step * (after - before) - taken
+    lost: float = solved.impulse[row] / rows.step * (after - before) - taken
     return lost
 
 
 @inner
-def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
+def book_barriers(plant: Opened, rows: PartRows, solved: Solved) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
     elements, both = len(rows.laws), len(rows.targets)
@@ -136,7 +136,7 @@ def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) ->
             continue
         contact = i - contacts
         if len(rows.depths) and contact >= 0:
-            books[CONTACT] += soft_loss(plant, step, rows, solved, contact)
+            books[CONTACT] += soft_loss(plant, rows, solved, contact)
             continue
         for a in range(d if contact >= 0 else 0):
             along = elements + both + contact * d + a
@@ -147,20 +147,19 @@ def book_barriers(plant: Opened, step: float, rows: PartRows, solved: Solved) ->
 
 
 @inner
-def books_of(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
+def books_of(plant: Opened, rows: PartRows, solved: Solved) -> None:
     """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.
-        step: h [s].
         rows: of the part.
         solved: how they end.
     """
     books, inertia, speed = plant.end.books, plant.placed.inertia, plant.end.speed
     books[:] = 0.0
     books[MISSED] = solved.missed
-    book_gears(plant, step, rows, solved)
-    book_barriers(plant, step, rows, solved)
+    book_gears(plant, rows, solved)
+    book_barriers(plant, rows, solved)
     for i in range(len(solved.impulse)):
         # A speed below 10 TOLERANCE is rounding; `result` takes 1e-8 of what moves as such.
         speed_of = abs(solved.speed[i]) + 1e9 * TOLERANCE
@@ -186,7 +185,7 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     tree, placed, gears = plant.tree, plant.placed, plant.gears
     joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
     place(joints, tree.shapes, q, poses)
-    about = point_of_reference(plant.flight.bases, poses)
+    about = point_of_reference(plant)
     columns_at(joints, tree.shapes, poses, about, placed.columns)
     bodies_at(joints, tree.shapes, poses, about, placed.bodies)
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
@@ -239,24 +238,23 @@ def slowed(plant: Opened, fast: Row, share: float, v: OutRow) -> float:
     """Write v (nv,) with a share of the joints' speeds, and the momentum; return what is stored."""
     for i in range(len(v)):
         v[i] = share * fast[i]
-    set_momentum(plant.tree, plant.flight, plant.placed, v)
+    set_momentum(plant, v)
     return stored_in_end(plant, v)
 
 
 @compiled(inside=True)
-def keep_passive(plant: Opened, start: Row, step: float) -> None:
+def keep_passive(plant: Opened, step: float) -> None:
     """Take from v (nv,) at the end of a part what it has made; it stands in books[TAKEN] [J].
 
     Args:
         plant: its memory stands at the end, with the books.
-        start: v (nv,) at the start of the part.
         step: h [s].
     """
     now, end, books, fast = plant.now, plant.end, plant.end.books, plant.end.velocity
     work = books[MOTOR]
     for i in range(len(fast)):
         work += 0.5 * step * end.force[i] * (end.speed[i] + end.after[i])
-    had, _, _ = survey(plant, end.start, start, now.deflection, now.motor_speed)
+    had, _, _ = survey(plant, now.position, now.velocity, now.deflection, now.motor_speed)
     has = stored_in_end(plant, fast)
     most = had + work + MADE * (books[KINETIC] + abs(work))
     if has <= most:

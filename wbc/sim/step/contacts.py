@@ -172,7 +172,7 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
         rate: to write.
     """
     limits, columns = 2 * len(plant.obstacles.limit_at), plant.placed.columns
-    about = point_of_reference(plant.flight.bases, plant.placed.poses)
+    about = point_of_reference(plant)
     wrench = local(6)
     for b in range(len(closed)):
         rate[b] = 0.0
@@ -227,7 +227,7 @@ def barrier_rows(
     """
     limit_at = plant.obstacles.limit_at
     columns, rows = plant.placed.columns, plant.tree.rows
-    about = point_of_reference(plant.flight.bases, plant.placed.poses)
+    about = point_of_reference(plant)
     j, row, count = len(limit_at), first, 0
     for i in range(2 * j):
         if closed[i]:

@@ -27,20 +27,24 @@ _SOON = 1e-6  # [s] over which gaps tell their speeds
 
 
 @inner
-def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool:
+def is_ahead(plant: Opened, i: int) -> bool:
+    """Return whether a part may land on a barrier: it is rigid, and neither closed nor kept."""
+    return not plant.now.closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+
+
+@inner
+def lands_slowly(plant: Opened, start: Row, short: float) -> bool:
     """Write which barriers land; return whether only points do, none from farther than `short`.
 
     Args:
         plant: with the gaps of the end, and barriers that are kept; `jumps` is written.
-        closed: (2 j + c,) barriers that hold already.
         start: (2 j + c,) gaps.
         short: [m].
     """
     gap, landing, limits = plant.end.gap, plant.end.jumps, 2 * len(plant.obstacles.limit_at)
     found, slowly = False, True
     for i in range(len(gap)):
-        rigid = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
-        landing[i] = rigid and gap[i] < -plant.bounds[TOUCH]
+        landing[i] = is_ahead(plant, i) and gap[i] < -plant.bounds[TOUCH]
         if landing[i]:
             found = True
             slowly = slowly and i >= limits and start[i] - gap[i] <= short
@@ -48,15 +52,14 @@ def lands_slowly(plant: Opened, closed: Flags, start: Row, short: float) -> bool
 
 
 @inner
-def nearest(plant: Opened, closed: Flags, start: Row, gap: Row, out: OutRow) -> float:
+def nearest(plant: Opened, start: Row, gap: Row, out: OutRow) -> float:
     """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
 
     An overlap at the start is on its way out; what is written counts from there.
     """
     least = np.inf
     for i in range(len(gap)):
-        ahead = not closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
-        out[i] = gap[i] - min(start[i], 0.0) if ahead else np.inf
+        out[i] = gap[i] - min(start[i], 0.0) if is_ahead(plant, i) else np.inf
         least = min(least, out[i])
     return least
 
@@ -85,14 +88,7 @@ def first_crossing(early: Row, late: Row, fall: Row, bent: bool) -> float:
 
 
 @compiled(inside=True)
-def to_landing(
-    plant: Opened,
-    closed: Flags,
-    stored: Row,
-    at: tuple[Row, Row],
-    start: Row,
-    whole: tuple[int, float],
-) -> tuple[int, float]:
+def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int, float]:
     """Do the part that ends where the first barrier is reached (regula falsi).
 
     Gaps are parabolas of the length of a part but for what is of third order, and the speeds at the
@@ -101,19 +97,18 @@ def to_landing(
 
     Args:
         plant: where the whole part has ended; barriers whose gaps jump are written to `jumps`.
-        closed, stored: see `second_half`.
-        at: q (nq,) and v (nv,) at the start.
         start: (2 j + c,) gaps.
         whole: what the whole part returned, and its length [s].
 
     Returns:
         the same of the part that ends there.
     """
-    (result, late), early, size, (q, v) = whole, 0.0, len(start), at
+    (result, late), early, size = whole, 0.0, len(start)
+    q, v = plant.now.position, plant.now.velocity
     ahead, gap_early, gap_late = np.empty(size), np.empty(size), np.empty(size)
-    nearest(plant, closed, start, start, gap_early)
+    nearest(plant, start, start, gap_early)
     plant.end.jumps[:] = False
-    if not nearest(plant, closed, start, plant.end.gap, gap_late) < 0.0:
+    if not nearest(plant, start, plant.end.gap, gap_late) < 0.0:
         return whole  # What overlaps now did so at the start and is moving out.
     near, fall = np.empty(len(q)), np.empty(size)
     moved_along(plant.tree.joints, q, v, _SOON, near)
@@ -124,8 +119,8 @@ def to_landing(
         # Every third try halves, lest one end of the interval never move.
         share = 0.5 if turn % 3 == 2 else first_crossing(gap_early, gap_late, fall, turn == 0)
         trial = early + share * (late - early)
-        result = part_with_mesh(plant, closed, stored, q, v, trial)
-        least = nearest(plant, closed, start, plant.end.gap, ahead)
+        result = part_with_mesh(plant, trial)
+        least = nearest(plant, start, plant.end.gap, ahead)
         if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
             return result, trial
         if least > 0.0:
@@ -133,7 +128,7 @@ def to_landing(
         else:
             late, gap_late[:] = trial, ahead
     if early > 0.0:
-        result = part_with_mesh(plant, closed, stored, q, v, early)
+        result = part_with_mesh(plant, early)
     for i in range(size):
         plant.end.jumps[i] = gap_late[i] < 0.0
     return result, early
@@ -151,26 +146,25 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
         what `part_of_step` does, the length of the part [s], and whether more barriers are kept.
     """
     now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
-    q, v, closed, stored = now.position, now.velocity, now.closed, now.impulse
-    size = len(closed)
+    size = len(now.closed)
     for i in range(size):
         end.kept[i], end.slow[i], end.jumps[i] = now.kept[i], False, False
-    result = part_with_mesh(plant, closed, stored, q, v, step)
+    result = part_with_mesh(plant, step)
     if result >= 10 or result != LANDED:
         return result, step, False
     start = np.empty(size)
-    gaps_of(plant, q, start)
+    gaps_of(plant, now.position, start)
     while result < 10 and result == LANDED:
-        if lands_slowly(plant, closed, start, short):
+        if lands_slowly(plant, start, short):
             for i in range(size):
                 end.slow[i] = end.slow[i] or end.jumps[i]
         else:
-            result, length = to_landing(plant, closed, stored, (q, v), start, (result, step))
+            result, length = to_landing(plant, start, (result, step))
             if length > 0.0:
                 return result, length, True
         for i in range(size):
             end.kept[i], end.jumps[i] = end.kept[i] or end.jumps[i], False
-        result = part_with_mesh(plant, closed, stored, q, v, step)
+        result = part_with_mesh(plant, step)
     return result, step, True
 
 

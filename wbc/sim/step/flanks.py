@@ -127,13 +127,7 @@ def misses_flanks(
 
 @compiled(inside=True)
 def solve_gripped(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    start: Row,
-    step: float,
-    tolerance: float,
-    solved: Solved,
+    plant: Opened, rows: PartRows, system: RowSystem, start: Row, tolerance: float, solved: Solved
 ) -> tuple[int, int, float]:
     """Solve the rows, and the flanks of loose gears by Newton's method on their law.
 
@@ -149,7 +143,6 @@ def solve_gripped(
         rows: of the part.
         system: of the rows; springs of loose gears are put into its laws.
         start: (r,) impulses to start from.
-        step: h [s].
         tolerance: largest accepted residual of a row.
         solved: whose impulses, relative speeds at the end, and share of dampers are written.
 
@@ -161,7 +154,7 @@ def solve_gripped(
     if not gears.loose:
         used, way = solve_system(system, start, tolerance, 1.0, impulse)
         return used, way, 0.0
-    m, work, missed = len(gears.rows), 0, 0.0
+    m, work, missed, step = len(gears.rows), 0, 0.0, rows.step
     near, passed, safe = np.zeros((m, 5)), np.zeros((m, 5)), np.zeros((m, 5))
     rounds, ways = np.zeros((m, 3)), 0.5 * step * rows.relative
     speed, guess = np.empty(len(start)), start.copy()

@@ -121,12 +121,12 @@ def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
 
 
 @compiled(inside=True)
-def impact_rows(plant: Opened, together: Flags, v: Row) -> PartRows:
+def impact_rows(plant: Opened, together: Flags) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
     Their targets are still to be written.
     """
-    rows = rows_where(plant, together, v, 0)
+    rows = rows_where(plant, together, 0, 0.0)
     impact_laws(plant.gears, rows.motor, rows.laws)
     return rows
 
@@ -173,8 +173,9 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
 
 
 @compiled(inside=True)
-def book_impact(plant: Opened, v: Row, rows: PartRows, solved: Solved) -> None:
-    """Write losses of an impact from v (nv,)."""
+def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
+    """Write losses of an impact."""
+    v = plant.now.velocity
     found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)
     for i in range(m):
         if not plant.gears.yields[i]:
@@ -204,8 +205,8 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Ro
     found[:] = 0.0
     if not reaches(plant, goes_on):
         return APART
-    weigh(plant.tree, plant.flight, plant.placed)
-    rows = impact_rows(plant, hit.closed, v)
+    weigh(plant)
+    rows = impact_rows(plant, hit.closed)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
         return HIT
@@ -214,15 +215,15 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Ro
             hit.closed[i] = before[i] or hit.fresh[i]
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
-    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.places))
+    system = part_system(rows, plant.obstacles.tangents)
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
-    solved = solve_part(plant, rows, system, v, start, 0.0, work, given)
+    solved = solve_part(plant, rows, system, v, work, given)
     found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
     found[WAY], found[LEFT] = solved.way, solved.missed
     copy_to(solved.impulse, hit.impulse)
     if solved.way >= UNSOLVED:
         return HIT
-    book_impact(plant, v, rows, solved)
+    book_impact(plant, rows, solved)
     hit.after[:] = solved.after
     contacts = len(rows.laws) + len(rows.targets) - len(rows.which)
     pushes = hit.pushes.reshape(-1, 3)
@@ -313,12 +314,12 @@ def impact_in_rows(plant: Opened, solved: bool) -> tuple[PartRows, RowSystem, Ou
     """
     now, hit = plant.now, plant.hit
     gaps_of(plant, now.position, np.empty(len(hit.together)))
-    weigh(plant.tree, plant.flight, plant.placed)
-    rows = impact_rows(plant, hit.together, now.velocity)
+    weigh(plant)
+    rows = impact_rows(plant, hit.together)
     for i in range(len(rows.targets)):
         rows.targets[i] = hit.aims[i]
-    system, start = part_system(rows, plant.obstacles.tangents), np.zeros(len(rows.places))
+    system = part_system(rows, plant.obstacles.tangents)
     if solved:
-        given = hit.impulse[: len(start)]
-        solve_part(plant, rows, system, now.velocity, start, 0.0, 1.0, given)
+        given = hit.impulse[: len(rows.start)]
+        solve_part(plant, rows, system, now.velocity, 1.0, given)
     return rows, system, plant.placed.inertia.copy()

@@ -18,25 +18,15 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import IntArray
-from wbc.compiled import Flags, OutDense, OutRow, Row, inner, local
+from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
 from wbc.mechanics.linear import add_times, copy_to, dot
-from wbc.mechanics.tree import Tree
+from wbc.mechanics.tree import JOINT, PLACES, ROWS
 from wbc.robot import Robot
 from wbc.sim.step.contacts import rates_at, touch_ground
 from wbc.sim.step.field import AHEAD
-from wbc.sim.step.tables import (
-    FIRST,
-    JOINT,
-    PLACES,
-    REACH,
-    ROWS,
-    Flight,
-    Opened,
-    PlacedTree,
-    point_of_reference,
-)
+from wbc.sim.step.tables import REACH, Opened, point_of_reference
 
 _NEAR = 1e-3  # [m] beside what speed and weight do in a step
 _PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
@@ -74,61 +64,63 @@ def _planar(model: Any, number: int) -> bool:
 
 
 @inner
-def look(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
+def look(plant: Opened) -> None:
     """Write columns and bodies in given poses."""
-    poses, about = placed.poses, point_of_reference(flight.bases, placed.poses)
+    tree, placed, about = plant.tree, plant.placed, point_of_reference(plant)
+    poses = placed.poses
     columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
     bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
     composites_of(tree.joints, placed.bodies, placed.composite)
 
 
 @inner
-def weigh(tree: Tree, flight: Flight, placed: PlacedTree) -> None:
+def weigh(plant: Opened) -> None:
     """Write columns, bodies and H_l in given poses."""
-    look(tree, flight, placed)
-    inertia_at(tree.rows, placed.composite, placed.columns, placed.inertia)
+    look(plant)
+    placed = plant.placed
+    inertia_at(plant.tree.rows, placed.composite, placed.columns, placed.inertia)
 
 
 @inner
-def carry(tree: Tree, flight: Flight, placed: PlacedTree, v: Row) -> None:
-    """Keep the momentum (6) that every tree has at v (nv,)."""
+def carry(plant: Opened, v: Row) -> None:
+    """Keep the momentum (6) that every tree on a free base has at v (nv,)."""
+    flight, placed = plant.flight, plant.placed
     for i in range(len(flight.bases)):
         root, carried = flight.bases[i, JOINT], flight.carried[i, :6]
-        momentum_at(tree, placed.columns, placed.composite, root, v, carried)
+        momentum_at(plant.tree, placed.columns, placed.composite, root, v, carried)
 
 
 @inner
-def keep_centers(flight: Flight, placed: PlacedTree) -> None:
+def keep_centers(plant: Opened) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
-    bases, about = flight.bases, point_of_reference(flight.bases, placed.poses)
-    for i in range(len(bases)):
-        behind = placed.composite[bases[i, JOINT]]
-        flight.carried[i, 9] = behind[0]
-        for k in range(3):
-            flight.carried[i, 6 + k] = about[k] + behind[1 + k] / behind[0]
+    flight, about = plant.flight, point_of_reference(plant)
+    for i in range(len(flight.bases)):
+        behind, carried = plant.placed.composite[flight.bases[i, JOINT]], flight.carried[i]
+        carried[9] = behind[0]
+        copy_to(about, carried[6:])
+        add_times(1.0 / behind[0], behind[1:4], carried[6:])
 
 
 @inner
-def set_momentum(tree: Tree, flight: Flight, placed: PlacedTree, v: OutRow) -> None:
+def set_momentum(plant: Opened, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
+    flight, placed = plant.flight, plant.placed
     for i in range(len(flight.bases)):
         base, carried = flight.bases[i], flight.carried[i, :6]
-        root, first, size = base[JOINT], base[FIRST], base[ROWS]
-        velocity_at(tree, placed.columns, placed.composite, root, first, size, carried, v)
+        velocity_at(plant.tree, placed.columns, placed.composite, base, carried, v)
 
 
 @inner
-def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense) -> None:
+def advance(plant: Opened, half: float, q: OutRow) -> None:
     """Move the bases in q and poses so that each centre of mass has moved in a straight line.
 
     Args:
-        tree: what moves.
-        flight: momentum and centres of mass; the latter are moved.
+        plant: with poses, momentum and centres of mass; the latter are moved.
         half: time [s] that the centres of mass move on.
         q: (nq,), changed.
-        poses: (n, 12), changed.
     """
-    joints, shapes, bases, carried = tree.joints, tree.shapes, flight.bases, flight.carried
+    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    bases, carried = plant.flight.bases, plant.flight.carried
     for i in range(len(bases)):
         joint, missing, center = bases[i, JOINT], local(3), local(3)
         missing[:] = 0.0
@@ -151,16 +143,16 @@ def advance(tree: Tree, flight: Flight, half: float, q: OutRow, poses: OutDense)
 
 
 @inner
-def look_ahead(plant: Opened, v: Row, step: float) -> None:
+def look_ahead(plant: Opened, step: float) -> None:
     """Write up to which gap height fields are known: how far a body may come in a step, twice.
 
     Args:
         plant: whose poses and columns stand at the start.
-        v: (nv,) at the start.
         step: h [s].
     """
+    v = plant.now.velocity
     poses, bodies, gravity, far = plant.placed.poses, plant.bodies, plant.tree.gravity, 0.0
-    about, speed = point_of_reference(plant.flight.bases, poses), 0.0
+    about, speed = point_of_reference(plant), 0.0
     for h in range(len(bodies.hulls)):
         joint, around, own = bodies.hulls[h, 0], bodies.shapes[h, 3], 0.0
         for k in range(3):
@@ -185,26 +177,26 @@ def stands_at(plant: Opened, q: Row) -> bool:
 
 
 @inner
-def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None:
+def to_middle(plant: Opened, half: float) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
     The attitude goes by the velocity of the middle (one correction), which makes free rotation of
     second order. The memory then stands at the middle, with all of H_l. How fast the closed
     contacts open at the start is written beside it, see `rates_at`.
     """
-    tree, flight, placed = plant.tree, plant.flight, plant.placed
-    joints, shapes, poses, bases = tree.joints, tree.shapes, placed.poses, flight.bases
+    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
+    bases = plant.flight.bases
+    q, v, closed = plant.now.position, plant.now.velocity, plant.now.closed
     middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
     touching = False
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
-    copy_to(q, plant.end.start)
     if len(bases) or touching or plant.obstacles.fields:
         place(joints, shapes, q, poses)
-        look(tree, flight, placed)
+        look(plant)
     if plant.obstacles.fields:
-        look_ahead(plant, v, 2.0 * half)
+        look_ahead(plant, 2.0 * half)
     if touching:
         if not stands_at(plant, q):
             touch_ground(plant, closed)
@@ -212,15 +204,15 @@ def to_middle(plant: Opened, q: Row, v: Row, half: float, closed: Flags) -> None
         rates_at(plant, closed, v, rate)
     copy_to(v, speed)
     if len(bases):
-        carry(tree, flight, placed, v)
-        keep_centers(flight, placed)
+        carry(plant, v)
+        keep_centers(plant)
         moved_along(joints, q, v, half, middle)
         place(joints, shapes, middle, poses)
-        look(tree, flight, placed)
-        set_momentum(tree, flight, placed, speed)
+        look(plant)
+        set_momentum(plant, speed)
     moved_along(joints, q, speed, half, middle)
     place(joints, shapes, middle, poses)
-    advance(tree, flight, half, middle, poses)
-    weigh(tree, flight, placed)
+    advance(plant, half, middle)
+    weigh(plant)
     copy_to(v, speed)
-    set_momentum(tree, flight, placed, speed)
+    set_momentum(plant, speed)

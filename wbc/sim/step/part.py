@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
+from wbc.compiled import OutDense, Row, ask, compiled, inner
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
@@ -33,7 +33,7 @@ _ROUNDING = 1e-12
 
 
 @inner
-def close(plant: Opened, before: Flags, step: float) -> None:
+def close(plant: Opened, step: float) -> None:
     """Write which barriers hold in a part.
 
     Compliant contacts take part that may be met within it: `_FASTEST` [m/s]. One that comes faster
@@ -41,39 +41,34 @@ def close(plant: Opened, before: Flags, step: float) -> None:
 
     Args:
         plant: whose memory stands in the middle.
-        before: (2 j + c,) barriers closed at the start.
         step: h [s].
     """
-    end, half = plant.end, 0.5 * step
+    end, before = plant.end, plant.now.closed
     for i in range(len(before)):
         end.closed[i] = before[i] or end.kept[i]
     if plant.bounds[HERTZ] > 0.0:
         gaps_at(plant, end.before, before[:0], end.gap)
         for i in range(2 * len(plant.obstacles.limit_at), len(before)):
-            end.closed[i] = end.gap[i] < half * _FASTEST
+            end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
 
 
 @compiled(inside=True)
-def begin(
-    plant: Opened, before: Flags, stored: Row, v: Row, step: float
-) -> tuple[PartRows, RowSystem, OutRow]:
-    """Return the rows of a part, their system, and the impulses (r,) from which they start.
+def begin(plant: Opened, step: float) -> tuple[PartRows, RowSystem]:
+    """Return the rows of a part, and their system; they start from the last step's impulses.
 
-    The rows start from the last step's impulses. Where H_l is not positive, `lower[0, 0]` is no
-    number. Arguments as of `second_half`.
+    Where H_l is not positive, `lower[0, 0]` is no number.
     """
-    close(plant, before, step)
-    rows = rows_of(plant, v, step)
-    start = np.empty(len(rows.places))
-    for i in range(len(start)):
-        start[i] = stored[rows.places[i]]
-    return rows, part_system(rows, plant.obstacles.tangents), start
+    close(plant, step)
+    rows = rows_of(plant, step)
+    for i in range(len(rows.start)):
+        rows.start[i] = plant.now.impulse[rows.places[i]]
+    return rows, part_system(rows, plant.obstacles.tangents)
 
 
 @inner
-def keep(plant: Opened, step: float, rows: PartRows, solved: Solved) -> None:
+def keep(plant: Opened, rows: PartRows, solved: Solved) -> None:
     """Write v (nv,) after the impulses, these themselves, and how the motors move then."""
-    end, half = plant.end, 0.5 * step
+    end, half = plant.end, 0.5 * rows.step
     end.work[0], end.work[1] = solved.used, solved.way
     end.impulse[:] = 0.0
     for i in range(len(solved.impulse)):
@@ -111,30 +106,27 @@ def hold_or_land(plant: Opened, pushes: Row) -> int:
 
 
 @compiled(inside=True)
-def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, step: float) -> int:
+def second_half(plant: Opened, given: Row, step: float) -> int:
     """Do the second half of a part, whose memory stands in the middle.
 
     Args:
-        plant: what moves, with the forces and the barriers that may close within the part,
-            `plant.end.kept`; the rest of `plant.end` is written.
-        before: (2 j + c,) barriers closed at the start.
-        stored: row impulses of the last step in the plant's layout.
+        plant: what moves, with the forces, the state at the start, and the barriers that may close
+            within the part, `plant.end.kept`; the rest of `plant.end` is written.
         given: (r,) row impulses where they are known already, else empty.
-        v: (nv,) at the start.
         step: h [s].
 
     Returns:
         SMOOTH or LANDED; ten and more where it failed, ten beyond what `Solved.way` says.
     """
     end = plant.end
-    rows, system, start = begin(plant, before, stored, v, step)
+    rows, system = begin(plant, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
-    solved = solve_part(plant, rows, system, end.speed, start, step, 1.0, given)
-    keep(plant, step, rows, solved)
+    solved = solve_part(plant, rows, system, end.speed, 1.0, given)
+    keep(plant, rows, solved)
     if solved.way >= UNSOLVED:
         return 10 + solved.way
-    books_of(plant, step, rows, solved)
+    books_of(plant, rows, solved)
     elements, both = len(rows.laws), len(rows.targets)
     turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
     contacts = solved.impulse[elements + both - len(rows.frictions) :]
@@ -151,29 +143,29 @@ def second_half(plant: Opened, before: Flags, stored: Row, given: Row, v: Row, s
         if plant.gears.yields[i]:  # motors stay where they are
             end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
     if not 0.5 * step * turns <= TURN:
-        keep_passive(plant, v, step)
+        keep_passive(plant, step)
     return hold_or_land(plant, pressed)
 
 
 @compiled(inside=True)
-def part_of_step(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
-    """Do a part from q (nq,); arguments and result as of `second_half`.
+def part_of_step(plant: Opened, step: float) -> int:
+    """Do a part of h [s] from the state of the plant; result as of `second_half`.
 
     Python is asked for what acts in the middle where loops do not know it, and for the rows where
     self-locking gears leave several solutions.
     """
-    to_middle(plant, q, v, 0.5 * step, before)
+    to_middle(plant, 0.5 * step)
     plant.forces.length[0] = step
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    result = second_half(plant, before, stored, stored[:0], v, step)
+    result = second_half(plant, plant.now.impulse[:0], step)
     if result == 10 + UNDECIDED:
-        result = second_half(plant, before, stored, decided(plant), v, step)
+        result = second_half(plant, decided(plant), step)
     return result
 
 
 @compiled(inside=True)
-def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, step: float) -> int:
+def part_with_mesh(plant: Opened, step: float) -> int:
     """Do a part in which effects see the torque that the gears then carry, see `part_of_step`.
 
     Secant steps of each gear alone, from what its effect remembers of the step before: what a gear
@@ -181,14 +173,14 @@ def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, st
     """
     taken, mesh = plant.forces.mesh, plant.end.mesh_impulse
     taken[:] = np.nan
-    result = part_of_step(plant, before, stored, q, v, step)
+    result = part_of_step(plant, step)
     if len(taken) == 0 or result >= 10:
         return result
     miss, change, slope = np.zeros(len(taken)), np.zeros(len(taken)), np.zeros(len(taken))
     for i in range(len(taken)):
         taken[i] = mesh[i] / step
     for _ in range(_MESH_ROUNDS):
-        result, met = part_of_step(plant, before, stored, q, v, step), True
+        result, met = part_of_step(plant, step), True
         for i in range(len(taken)):
             carried, last = mesh[i] / step, miss[i]
             miss[i] = carried - taken[i]
@@ -203,20 +195,18 @@ def part_with_mesh(plant: Opened, before: Flags, stored: Row, q: Row, v: Row, st
 
 
 @compiled
-def part_in_rows(
-    plant: Opened, step: float, solved: bool
-) -> tuple[PartRows, RowSystem, OutRow, OutDense]:
-    """Return the rows of the part that starts now, their system, the start of the rows, and H_l.
+def part_in_rows(plant: Opened, step: float, solved: bool) -> tuple[PartRows, RowSystem, OutDense]:
+    """Return the rows of the part that starts now, their system, and H_l.
 
     Laws and free speeds are those without coupling and flanks, or those of the end of a part that
     the memory holds `solved`, see `solve_part`; where no loop solved it, with its impulses.
     """
-    now, end = plant.now, plant.end
-    to_middle(plant, now.position, now.velocity, 0.5 * step, now.closed)
-    rows, system, start = begin(plant, now.closed, now.impulse, now.velocity, step)
+    end = plant.end
+    to_middle(plant, 0.5 * step)
+    rows, system = begin(plant, step)
     if solved:
-        given = start[: 0 if end.work[0] > 0.0 else len(start)].copy()
+        given = rows.start[: 0 if end.work[0] > 0.0 else len(rows.start)].copy()
         for i in range(len(given)):
             given[i] = end.impulse[rows.places[i]]
-        solve_part(plant, rows, system, end.speed, start, step, 1.0, given)
-    return rows, system, start, plant.placed.inertia.copy()
+        solve_part(plant, rows, system, end.speed, 1.0, given)
+    return rows, system, plant.placed.inertia.copy()

@@ -14,15 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner, local
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, compiled, inner
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, halfway, rest_of_way
 from wbc.mechanics.rows import RowSystem, system_of
-from wbc.mechanics.tree import Tree
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
-from wbc.sim.step.tables import FIRST, HERTZ, JOINT, ROWS, Flight, Opened, PlacedTree
+from wbc.sim.step.tables import HERTZ, Opened
 
 
 class PartRows(NamedTuple):
@@ -41,6 +40,8 @@ class PartRows(NamedTuple):
         motor: (m,) speeds of the motor outputs before.
         relative: (m,) the same less those of the joints.
         depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
+        start: (r,) impulses from which the solution starts.
+        step: h [s], zero for an impact.
     """
 
     matrix: OutDense
@@ -55,6 +56,8 @@ class PartRows(NamedTuple):
     motor: OutRow
     relative: OutRow
     depths: OutDense
+    start: OutRow
+    step: float
 
 
 class Solved(NamedTuple):
@@ -81,26 +84,17 @@ class Solved(NamedTuple):
 
 
 @compiled(inside=True)
-def bias_of(tree: Tree, flight: Flight, placed: PlacedTree, v: Row, bias: OutRow) -> None:
-    """Write gravity and the velocity terms (nv,), less those that the momentum accounts for."""
-    size, columns = (len(tree.joints), 6), placed.columns
-    moving = np.empty(size), np.empty(size), np.empty(size)
-    move_bodies(tree.joints, tree.gravity, columns, placed.bodies, v, *moving, bias)
-    bases, weight = flight.bases, local(6)
-    weight[:] = 0.0
-    for i in range(len(bases)):
-        behind, first, size = placed.composite[bases[i, JOINT]], bases[i, FIRST], bases[i, ROWS]
-        for k in range(3):
-            weight[k] = -behind[0] * tree.gravity[k]
-        part_on_joints(placed.inertia, columns, behind, first, size, weight, bias)
-
-
-@compiled(inside=True)
 def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
-    """Write v + h H_l^-1 (forces) (nv,) of the middle."""
-    free, speed = rows.free, plant.end.speed
-    bias = np.empty(len(free))
-    bias_of(plant.tree, plant.flight, plant.placed, speed, bias)
+    """Write v + h H_l^-1 (forces) (nv,) of the middle.
+
+    Of gravity and the velocity terms, those count that the momentum of free bases does not have.
+    """
+    tree, placed, bases = plant.tree, plant.placed, plant.flight.bases
+    free, speed, columns, size = rows.free, plant.end.speed, placed.columns, (len(tree.joints), 6)
+    moving, bias = (np.empty(size), np.empty(size), np.empty(size)), np.empty(len(free))
+    move_bodies(tree.joints, tree.gravity, columns, placed.bodies, speed, *moving, bias)
+    for i in range(len(bases)):
+        part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, bias)
     for i in range(len(free)):
         free[i] = step * (plant.end.force[i] - bias[i])
     halfway(rows.lower, free.reshape(-1, 1))
@@ -136,13 +130,14 @@ def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> No
 
 
 @compiled(inside=True)
-def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
-    """Return rows where the memory stands: their directions, and how the motors move at v (nv,).
+def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartRows:
+    """Return rows where the memory stands: their directions, and how the motors move before.
 
     Laws, targets and speeds are still to be written, and the rows of `rubbing` coordinates.
     `lower[0, 0]` is no number where H_l is not positive.
     """
-    gears, obstacles, n, m = plant.gears, plant.obstacles, len(v), len(plant.gears.rows)
+    gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
+    n, m = len(v), len(gears.rows)
     d, limits, held, touching = obstacles.tangents, 2 * len(obstacles.limit_at), 0, 0
     for i in range(len(closed)):
         held += closed[i] and i < limits
@@ -155,6 +150,7 @@ def rows_where(plant: Opened, closed: Flags, v: Row, rubbing: int) -> PartRows:
         np.empty(touching), v.copy(),
         np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64),
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
+        np.zeros(total), step,
     )  # fmt: skip
     motor_speeds(gears, v, plant.now.motor_speed, rows.motor)
     for i in range(m):
@@ -208,23 +204,22 @@ def act(plant: Opened) -> None:
 
 
 @compiled(inside=True)
-def rows_of(plant: Opened, v: Row, step: float) -> PartRows:
+def rows_of(plant: Opened, step: float) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
     Args:
         plant: whose memory stands in the middle; gaps are written where any barrier is closed.
-        v: (nv,) at the start.
         step: h [s].
     """
     end, rubbing, touches = plant.end, 0, False
     act(plant)
-    for c in range(len(v)):
+    for c in range(len(end.speed)):
         rubbing += rubs_alone(plant, c)
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
         gaps_at(plant, end.before, end.closed, end.gap)
-    rows = rows_where(plant, end.closed, v, rubbing)
+    rows = rows_where(plant, end.closed, rubbing, step)
     free_velocity(plant, step, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
     rub(plant, step, rows)

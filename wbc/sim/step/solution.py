@@ -73,28 +73,22 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
 
 @compiled(inside=True)
 def solve_compliant(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    start: Row,
-    step: float,
-    tolerance: float,
-    solved: Solved,
+    plant: Opened, rows: PartRows, system: RowSystem, tolerance: float, solved: Solved
 ) -> tuple[int, int, float]:
     """Solve the rows of a part with compliant contacts.
 
     Args:
         plant: what moves.
-        rows, system, start, step, tolerance, solved: see `solve_gripped`.
+        rows, system, tolerance, solved: see `solve_gripped`.
 
     Returns:
         see `solve_gripped`.
     """
-    depths, impulse = rows.depths, solved.impulse
+    depths, step, impulse = rows.depths, rows.step, solved.impulse
     count, contacts = len(system.targets), len(depths)
     first, work, m = count - contacts, 0, len(system.laws)
     delassus, slope = system.delassus.copy(), system.slope.copy()
-    targets, speed, guess = system.targets.copy(), system.free.copy(), start.copy()
+    targets, speed, guess = system.targets.copy(), system.free.copy(), rows.start.copy()
     softer = RowSystem(
         system.half, np.empty((0, 0)), delassus, system.free, system.spring, slope,
         system.laws, targets, system.frictions, system.grips, system.tangents,
@@ -110,7 +104,7 @@ def solve_compliant(
             delassus[row, row] = own + give
             slope[row] = 1.0 / (own + give)
             targets[first + c] = speed[row] + push * give if give > 0.0 else NEVER
-        used, way, missed = solve_gripped(plant, rows, softer, guess, step, tolerance, solved)
+        used, way, missed = solve_gripped(plant, rows, softer, guess, tolerance, solved)
         work += used
         if way >= UNSOLVED:
             return work, way, missed
@@ -156,8 +150,6 @@ def lag_coupling(
     system: RowSystem,
     speed: Row,
     last: Row,
-    free: Row,
-    step: float,
     laws: OutDense,
     shifted: OutRow,
 ) -> None:
@@ -174,12 +166,10 @@ def lag_coupling(
         system: of the rows, whose free speeds are changed.
         speed: v (nv,) before.
         last: v (nv,) of the last iterate.
-        free: (nv,) without coupling.
-        step: h [s], zero for an impact.
         laws: (m, 9) without coupling, over a step; those of the system are changed.
         shifted: v (nv,) without the rows, to write.
     """
-    gears, n, m = plant.gears, len(speed), len(plant.gears.rows)
+    gears, n, m, step = plant.gears, len(speed), len(plant.gears.rows), rows.step
     for c in range(n):
         shifted[c] = -step * gears.gyration[0, c]
     for i in range(m):
@@ -195,7 +185,7 @@ def lag_coupling(
             rotor_brings(gears, i, brought, system.laws[i])
     halfway(rows.lower, shifted.reshape(-1, 1))
     rest_of_way(rows.lower, shifted)
-    add_times(1.0, free, shifted)
+    add_times(1.0, rows.free, shifted)
     for i in range(len(system.free)):
         system.free[i] = dot(shifted, rows.matrix[i])
 
@@ -212,14 +202,7 @@ def settles(after: Row, last: OutRow) -> float:
 
 @compiled(inside=True)
 def solve_part(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    speed: Row,
-    start: Row,
-    step: float,
-    work: float,
-    given: Row,
+    plant: Opened, rows: PartRows, system: RowSystem, speed: Row, work: float, given: Row
 ) -> Solved:
     """Return how the rows of a part end, with every row, flank and coupling on its law.
 
@@ -228,12 +211,10 @@ def solve_part(
         rows: of the part.
         system: of these rows; its laws and free speeds are those of the solution afterwards.
         speed: v (nv,) before.
-        start: (r,) impulses to start from.
-        step: h [s], zero for an impact.
         work: share of what `solve_system` may do in an impact.
         given: (r,) the impulses where they are known already, else empty.
     """
-    size, n, m = len(start), len(speed), len(plant.gears.rows)
+    size, n, m = len(rows.start), len(speed), len(plant.gears.rows)
     room = Solved(np.zeros(size), np.zeros(size), np.empty(n), np.zeros(m), np.zeros(m), 0, 0, 0.0)
     impulse, after, shifted, used, way = room.impulse, room.after, rows.free.copy(), 0, 0
     tolerance, laws, last = tolerance_of(system), system.laws.copy(), speed.copy()
@@ -244,17 +225,16 @@ def solve_part(
     coupled, moved, short = len(plant.gears.coupling) > 0, 0.0, 0.0
     for _ in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
         if coupled:
-            lag_coupling(plant, rows, system, speed, last, rows.free, step, laws, shifted)
+            lag_coupling(plant, rows, system, speed, last, laws, shifted)
         if len(given) == 0:
             more = 0
             if len(rows.depths):
-                more, way, short = solve_compliant(
-                    plant, rows, system, start, step, tolerance, room
-                )
-            elif step > 0.0:
-                more, way, short = solve_gripped(plant, rows, system, start, step, tolerance, room)
+                more, way, short = solve_compliant(plant, rows, system, tolerance, room)
+            elif rows.step > 0.0:
+                start = rows.start
+                more, way, short = solve_gripped(plant, rows, system, start, tolerance, room)
             else:
-                more, way = solve_system(system, start, tolerance, work, impulse)
+                more, way = solve_system(system, rows.start, tolerance, work, impulse)
             used += more
         velocity_after(system, rows.lower, shifted, impulse, after)
         if not coupled or way >= UNSOLVED:

@@ -33,7 +33,9 @@ from wbc.sim.step.impact import (
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
 from wbc.sim.step.solution import NEVER, NO_INERTIA
-from wbc.sim.step.tables import LENGTH
+from wbc.sim.step.tables import LENGTH, TIME
+
+_STATE = "position", "velocity", "closed", "impulse", "deflection", "motor_speed"
 
 
 class Course(NamedTuple):
@@ -60,16 +62,17 @@ class Course(NamedTuple):
     def state(self, stage: int) -> SimState:
         """Return the state in which a stage starts; stage s is the end of the step."""
         words = self.stages[stage] if stage < len(self.stages) else self.last
-        setup, memory = self.setup, self.start.memory
-        q, v, impulse, deflection, speed = [words[place] for place in setup.places]
-        closed, time = words.view(np.bool_)[setup.closed_at], float(words[setup.time_at])
+        now, memory = np.ndarray((), self.setup.now_kind, words), self.start.memory
+        q, v, closed, impulse, deflection, speed = (now[name] for name in _STATE)
         if self.acts:
             memory = memory_before(self.acts, stage, memory)
+        time = float(now["numbers"][TIME])
         return SimState(q, v, time, closed, impulse, deflection, speed, memory)
 
     def length(self, stage: int) -> float:
         """Return how long a part takes [s]; zero for an impact."""
-        return float(self.stages[stage, self.setup.time_at + LENGTH])
+        now = np.ndarray((), self.setup.now_kind, self.stages[stage])
+        return float(now["numbers"][LENGTH])
 
     def divided(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
         """Return the smooth parts, and the impacts."""
@@ -167,7 +170,7 @@ class Flow(Stage):
             setup.tell_coupling(end.before, end.speed)
             setup.tell_losses(end.before, end.speed)
         setup.tell_forces(self.forces, self.course.external)
-        rows, system, _, inertia = part_in_rows(setup.plant, self.step, True)
+        rows, system, inertia = part_in_rows(setup.plant, self.step, True)
         used, way = end.work.astype(int).tolist()[:2]
         impulse = end.impulse[rows.places]
         asked = used == 0 and len(impulse) > 0  # Python solved the rows
@@ -323,7 +326,7 @@ def _failure(setup: Setup, code: int) -> SimulationError:
     if code >= IMPACT_FAILED:
         _, system, _ = impact_in_rows(plant, False)
         return unsolved(system, plant.hit.impulse[: int(plant.hit.found[ROWS_OF])])
-    rows, system, _, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
+    rows, system, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
     if not np.isfinite(system.free).all():
         return blown_up(inertia, velocity)
     return unsolved(system, impulse[rows.places])

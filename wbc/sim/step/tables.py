@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table, compiled
-from wbc.mechanics.tree import Tree
+from wbc.mechanics.tree import FRAME, Tree
 from wbc.structures import structured
 
 
@@ -235,7 +235,6 @@ class Ending(NamedTuple):
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
-        start: q (nq,) at the start.
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
         kept, slow, jumps: (2 j + c,) barriers that may close within the part, those of them that
             land slowly, and those that are to be kept from its end on, see `landing`.
@@ -259,7 +258,6 @@ class Ending(NamedTuple):
     rate: OutRow
     force: OutRow
     moved: OutRow
-    start: OutRow
     closed: OutFlags
     kept: OutFlags
     slow: OutFlags
@@ -322,16 +320,12 @@ class Opened(NamedTuple):
     bounds: OutRow
 
 
-JOINT, FRAME, FIRST, ROWS, PLACES = range(5)
-"""Columns of a table of free bases: numbers in the tree, first row of v and how many (6, or 3 of a
-planar one), first entry of q."""
-
 RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW, RESTITUTION = range(8)
 
 
 @compiled(inside=True)
-def point_of_reference(bases: Table, poses: OutDense) -> OutRow:
+def point_of_reference(plant: Opened) -> OutRow:
     """Return the point (3,) of all spatial vectors: the first free base, or the first joint."""
-    joint = bases[0, FRAME] if len(bases) else 0
-    found: FloatArray = poses[joint, 9:]
+    bases = plant.flight.bases
+    found: FloatArray = plant.placed.poses[bases[0, FRAME] if len(bases) else 0, 9:]
     return found
