@@ -28,19 +28,9 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.compiled import Dense, Number, OutRow, Row, Table, compiled
+from wbc.effects import friction
 from wbc.effects.catalogue import EFFECTS
 from wbc.effects.drive import CurrentLimit, TorqueConstant, TorqueOffset
-from wbc.effects.friction import (
-    CoulombFriction,
-    DirectionalViscousFriction,
-    QuadraticDrag,
-    StribeckFriction,
-    ViscousFriction,
-    directional,
-    quadratic,
-    stribeck_level,
-    viscous,
-)
 from wbc.effects.gear_losses import LoadStribeckFriction, extra_share
 from wbc.effects.joint_effect import JointEffect, Rows
 from wbc.effects.position_torques import JointSpring, TorqueRipple, ripple, spring
@@ -57,13 +47,13 @@ VISCOUS, DIRECTIONAL, QUADRATIC, SPRING, RIPPLE, COULOMB, STRIBECK = range(7)
 """Laws."""
 
 _LAWS: dict[type[Effect], int] = {
-    ViscousFriction: VISCOUS,
-    DirectionalViscousFriction: DIRECTIONAL,
-    QuadraticDrag: QUADRATIC,
+    friction.ViscousFriction: VISCOUS,
+    friction.DirectionalViscousFriction: DIRECTIONAL,
+    friction.QuadraticDrag: QUADRATIC,
     JointSpring: SPRING,
     TorqueRipple: RIPPLE,
-    CoulombFriction: COULOMB,
-    StribeckFriction: STRIBECK,
+    friction.CoulombFriction: COULOMB,
+    friction.StribeckFriction: STRIBECK,
 }
 _NUMBERS = 3
 
@@ -261,12 +251,12 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
     return [smooth, dry, added, torque, command, *eta, shown.position, seen.position]
 
 
-_viscous = compiled(Number, Number, Number)(viscous)
-_directional = compiled(Number, Number, Number, Number)(directional)
-_quadratic = compiled(Number, Number, Number)(quadratic)
+_viscous = compiled(Number, Number, Number)(friction.viscous)
+_directional = compiled(Number, Number, Number, Number)(friction.directional)
+_quadratic = compiled(Number, Number, Number)(friction.quadratic)
 _spring = compiled(Number, Number, Number, Number)(spring)
 _ripple = compiled(Number, Number, Number, Number, Number)(ripple)
-_stribeck = compiled(Number, Number, Number, Number)(stribeck_level)
+_stribeck = compiled(Number, Number, Number, Number)(friction.stribeck_level)
 _extra_share = compiled(Number, Number, Number, Number)(extra_share)
 
 

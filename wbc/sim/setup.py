@@ -19,6 +19,7 @@ from wbc.robot import Hull, Motion, Robot
 from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import FIELD, Terrain
 from wbc.sim.state import EffectMemory, SimState
+from wbc.sim.step import tables
 from wbc.sim.step.arrival import DRIFT
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
@@ -27,19 +28,6 @@ from wbc.sim.step.impact import gaps_of, impact_in_rows
 from wbc.sim.step.motion import free_bases
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import NOT_POSITIVE, solve_rows
-from wbc.sim.step.tables import (
-    NOTED,
-    STAGE,
-    TIME,
-    Ending,
-    Flight,
-    Forces,
-    Hit,
-    Now,
-    Obstacles,
-    Opened,
-    PlacedTree,
-)
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
@@ -116,16 +104,16 @@ class Setup:
         self.plant = self._opened(bases, (return_speed, DRIFT, TOUCH, *compliance))
         self._check_rotors()
 
-    def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> Opened:
+    def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> tables.Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
         barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.gears.size
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv
-        now, self.now_kind = _memory(Now, nq, nv, rows, m, m, 4, *[size] * 4)
-        ending, self.end_kind = _memory(Ending, *end, *[size] * 4)
-        hit, self.hit_kind = _memory(Hit, nv, pushes, rows, size, 8, *[size] * 3)
+        now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 4)
+        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
+        hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 8, *[size] * 3)
         width = len(now.words) + max(len(ending.words), len(hit.words))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
@@ -136,14 +124,14 @@ class Setup:
         others = map(self._address, (self._ask_rows, self._take_stages))
         forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
         return stored(
-            Opened(
+            tables.Opened(
                 stored(self.tree),
-                stored(Flight(bases, np.zeros((b, 10)))),
+                stored(tables.Flight(bases, np.zeros((b, 10)))),
                 stored(self._obstacles()),
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
-                stored(PlacedTree(*map(np.zeros, shapes))),
+                stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(Forces._make((*told, *forces, asked, *others))),
+                stored(tables.Forces._make((*told, *forces, asked, *others))),
                 now,
                 ending,
                 hit,
@@ -152,7 +140,7 @@ class Setup:
             )
         )
 
-    def _obstacles(self) -> Obstacles:
+    def _obstacles(self) -> tables.Obstacles:
         """Return limits, contact points and what they meet as loops know it."""
         barriers, solids = self.barriers, [solid.numbers() for solid in self.terrain.solids]
         known = [numbers for numbers in solids if numbers is not None]
@@ -160,7 +148,7 @@ class Setup:
         table = np.zeros((len(known), max(map(len, known), default=0)))
         for own, numbers in zip(table, known, strict=True):
             own[: len(numbers)] = numbers
-        return Obstacles(
+        return tables.Obstacles(
             *barriers.tables,
             table,
             np.zeros((barriers.points, 3)),
@@ -186,7 +174,11 @@ class Setup:
         """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
         (state, command, external), now, end = self._given, self.plant.now, self.plant.end
         told = self.plant.forces
-        step, stage, time = float(told.length[0]), int(now.numbers[STAGE]), float(now.numbers[TIME])
+        step, stage, time = (
+            float(told.length[0]),
+            int(now.numbers[tables.STAGE]),
+            float(now.numbers[tables.TIME]),
+        )
         try:
             if step == 0.0:
                 self.forget_losses()
@@ -224,7 +216,7 @@ class Setup:
     def stages(self) -> tuple[FloatArray, FloatArray]:
         """Return the stages (s, w) of the last step, and the words of `now` at its end."""
         taken, self._taken, now = self._taken, [], self.plant.now
-        rest = self.plant.stages[: int(now.numbers[NOTED])]
+        rest = self.plant.stages[: int(now.numbers[tables.NOTED])]
         return np.concatenate([*taken, rest]) if taken else rest.copy(), now.words.copy()
 
     def _address(self, answer: Callable[[], None]) -> int:
@@ -242,7 +234,7 @@ class Setup:
             self.plant.forces.outer[:] = 0.0 if external is None else external
             self._pushed = external is not None
 
-    def recall(self, stage: FloatArray, memory: Ending | Hit) -> None:
+    def recall(self, stage: FloatArray, memory: tables.Ending | tables.Hit) -> None:
         """Let the loops know again what they held at the end of a stage of a step."""
         now, start = self.plant.now, len(self.plant.now.words)
         now.words[:], memory.words[:] = stage[:start], stage[start : start + len(memory.words)]

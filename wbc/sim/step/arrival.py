@@ -26,15 +26,7 @@ from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.tables import (
-    DRIFT_FROM,
-    HERTZ,
-    REACH,
-    RETURN_SPEED,
-    TOUCH,
-    Gears,
-    Opened,
-)
+from wbc.sim.step.tables import DRIFT_FROM, HERTZ, REACH, RETURN_SPEED, TOUCH, Gears, Opened
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""

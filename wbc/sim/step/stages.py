@@ -15,21 +15,10 @@ from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup, memory_before
 from wbc.sim.state import SimState
-from wbc.sim.step import books
+from wbc.sim.step import books, impact
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.course import IMPACT_FAILED, take_step
 from wbc.sim.step.forces import EffectForces
-from wbc.sim.step.impact import (
-    CONTACT,
-    ENERGY,
-    LEFT,
-    MESH,
-    ROWS_OF,
-    SHARE,
-    USED,
-    WAY,
-    impact_in_rows,
-)
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
 from wbc.sim.step.solution import NEVER, NO_INERTIA
@@ -250,27 +239,27 @@ class Impact(Stage):
     @property
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
-        return float(self.end.found[SHARE]) * self.course.setup.restitution
+        return float(self.end.found[impact.SHARE]) * self.course.setup.restitution
 
     @property
     def mesh_loss(self) -> float:
         """Energy lost in the gears [J]."""
-        return float(self.end.found[MESH])
+        return float(self.end.found[impact.MESH])
 
     @property
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
-        return float(self.end.found[CONTACT])
+        return float(self.end.found[impact.CONTACT])
 
     @property
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
-        return float(self.end.found[ENERGY])
+        return float(self.end.found[impact.ENERGY])
 
     @property
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.found[LEFT])
+        return float(self.end.found[impact.LEFT])
 
     @cached_property
     def solution(self) -> StepSolution:
@@ -278,10 +267,12 @@ class Impact(Stage):
         setup, state, numbers = self.course.setup, self.state, self.end.found
         setup.recall(self.course.stages[self.stage], setup.plant.hit)
         setup.tell_coupling(state.position, state.velocity)
-        rows, system, inertia = impact_in_rows(setup.plant, True)
+        rows, system, inertia = impact.impact_in_rows(setup.plant, True)
         impulse = np.asarray(self.end.impulse[: len(rows.places)])
-        program, used = StepProgram.of(rows, system, inertia), int(numbers[USED])
-        return StepSolution(program, system, self.after, impulse, used, WAYS[int(numbers[WAY])])
+        program, used = StepProgram.of(rows, system, inertia), int(numbers[impact.USED])
+        return StepSolution(
+            program, system, self.after, impulse, used, WAYS[int(numbers[impact.WAY])]
+        )
 
 
 def stepped(
@@ -324,8 +315,8 @@ def _failure(setup: Setup, code: int) -> SimulationError:
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
         return blown_up(inertia, velocity)
     if code >= IMPACT_FAILED:
-        _, system, _ = impact_in_rows(plant, False)
-        return unsolved(system, plant.hit.impulse[: int(plant.hit.found[ROWS_OF])])
+        _, system, _ = impact.impact_in_rows(plant, False)
+        return unsolved(system, plant.hit.impulse[: int(plant.hit.found[impact.ROWS_OF])])
     rows, system, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
     if not np.isfinite(system.free).all():
         return blown_up(inertia, velocity)
