@@ -1,6 +1,7 @@
 """Logs of robots that MuJoCo moved, by a generator that shares nothing with this library."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from tests.outside import foreign, outside
 from wbc import load_robot, save_robot
-from wbc.effects import EFFECTS
+from wbc.effects import EFFECTS, ContactRadius, CoulombFriction, PositionOffset
 from wbc.identification import compare, diagnose, rank_robots
 from wbc.identification.choice.certainty import CERTAIN
 from wbc.identification.model.yielding import deflects
@@ -47,6 +48,19 @@ def test_only_what_is_hidden_is_certain(name: str, runs: str, tmp_path: Path) ->
     for output in compare(again, fresh).outputs:
         assert output.rms < 1.5 * output.floor
     assert rank_robots({"given": given, "found": again}, fresh)[0].name == "found"
+
+
+def test_feet_described_as_points_are_balls() -> None:
+    """Encoder offsets made up for the feet."""
+    given, logs = foreign("41_a1_forces_coulomb", "run1")
+    points = given.with_contacts(replace(contact, radius=0.0) for contact in given.contacts)
+    found = diagnose(points, logs, [CoulombFriction, PositionOffset, ContactRadius])
+    balls = [effect for effect in found.effects if isinstance(effect, ContactRadius)]
+    assert [ball.radius for ball in balls] == pytest.approx(4 * [0.02], abs=0.007)
+    assert {e.key for e in found.effects} - {ball.key for ball in balls} == {
+        ("coulomb_friction", "FR_thigh_joint")
+    }
+    assert all(f.probability > 0.5 for f in found.findings)
 
 
 def test_a_sound_arm_lacks_nothing() -> None:

@@ -26,7 +26,7 @@ from wbc.effects.gear_losses import (
 )
 from wbc.effects.joint_effect import JointEffect
 from wbc.effects.link_inertias import LinkInertia, LinkInertias
-from wbc.effects.links import CenterOfMass, GravityDirection, PayloadMass
+from wbc.effects.links import CenterOfMass, ContactRadius, GravityDirection, PayloadMass
 from wbc.effects.position_torques import JointSpring, TorqueRipple
 from wbc.effects.presliding import LoadPresliding, Presliding
 from wbc.effects.saved import load_robot, save_robot
@@ -38,6 +38,7 @@ __all__ = [
     "ActuationDelay",
     "Backlash",
     "CenterOfMass",
+    "ContactRadius",
     "CoulombFriction",
     "CurrentLimit",
     "CustomTorque",

@@ -45,6 +45,7 @@ _CLASSES: tuple[type[Effect], ...] = (
     sensing.PositionOffset,
     sensing.ForceSensorGain,
     links.GravityDirection,
+    links.ContactRadius,
     drive.ActuationDelay,
     supply.ThermalDrift,
     supply.SupplySag,

@@ -321,6 +321,10 @@ class Robot:
         found = [e.where for e in self.effects if "gear_efficiencies" in e.acts_by]
         return frozen([joint in found for joint in gears.joints], np.bool_)
 
+    def with_contacts(self, contacts: Iterable[ContactPoint]) -> Robot:
+        """Return the same robot with other balls or friction at its contacts, in their order."""
+        return self._with(contacts=tuple(contacts))
+
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
         """Return the same robot with torque sensors behind the gears of these joints."""
         chosen = tuple(joints)

@@ -672,7 +672,8 @@ def only_inertial(robot: Robot, effect: Effect) -> bool:
         return False
     changed = effect.change(robot)
     same_field = np.array_equal(changed.model.gravity.linear, robot.model.gravity.linear)
-    return changed.transmission is robot.transmission and same_field
+    same_gears = changed.transmission is robot.transmission
+    return same_field and same_gears and changed.contacts is robot.contacts
 
 
 def _same_body(one: Effect, other: Effect) -> bool:

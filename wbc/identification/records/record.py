@@ -216,9 +216,10 @@ class Record:
     def contacts_of(self, robot: Robot) -> FloatArray:
         """Return J' f (N, nv) of the contact forces that a robot believes."""
         forces = self.forces_of(robot)
-        if forces is self.forces:
+        if forces is self.forces and robot.contacts is self.robot.contacts:
             return self.contacts
-        return self._balanced(contact_torque(self.robot, self.motion.position, forces))
+        touching = self.robot.with_contacts(robot.contacts)
+        return self._balanced(contact_torque(touching, self.motion.position, forces))
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
