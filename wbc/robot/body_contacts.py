@@ -144,15 +144,13 @@ _DIRECTIONS = np.column_stack(
 _RIM = 8  # points on the rim of a disc: lying on its side it sinks by 1 - cos(pi/8) = 8 % of r
 
 
-def body_contacts(
-    robot: Robot, surface: BodySurface | None = None, solids: pin.GeometryModel | None = None
-) -> tuple[ContactPoint, ...]:
+def body_contacts(robot: Robot, surface: BodySurface | None = None) -> tuple[ContactPoint, ...]:
     """Return the contact points of `body_surfaces`."""
-    return body_surfaces(robot, surface, solids)[0]
+    return body_surfaces(robot, surface)[0]
 
 
 def body_surfaces(
-    robot: Robot, surface: BodySurface | None = None, solids: pin.GeometryModel | None = None
+    robot: Robot, surface: BodySurface | None = None
 ) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
     """Return contact points of a robot's bodies, beside those that it has, and their hulls.
 
@@ -170,8 +168,6 @@ def body_surfaces(
     Args:
         robot: loaded from a URDF or MJCF file with collision geometry.
         surface: which bodies, their friction, and how well meshes are met; None for the robot's.
-        solids: collision geometry on the joints and frames of `robot.model`, None for that of the
-            model file.
 
     Raises:
         RobotError: no collision geometry, a body that does not exist, or a kind of shape that has
@@ -182,7 +178,7 @@ def body_surfaces(
     for link in links or ():
         if link not in robot.bodies:
             raise RobotError(unknown_name(f"body of '{robot.name}'", link, robot.bodies))
-    shapes = (collision_solids(robot) if solids is None else solids).geometryObjects
+    shapes = collision_solids(robot).geometryObjects
     if not len(shapes):
         raise RobotError(
             f"'{robot.name}' has no collision geometry that can be read. Give its model file "

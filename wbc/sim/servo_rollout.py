@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import FloatArray
 from wbc.compiled import (
     Dense,
     Number,
@@ -54,7 +54,7 @@ class Servos(NamedTuple):
         joints: (E, 3) effects at the joint, see `EffectTable`.
         effects: (K E, 3) their numbers, variant by variant.
         drives, gears: (K, 3), (K, 2) see `EffectTable`.
-        kinds, runs: (N,) which of the K each rollout has, and which run it goes through.
+        kinds: (V L,) which of the K each rollout has, variant by variant and run by run.
     """
 
     numbers: OutDense
@@ -64,7 +64,6 @@ class Servos(NamedTuple):
     drives: OutDense
     gears: OutDense
     kinds: OutPlaces
-    runs: OutPlaces
 
 
 @compiled(counted=False)
@@ -119,7 +118,7 @@ def follow_targets(
         q: to write.
     """
     for i in range(len(servos.kinds)):
-        kind, run = servos.kinds[i], servos.runs[i]
+        kind, run = servos.kinds[i], i % len(gain)
         own, place, v, rise = servos.numbers[kind], start[run], 0.0, 0.0
         turning = own[TORQUE] * own[RATIO]
         for k in range(len(q)):
@@ -141,10 +140,7 @@ def follow_targets(
 
 
 def servo_rollout(
-    variants: Sequence[tuple[Robot, DcDrive]],
-    runs: Sequence[ServoRun],
-    step: float,
-    wanted: BoolArray | None = None,
+    variants: Sequence[tuple[Robot, DcDrive]], runs: Sequence[ServoRun], step: float
 ) -> FloatArray:
     """Return the positions (T, V, L) that V variants of a servo reach in L runs.
 
@@ -157,26 +153,21 @@ def servo_rollout(
             drives.
         runs: what the servo was told; each may have a load and a supply voltage of its own.
         step: time step [s] of the runs.
-        wanted: (V, L) which variant goes through which run; all if None. Elsewhere the positions
-            are NaN.
 
     Raises:
         RobotError: a robot with more than one joint, with a self-locking gear, without a torque
             constant and resistance, or with other effects than the first, or with effects that no
             table holds (`wbc.effects.tables`).
     """
-    pairs = np.ones((len(variants), len(runs)), dtype=bool) if wanted is None else wanted
     length = max(run.goal.size for run in runs)
     goal = np.stack([_held(run.goal, length) for run in runs], axis=1)
     enabled = np.stack([_held(run.enabled, length) for run in runs], axis=1)
     gain, start = np.array([(run.gain, run.position[0]) for run in runs], dtype=float).T.copy()
-    reached = np.empty((length, int(pairs.sum())))
-    servos = _servos(variants, [run.machine for run in runs], pairs)
+    reached = np.empty((length, len(variants) * len(runs)))
+    servos = _servos(variants, [run.machine for run in runs])
     make_ready("wbc.sim.servo_rollout")
     follow_targets(servos, goal, enabled, gain, start, step, reached)
-    result = np.full((length, *pairs.shape), np.nan)
-    result[:, pairs] = reached
-    return result
+    return reached.reshape(length, len(variants), len(runs))
 
 
 def _held(values: FloatArray, length: int) -> FloatArray:
@@ -184,7 +175,7 @@ def _held(values: FloatArray, length: int) -> FloatArray:
 
 
 def _servos(
-    variants: Sequence[tuple[Robot, DcDrive]], machines: Sequence[Machine | None], pairs: BoolArray
+    variants: Sequence[tuple[Robot, DcDrive]], machines: Sequence[Machine | None]
 ) -> Servos:
     """Return the variants, each as the machines of its runs are; most runs share a machine."""
     first = variants[0][0]
@@ -210,8 +201,7 @@ def _servos(
         eta = 1.0 / gears.forward_efficiency[0], gears.backward_efficiency[0]
         laws.append([0.0, 0.0, gears.reflected_inertia[0], *eta, 0.0, 0.0, np.inf, 0.0])
         tables.append(effect_table(robot))
-    which, run = np.nonzero(pairs)
-    kinds = [known[v, own[r]] for v, r in zip(which.tolist(), run.tolist(), strict=True)]
+    kinds = [known[v, m] for v in range(len(variants)) for m in own]
     return stored(
         Servos(
             np.array(numbers),
@@ -221,7 +211,6 @@ def _servos(
             np.array([table.drives[0] for table in tables]),
             np.array([table.gears[0] for table in tables]),
             np.array(kinds, dtype=np.int64),
-            run.astype(np.int64),
         )
     )
 

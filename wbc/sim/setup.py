@@ -66,9 +66,9 @@ class Setup:
         terrain: Terrain,
         restitution: float,
         return_speed: float,
-        hulls: tuple[Hull, ...] = (),
-        compliance: tuple[float, float] = (0.0, 0.0),
-        temperature: FloatArray | None = None,
+        hulls: tuple[Hull, ...],
+        compliance: tuple[float, float],
+        temperature: FloatArray | None,
     ) -> None:
         """Prepare `robot` on `terrain`.
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import turned
-from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot, go_along
+from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
 from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment
 from wbc.sim.step.tables import REACH, Opened
@@ -268,31 +268,8 @@ def steady_share(slope: float, beyond: float, turns: float) -> float:
 
 
 @inner
-def bounds_underside(edge: Row, pose: Row, way: Row) -> bool:
-    """Return whether a face beside an edge (12,), see `Hull`, faces down.
-
-    Args:
-        edge: of the hull.
-        pose: (12,) of the hull.
-        way: (3,) of the edge, world.
-    """
-    one, other, across = local(3), local(3), local(3)
-    across[:] = 0.0
-    turned(pose, edge[6:9], one)
-    turned(pose, edge[9:], other)
-    first = way[0] * one[1] - way[1] * one[0]  # upward parts of the normals, of either sign
-    second = way[0] * other[1] - way[1] * other[0]
-    add_cross(-1.0, way, one, across)
-    outward = dot(across, other)
-    down: bool = first * outward < 0.0 or second * outward > 0.0
-    return down
-
-
-@inner
-def meet_edges(
-    plant: Opened, which: int, field: Row, pose: Row, known: int, touch: OutDense
-) -> None:
-    """Write the touches along the edges of a hull, in a pose (12,); the rest as of `meet_round`.
+def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDense) -> None:
+    """Write the touches along the edges of a hull; arguments as of `meet_round`.
 
     `known` is the first touch of the contact points at its corners with the field.
     The height over the field is least where its slope along the edge rises through zero.
@@ -310,8 +287,7 @@ def meet_edges(
         square = dot(way, way)
         level = way[0] * way[0] + way[1] * way[1]
         least = min(touches[known + first, 0], touches[known + last, 0])
-        far = least > reach + 0.125 * bend * level
-        if far or not bounds_underside(bodies.edges[hull[6] + e], pose, way):
+        if least > reach + 0.125 * bend * level:
             continue
         part, came, share, before = _PART * spacing / sqrt(square), 0.0, 0.0, 0.0
         while True:
@@ -458,4 +434,4 @@ def meet_fields(plant: Opened, first: int, closed: Flags) -> None:
         else:
             pose_of(plant.placed.poses, hull[0], pose)
             meet_faces(plant, own[0], field, pose, touch)
-            meet_edges(plant, own[0], field, pose, known, touch)
+            meet_edges(plant, own[0], field, known, touch)

@@ -134,23 +134,20 @@ class StepSolution:
         return np.abs(pieces[:, 3])
 
 
-def solve_program(
-    program: StepProgram, guess: FloatArray | None = None, names: Sequence[str] = ()
-) -> StepSolution:
+def solve_program(program: StepProgram, guess: FloatArray | None = None) -> StepSolution:
     """Return the velocity and row impulses that satisfy every law of a step at once.
 
     Args:
         program: the step.
         guess: row impulses (r,) to start from, those of the previous step; their branches are
             usually the right ones already, and a self-locking gear stays on its own.
-        names: of the dissipative rows, for messages.
 
     Raises:
         SimulationError: no solution was found, or a self-locking gear leaves several.
     """
     system, lower = program.system()
     start = np.zeros(len(system.free)) if guess is None else np.ascontiguousarray(guess)
-    impulse, used, method = solve_rows(system, start, names)
+    impulse, used, method = solve_rows(system, start, ())
     velocity = np.empty(len(program.free_velocity))
     free = np.ascontiguousarray(program.free_velocity)
     velocity_after(system, lower, free, impulse, velocity)
