@@ -19,15 +19,7 @@ from wbc.compiled import (
     local,
     view,
 )
-from wbc.mechanics.linear import (
-    add_cross,
-    add_times,
-    copy_to,
-    dot,
-    factor_inertia,
-    halfway,
-    rest_of_way,
-)
+from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.tree import FIRST, JOINT, ROWS, Tree
 
 
@@ -216,8 +208,7 @@ def solve_base(tree: Tree, columns: Dense, composite: Dense, base: Places, rows:
         for k in range(size):
             block[i, k] = dot(own, columns[first + k])
     factor_inertia(block, lower)
-    halfway(lower, rows.reshape(-1, 1))
-    rest_of_way(lower, rows)
+    solve_inertia(lower, rows)
 
 
 @inner

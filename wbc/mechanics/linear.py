@@ -24,6 +24,13 @@ def add_times(share: float, given: Row, total: OutRow) -> None:
 
 
 @compiled(counted=False)
+def add_all(shares: Row, vectors: Dense, total: OutRow) -> None:
+    """Add vectors (r, n), each with its share (r,), to another one (n,)."""
+    for i in range(len(shares)):
+        add_times(shares[i], vectors[i], total)
+
+
+@compiled(counted=False)
 def go_along(start: Row, end: Row, share: float, place: OutRow) -> None:
     """Write the place a share of the way from one point to another."""
     for i in range(len(start)):
@@ -73,7 +80,8 @@ def take_pivot(matrix: OutDense, k: int, end: int, pivots: OutPlaces) -> bool:
         return False
     for i in range(k + 1, size):
         matrix[i, k] /= matrix[k, k]
-        add_times(-matrix[i, k], matrix[k, k + 1 : end], matrix[i, k + 1 : end])
+        for j in range(k + 1, end):
+            matrix[i, j] -= matrix[i, k] * matrix[k, j]
     return True
 
 
@@ -91,7 +99,9 @@ def factor(matrix: OutDense, pivots: OutPlaces) -> bool:
                 return False
         for k in range(start, end):
             for i in range(k + 1, end):
-                add_times(-matrix[i, k], matrix[k, end:], matrix[i, end:])
+                share = matrix[i, k]
+                for j in range(end, size):
+                    matrix[i, j] -= share * matrix[k, j]
         for i in range(end, size):  # there are none unless the four are whole
             one, two = matrix[i, start], matrix[i, start + 1]
             three, four = matrix[i, start + 2], matrix[i, start + 3]
@@ -111,9 +121,15 @@ def solve_factored(matrix: Dense, pivots: Places, right: OutRow) -> None:
         if pivots[k] != k:
             right[k], right[pivots[k]] = right[pivots[k]], right[k]
     for i in range(size):
-        right[i] -= dot(right[:i], matrix[i])
+        total = 0.0
+        for j in range(i):
+            total += matrix[i, j] * right[j]
+        right[i] -= total
     for i in range(size - 1, -1, -1):
-        right[i] = (right[i] - dot(right[i + 1 :], matrix[i, i + 1 :])) / matrix[i, i]
+        total = 0.0
+        for j in range(i + 1, size):
+            total += matrix[i, j] * right[j]
+        right[i] = (right[i] - total) / matrix[i, i]
 
 
 @compiled(counted=False)
@@ -136,7 +152,8 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
         for i in range(k):
             share = lower[k, i]
             if share != 0.0:
-                add_times(-share, lower[k, : i + 1], lower[i])
+                for j in range(i + 1):
+                    lower[i, j] -= share * lower[k, j]
     return True
 
 
@@ -147,22 +164,41 @@ def halfway(lower: Dense, columns: OutDense) -> None:
         for c in range(columns.shape[1]):
             columns[i, c] /= lower[i, i]
         for j in range(i):
-            if lower[i, j] != 0.0:
-                add_times(-lower[i, j], columns[i], columns[j])
+            share = lower[i, j]
+            if share != 0.0:
+                for c in range(columns.shape[1]):
+                    columns[j, c] -= share * columns[i, c]
 
 
 @compiled(counted=False)
 def rest_of_way(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
-        right[i] = (right[i] - dot(right[:i], lower[i])) / lower[i, i]
+        total = 0.0
+        for j in range(i):
+            total += lower[i, j] * right[j]
+        right[i] = (right[i] - total) / lower[i, i]
+
+
+@compiled(counted=False)
+def solve_inertia(lower: Dense, right: OutRow) -> None:
+    """Replace the right side (n,) by H^-1 of it, where H = L' L."""
+    for i in range(len(lower) - 1, -1, -1):
+        right[i] /= lower[i, i]
+        share = right[i]
+        for j in range(i):
+            right[j] -= share * lower[i, j]
+    rest_of_way(lower, right)
 
 
 @compiled(counted=False)
 def products(columns: Dense, gram: OutDense) -> None:
     """Write columns' columns (r, r)."""
+    size = columns.shape[1]
     gram[:] = 0.0
     for k in range(len(columns)):
-        for i in range(len(gram)):
-            if columns[k, i] != 0.0:
-                add_times(columns[k, i], columns[k], gram[i])
+        for i in range(size):
+            share = columns[k, i]
+            if share != 0.0:
+                for j in range(size):
+                    gram[i, j] += share * columns[k, j]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
-from wbc.mechanics.linear import add_times, dot, rest_of_way
+from wbc.mechanics.linear import add_all, add_times, dot, rest_of_way
 from wbc.mechanics.pieces import solve_pieces
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
@@ -230,8 +230,7 @@ def shift_cones(
     if np.any(start != 0.0):
         speeds_at(system.delassus, system.free, start, speed)
         slips(system, speed, shift)
-        for i in range(size):
-            add_times(start[i], convex.ways[i], x)
+        add_all(start, convex.ways, x)
     used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
         count = minimise(convex, own, about, shift, x, speed, found)

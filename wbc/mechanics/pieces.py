@@ -172,22 +172,23 @@ def system_in_impulses(
 ) -> None:
     """Write S W'W + C (r, r) with the spring, and what the spring holds (r,), see `blocks_of`."""
     delassus, contacts, tangents = system.delassus, len(system.frictions), system.tangents
-    first = len(held) - contacts * tangents
-    total[:] = 0.0
-    for i in range(len(held)):
-        own = i < first
-        contact = 0 if own else (i - first) // tangents
-        start = first + contact * tangents
-        at = i if own else first - contacts + contact
-        total[i, at] += on_impulse[i, 0]
-        if own:
-            add_times(on_speed[i, 0], delassus[i], total[i])
-        for b in range(0 if own else tangents):
-            total[i, start + b] += on_impulse[i, 1 + b]
-            if on_speed[i, 1 + b] != 0.0:
-                add_times(on_speed[i, 1 + b], delassus[start + b], total[i])
-        held[i] = system.spring[i] * on_speed[i, 0 if own else 1 + i - start]
+    size = len(held)
+    first = size - contacts * tangents
+    for i in range(size):
+        contact = (i - first) // tangents if i >= first else 0
+        start, own = first + contact * tangents, 0 if i < first else 1 + (i - first) % tangents
+        share = on_speed[i, own]
+        held[i] = system.spring[i] * share
+        for j in range(size):
+            total[i, j] = share * delassus[i, j]
         total[i, i] += held[i]
+        total[i, i if i < first else first - contacts + contact] += on_impulse[i, 0]
+        for b in range(tangents if i >= first else 0):
+            share, at = on_speed[i, 1 + b], start + b
+            total[i, at] += on_impulse[i, 1 + b]
+            if at != i and share != 0.0:
+                for j in range(size):
+                    total[i, j] += share * delassus[at, j]
 
 
 @compiled(inside=True)

@@ -106,10 +106,12 @@ def system_of(
         laws, targets, frictions, tangents: see `RowSystem`.
     """
     size, n = matrix.shape
-    half, delassus = np.ascontiguousarray(matrix.T), np.empty((size, size))
+    half, delassus = np.empty((n, size)), np.empty((size, size))
     own, spring, slope = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
         own[i] = dot(free, matrix[i])
+        for j in range(n):
+            half[j, i] = matrix[i, j]
     halfway(lower, half)
     products(half, delassus)
     lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
-from wbc.mechanics.linear import add_times, dot, factor_inertia, halfway, rest_of_way
+from wbc.mechanics.linear import add_all, add_times, dot, factor_inertia, solve_inertia
 from wbc.mechanics.rows import RowSystem, branch_of
 
 _COMPLIANCE = 1e-2
@@ -136,14 +136,15 @@ def stiffened(system: RowSystem, rise: Dense, row_of: OutRow, total: OutDense) -
     for i in range(size):
         row_of[:] = 0.0
         contact = i - first if i < first + contacts else (i - first - contacts) // d
-        if rise[i, 0] != 0.0:  # per speed of the row itself, or of the contact's normal
-            add_times(rise[i, 0], ways[min(i, first + contact)], row_of)
-        for b in range(d if contact >= 0 else 0):
-            if rise[i, 1 + b] != 0.0:
-                add_times(rise[i, 1 + b], ways[first + contacts + contact * d + b], row_of)
+        for b in range(1 + d if contact >= 0 else 1):
+            at = min(i, first + contact) if b == 0 else first + contacts + contact * d + b - 1
+            share = rise[i, b]
+            for k in range(n if share != 0.0 else 0):
+                row_of[k] += share * ways[at, k]
         for j in range(n):
-            if ways[i, j] != 0.0:
-                add_times(ways[i, j], row_of[: j + 1], total[j])
+            share = ways[i, j]
+            for k in range(j + 1 if share != 0.0 else 0):
+                total[j, k] += share * row_of[k]
 
 
 @compiled(inside=True)
@@ -168,14 +169,12 @@ def minimise(
     for used in range(1, _STEPS + 1):
         for j in range(n):
             step[j] = -x[j]
-        for i in range(size):
-            add_times(impulse[i], ways[i], step)
+        add_all(impulse, ways, step)
         stiffened(system, rise, down, total)
         if not factor_inertia(total, lower):
             return used
         down[:] = step
-        halfway(lower, step.reshape(-1, 1))
-        rest_of_way(lower, step)
+        solve_inertia(lower, step)
         falls, square, along = -dot(down, step), dot(step, step), dot(x, step)
         for i in range(size):
             turning[i] = dot(step, ways[i])

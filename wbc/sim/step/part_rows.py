@@ -17,7 +17,7 @@ import numpy as np
 from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, compiled, inner
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies, part_on_joints
-from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, halfway, rest_of_way
+from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.contacts import barrier_rows, gaps_at, lowest_speeds
 from wbc.sim.step.gears import gear_laws, motor_speeds
@@ -97,8 +97,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
         part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, bias)
     for i in range(len(free)):
         free[i] = step * (plant.end.force[i] - bias[i])
-    halfway(rows.lower, free.reshape(-1, 1))
-    rest_of_way(rows.lower, free)
+    solve_inertia(rows.lower, free)
     add_times(1.0, speed, free)
 
 

@@ -20,7 +20,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutDense, OutRow, Row, ask, compiled, inner
-from wbc.mechanics.linear import add_times, dot, halfway, rest_of_way
+from wbc.mechanics.linear import add_times, dot, solve_inertia
 from wbc.mechanics.newton import (
     PASSIVE,
     UNSOLVED,
@@ -183,8 +183,7 @@ def lag_coupling(
         elif not gears.yields[i]:
             brought = gears.inertia[i] * rows.motor[i] - taken
             rotor_brings(gears, i, brought, system.laws[i])
-    halfway(rows.lower, shifted.reshape(-1, 1))
-    rest_of_way(rows.lower, shifted)
+    solve_inertia(rows.lower, shifted)
     add_times(1.0, rows.free, shifted)
     for i in range(len(system.free)):
         system.free[i] = dot(shifted, rows.matrix[i])
