@@ -53,14 +53,8 @@ class TorqueOffset(JointEffect):
     offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
     name = "torque_offset"
-    explanation = (
-        "A current sensor has a zero error, or a constant load such as a tensioned cable is "
-        "not in the model."
-    )
-    experiment = (
-        "Hold the joint where it carries no load, approached from both sides: the mean of the "
-        "two torques is not zero."
-    )
+    explanation = "A current sensor has a zero error, or a constant load is not in the model."
+    experiment = "Hold the joint unloaded, coming from both sides: the mean torque is not zero."
 
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return offset / N on the rotor, (..., m) [N m]."""
@@ -81,14 +75,8 @@ class RotorInertia(GearNumbers):
 
     name = "rotor_inertia"
     numbers = (("reflected_inertia", "rotor_inertia", 2),)
-    explanation = (
-        "The spinning rotor, amplified by the square of the gear ratio, is heavier than the "
-        "model says."
-    )
-    experiment = (
-        "Shake the joint fast with small strokes about a pose that carries no load: the extra "
-        "torque follows the acceleration."
-    )
+    explanation = "The rotor, amplified by the gear ratio squared, is heavier than the model says."
+    experiment = "Shake the joint fast about a pose without load: the torque follows acceleration."
     search = SearchOffer(expected=1.0)
 
 
@@ -146,10 +134,7 @@ class CurrentLimit(JointEffect):
     limit: float = field(metadata=number("N m", 1e6, 1e-3, 1e6, 1.0))
 
     name = "current_limit"
-    explanation = (
-        "The drive limits its current, or the motor saturates: beyond a certain torque the "
-        "motor gives less than the log says."
-    )
+    explanation = "The drive or its motor saturates: beyond a torque it gives less than it reports."
     experiment = (
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "
         "limit the force no longer follows."
@@ -182,10 +167,7 @@ class ActuationDelay(JointEffect):
     delay: float = field(metadata=number("s", 0.0, 0.0, 0.2, 0.005))
 
     name = "actuation_delay"
-    explanation = (
-        "Bus, filter and current loop take time: the motor follows the torque that was asked "
-        "for a moment ago."
-    )
+    explanation = "Bus, filter and current loop take time: the motor follows an earlier torque."
     experiment = (
         "Shake the joint fast with a torque of two frequencies: the error grows with frequency "
         "and follows the rate of change of the torque."

@@ -33,9 +33,7 @@ class ViscousFriction(JointEffect):
 
     needs_drive = False
     name = "viscous_friction"
-    explanation = (
-        "Lubricant is sheared in bearings and gears: the loss grows in proportion to speed."
-    )
+    explanation = "Bearings and gears shear lubricant: the loss grows in proportion to speed."
     experiment = (
         "Move the joint at several constant speeds in both directions, slow to fast: the "
         "extra torque lies on a straight line through zero."
@@ -135,10 +133,7 @@ class ThermalViscousFriction(JointEffect):
     rate: float = field(metadata=number("1/K", 0.03, 0.0, 0.3, 0.01, shape=True))
 
     name = "thermal_viscous_friction"
-    explanation = (
-        "Cold lubricant is thick: its drag falls as the gear warms up, by half within about "
-        "twenty kelvins."
-    )
+    explanation = "Cold lubricant is thick: its drag halves as the gear warms by twenty kelvins."
     experiment = (
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
         "slope of the torque over the speed falls with temperature."
@@ -200,10 +195,7 @@ class CoulombFriction(JointEffect):
 
     needs_drive = False
     name = "coulomb_friction"
-    explanation = (
-        "Surfaces rub in bearings and seals: a torque of constant size opposes any motion, "
-        "and holds the joint at rest."
-    )
+    explanation = "Surfaces rub: a torque of constant size opposes any motion, and holds at rest."
     experiment = (
         "Move the joint slowly back and forth through the same positions: the torque of the "
         "two directions differs by a constant, whatever the load."
@@ -255,10 +247,7 @@ class StribeckFriction(JointEffect):
     speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
     name = "stribeck_friction"
-    explanation = (
-        "At low speed the lubricant film breaks and metal touches metal: friction falls as "
-        "the joint picks up speed."
-    )
+    explanation = "At low speed the film of lubricant breaks: friction falls as speed rises."
     experiment = (
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."

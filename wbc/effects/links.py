@@ -35,10 +35,7 @@ class PayloadMass(Effect):
     mass: float = field(metadata=number("kg", 0.0, -1000.0, 1000.0, 0.3))
 
     name = "payload_mass"
-    explanation = (
-        "Something was mounted, filled or left out: a body is heavier or lighter than in the "
-        "CAD model."
-    )
+    explanation = "Something was mounted, filled or left out: a body is heavier or lighter."
     experiment = (
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
         "inertia together, at one place of the chain."
@@ -143,14 +140,8 @@ class GravityDirection(Effect):
     pitch: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
 
     name = "gravity_direction"
-    explanation = (
-        "The mounting, the ground or the base's attitude sensor is tilted: gravity pulls "
-        "sideways in the model's frame."
-    )
-    experiment = (
-        "Check the base with a spirit level; or hold mirrored poses: the sum of their gravity "
-        "torques is not zero."
-    )
+    explanation = "Mounting, ground or attitude sensor is tilted: gravity pulls sideways."
+    experiment = "Use a spirit level; or hold mirrored poses: their gravity torques do not cancel."
     search = SearchOffer(freedom=_freedom)
 
     @classmethod

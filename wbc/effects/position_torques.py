@@ -54,9 +54,7 @@ class JointSpring(JointEffect):
     rest: float = field(metadata=number("rad", 0.0, -10.0, 10.0, 0.3, shape=True))
 
     name = "joint_spring"
-    explanation = (
-        "A cable loom, a hose or a parallel spring pulls the joint towards a rest position."
-    )
+    explanation = "A cable loom, a hose or a parallel spring pulls the joint to a rest position."
     experiment = (
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
@@ -156,10 +154,7 @@ class TorqueRipple(JointEffect):
     phase: float = field(metadata=number("rad", 0.0, -6.3, 6.3, 1.0, shape=True))
 
     name = "torque_ripple"
-    explanation = (
-        "Magnets, slots and teeth pass one another: the torque repeats with every pole, slot, "
-        "tooth or turn."
-    )
+    explanation = "Magnets, slots and teeth pass one another: the torque repeats with position."
     experiment = (
         "Turn the joint very slowly and evenly over its range in both directions: the torque "
         "waves with position, the same both ways."

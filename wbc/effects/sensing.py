@@ -24,10 +24,7 @@ class PositionOffset(JointEffect):
 
     needs_drive = False
     name = "position_offset"
-    explanation = (
-        "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
-        "stood elsewhere."
-    )
+    explanation = "The zero of an encoder is wrong: gravity pulls as if the joint stood elsewhere."
     experiment = (
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."
@@ -77,10 +74,7 @@ class ForceSensorGain(Effect):
     gain: float = field(metadata=number("1", 1.0, 0.2, 5.0, 0.05, usual=_CALIBRATED))
 
     name = "force_sensor_gain"
-    explanation = (
-        "The force sensor of a contact is calibrated wrongly: it reports the same share too much "
-        "or too little of every force."
-    )
+    explanation = "A contact's sensor reports the same share too much or too little of every force."
     experiment = (
         "Weigh the robot on a scale while it stands on this contact alone: what the sensor "
         "reports is off by the gain. A known mass added to the robot changes the reported force "

@@ -41,10 +41,7 @@ class SupplySag(Effect):
     coefficient: float = field(metadata=number("1/W", 0.0, 0.0, 1.0, 0.001))
 
     name = "supply_sag"
-    explanation = (
-        "Battery and cables have resistance: when the motors draw power the voltage falls and "
-        "every drive gives less than it reports."
-    )
+    explanation = "Battery and cables have resistance: drives give less while motors draw power."
     experiment = (
         "Log the supply voltage while several joints accelerate at once: the torque error "
         "follows the total power, also on joints that do little themselves."
@@ -214,10 +211,7 @@ class ThermalDrift(ScaledDrive):
     )
 
     name = "thermal_drift"
-    explanation = (
-        "Magnets and windings lose torque as they warm up: the same motion asks for more and "
-        "more reported torque."
-    )
+    explanation = "As magnets and windings warm up, the same motion asks for ever more torque."
     experiment = (
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "
         "torque drifts with it and comes back after a pause."
