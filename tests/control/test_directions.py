@@ -20,7 +20,7 @@ from wbc.robot import Motion
 
 REGULARISATION = 1e-6
 FORCE_REGULARISATION = 1e-4
-EXACT = control.ControllerSettings(speed_blend=scenes.CERTAIN, max_rounds=400, max_iterations=20000)
+EXACT = control.ControllerSettings(speed_blend=scenes.CERTAIN, max_iterations=20000)
 
 
 def force_cost(robot):
@@ -120,7 +120,7 @@ def test_leg_on_the_ground_finds_the_best_of_all_directions(name, lossless):
         q, v = scenes.random_state(robot, generator)
         com = generator.normal(size=2) * 0.3
         posture = generator.normal(size=2)
-        command = scenes.leg_controller(robot, max_rounds=400, max_iterations=20000).step(
+        command = scenes.leg_controller(robot, max_iterations=20000).step(
             Motion(q, v), scenes.leg_references(com, posture)
         )
         task = scenes.leg_rows(robot, evaluate(robot, q, v), com, posture)

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
+from wbc.compiled import Dense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
@@ -54,7 +54,9 @@ class Fallback:
         self._kinematics = Kinematics(robot, [f for bound in contacts for f in bound.frames])
         self._sets: dict[tuple[str, ...], ContactSet] = {}
         self._policy, self._time_step = settings.safety, settings.time_step
-        gears, self._size = robot.transmission, robot.transmission.size
+        gears, self._size, m = robot.transmission, robot.transmission.size, robot.actuated
+        self._rotors, B = np.zeros((robot.model.nv,) * 2), gears.motor_from_joint
+        self._rotors[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
         self.forget()
 
@@ -169,31 +171,13 @@ class Fallback:
     def _resting(self, motion: Motion | None, dt: float, share: float) -> FloatArray:
         """Return a share of what holds the robot against gravity, and damping (m,) [N m].
 
-        The damping slows all motions alike at `rate`. With F and C the accelerations per torque,
-        free and with the contacts at rest, and h the time in which a quarter of the speed may go in
-        every tick, it is -((1 / rate - h) C + h F)^-1 dpsi. What no contact hinders (C = F) slows
-        at `rate`; with the contacts at rest, where the motors feel more inertia, nothing slows
-        faster; and should the contacts be gone, nothing loses more than a quarter of its speed in a
-        tick. The matrix is positive definite: the torque only takes energy. There is none where the
-        speed or the pose is unknown, the pose being the last one known.
+        The damping slows all motions alike at `rate`, see `held`, with h the time in which a
+        quarter of the speed may go in every tick. There is none where the speed or the pose is
+        unknown, the pose being the last one known.
         """
-        place = self._place(motion)
-        if place is None:
+        position = self._place(motion)
+        if position is None:
             return np.zeros(self._size)
-        hold, free, rested = self._statics(place)
-        if motion is None or not self._policy.rate > 0.0:
-            return share * hold
-        least = dt / _SHARE
-        more = max(1.0 / self._policy.rate - least, 0.0)
-        speed = self._motors.speed(motion.velocity)
-        return np.asarray(share * hold - np.linalg.solve(more * rested + least * free, speed))
-
-    def _statics(self, position: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return what holds the robot at q (nq,) on the contacts of the last good tick.
-
-        It is a torque (m,) [N m], and accelerations per torque (m, m) [1/(kg m^2)] without any
-        contact and while the contacts rest, rotors included, all at the motor outputs.
-        """
         robot, kinematics, names = self._robot, self._kinematics, [c.name for c in self._contacts]
         rest = np.zeros(robot.model.nv)
         if tuple(names) not in self._sets:
@@ -202,13 +186,15 @@ class Fallback:
         kinematics.update(position, rest)
         rows.fill(kinematics)
         self._motors.on_joints(Motion(position, rest), pushing, np.empty(len(rest)))
-        gears, u, m = robot.transmission, robot.unactuated, robot.actuated
-        B, gravity, J = gears.motor_from_joint, kinematics.bias - pushing, rows.memory.rows.jacobian
-        mass = kinematics.mass_matrix.copy()
-        mass[m[:, None], m] += B.T @ (gears.reflected_inertia[:, None] * B)
+        least, moved = dt / _SHARE, motion is not None and self._policy.rate > 0.0
+        times = max(1.0 / self._policy.rate - least, 0.0) if moved else 0.0, least
+        velocity = motion.velocity if motion is not None and moved else rest
+        mass, gravity = kinematics.mass_matrix + self._rotors, kinematics.bias - pushing
         force = rows.load_share(kinematics.mass * kinematics.gravity)
-        hold, free, rested = held(mass, gravity, J, force, u, m)
-        return gears.topology.T @ hold, B @ free @ B.T, B @ rested @ B.T
+        moving = robot.unactuated, robot.actuated
+        jacobian = rows.memory.rows.jacobian
+        torque = held(mass, gravity, jacobian, force, moving, velocity, (share, *times))
+        return np.asarray(robot.transmission.topology.T @ torque)
 
 
 @compiled(inside=True)
@@ -227,9 +213,15 @@ def solve_positive(matrix: Dense, right: OutRow) -> None:
 
 @compiled
 def held(
-    mass: Dense, gravity: Row, jacobian: Dense, force: Row, u: Places, m: Places
-) -> tuple[OutRow, OutDense, OutDense]:
-    """Return what holds the joints, and how torques accelerate them.
+    mass: Dense,
+    gravity: Row,
+    jacobian: Dense,
+    force: Row,
+    moving: tuple[Places, Places],
+    velocity: Row,
+    slows: tuple[float, float, float],
+) -> OutRow:
+    """Return the torque on the driven joints (m,) that holds a share of the weight, and damping.
 
     Forces of the contacts, those nearest to equal shares of the weight, balance the undriven
     coordinates u as far as they can; what they cannot balance moves the base, and the driven
@@ -237,20 +229,24 @@ def held(
 
         a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f.
 
-    Torques alone accelerate the joints by F = (M^-1)_mm, and by F - (M^-1 J')_m (J M^-1 J')^-1
-    (J M^-1)_m while the contacts rest.
+    Torques alone accelerate the joints by F = (M^-1)_mm, and by C = F - (M^-1 J')_m (J M^-1 J')^-1
+    (J M^-1)_m while the contacts rest. With h a least time the damping is
+    -((1 / rate - h) C + h F)^-1 v_m. What no contact hinders (C = F) slows at `rate`; with the
+    contacts at rest, where the motors feel more inertia, nothing slows faster; and should the
+    contacts be gone, nothing loses more than its share in h. The matrix is positive definite: the
+    torque only takes energy.
 
     Args:
-        mass, gravity, jacobian: M (nv, nv), g (nv,) and J (k, nv) of the contacts.
+        mass, gravity, jacobian: M (nv, nv) with rotors, g (nv,) and J (k, nv) of the contacts.
         force: equal shares of the weight (k,) [N].
-        u, m: which coordinates are undriven, and which are driven.
-
-    Returns:
-        T (m,), and the two accelerations per torque (m, m).
+        moving: which coordinates are undriven, and which are driven.
+        velocity: v (nv,), zero for no damping.
+        slows: share of the weight, 1 / rate - h and h [s].
 
     Raises:
         LinAlgError: a matrix that has no inverse.
     """
+    (u, m), (share, more, least) = moving, slows
     n, k, b, size = len(mass), len(jacobian), len(u), len(m)
     pushes, base, on_base = force.copy(), gravity[u], np.zeros((b, b))
     for i in range(b):
@@ -272,32 +268,35 @@ def held(
         for j in range(b):
             on_base[i, j] = mass[u[i], u[j]]
     solve_positive(on_base, base)
-    hold, lower, moved = left[m], np.empty((n, n)), np.empty((size + k, size + k))
+    torque, lower, moved = left[m], np.empty((n, n)), np.empty((size + k, size + k))
     for i in range(size):
         columns[m[i], i] = 1.0
         for j in range(b):
-            hold[i] += mass[m[i], u[j]] * base[j]
+            torque[i] += mass[m[i], u[j]] * base[j]
     if not factor_inertia(mass, lower):
         raise np.linalg.LinAlgError
     halfway(lower, columns)
     products(columns, moved)
-    free, rested = moved[:size, :size].copy(), np.empty((size, size))
+    slowing, rested = moved[:size, :size].copy(), np.empty((size, size))
     pushed, normal, hard = moved[size:, :size].copy(), moved[size:, size:].copy(), 1.0
     for c in range(k):
         hard += normal[c, c]
     for c in range(k):
         normal[c, c] += _SOFT * hard
-    stiff = np.empty((k, k))
+    stiff, damping = np.empty((k, k)), velocity[m]
     if not factor_inertia(normal, stiff):
         raise np.linalg.LinAlgError
     halfway(stiff, pushed)
     products(pushed, rested)
     for i in range(size):
         for j in range(size):
-            rested[i, j] = free[i, j] - rested[i, j]
-    return hold, free, rested
+            slowing[i, j] = (more + least) * slowing[i, j] - more * rested[i, j]
+    solve_positive(slowing, damping)
+    for i in range(size):
+        torque[i] = share * torque[i] - damping[i]
+    return torque
 
 
 def _clipped(torque: FloatArray, limit: FloatArray) -> FloatArray:
     """Return torques (m,) within +-limit (m,); what is not finite counts as zero."""
-    return np.clip(np.where(np.isfinite(torque), torque, 0.0), -limit, limit)
+    return np.minimum(np.maximum(np.where(np.isfinite(torque), torque, 0.0), -limit), limit)

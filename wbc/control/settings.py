@@ -154,9 +154,8 @@ class ControllerSettings:
         solver: asked where the controller's own guess fails: "daqp", or "proxqp" with daqp behind
             it.
         tolerance: absolute tolerance of the solver on every residual.
-        max_iterations: iterations that solvers may take in one tick.
-        max_rounds: programs solved at most in one tick while directions are revised, a ninth of
-            them at most after the first solution, for a better one.
+        max_iterations: work of one tick at most, in iterations of solvers; a program counts as a
+            hundred of them besides. A better solution than the first is looked for with half.
         acceleration_weight: regularisation of qdd towards zero.
         force_weight: regularisation of the contact forces (per tenth of the robot's weight)
             towards a shared load; far below 1e-5 it drowns in the solver's tolerance, and how
@@ -178,8 +177,7 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "daqp"
     tolerance: float = 1e-7
-    max_iterations: int = 1000
-    max_rounds: int = 9
+    max_iterations: int = 400
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     contact_ramp: float = 0.02
@@ -196,7 +194,7 @@ class ControllerSettings:
             raise ControlError(f"setting time_step: {cause}") from cause
         if self.solver not in SOLVERS:
             raise ControlError(unknown_name("QP solver", self.solver, SOLVERS))
-        positive = ("tolerance", "max_iterations", "max_rounds", "acceleration_weight")
+        positive = ("tolerance", "max_iterations", "acceleration_weight")
         for name in positive:
             if not getattr(self, name) > 0:
                 raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")

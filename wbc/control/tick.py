@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, Vector, compiled, view
-from wbc.control.qp.active_set import CONTRADICTION, STEPS, SolverMemory, place_multipliers, settle
+from wbc.control.qp.active_set import STEPS, SolverMemory, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     GearsMemory,
     place_loads,
@@ -118,9 +118,9 @@ TURNING, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(7)
 take, t, N tau_phi within the limits, and what the drives are told."""
 GEAR_ROWS = 7
 
-TOO_LARGE, UNTRIED, UNSOLVED, REFUTED, LIMITED_TORQUE, DONE = range(6)
-"""How a tick ends: numbers too large, without a guess, without a solution from it, with the proof
-that there is none, with a torque limit, or well."""
+TOO_LARGE, UNTRIED, UNSOLVED, LIMITED_TORQUE, DONE = range(5)
+"""How a tick ends: numbers too large, without a guess, without a solution from it, with a torque
+limit, or well."""
 
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
@@ -339,7 +339,7 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
 
 
 @compiled
-def place_directed_rows(program: ProgramMemory, choice: Row) -> None:
+def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
     """Write the convex rows of all gears, and one half-space of some; call after the map.
 
     A row is lower <= slope T + rotor qdd + rotor_bias <= upper of a gear. N tau_phi is convex in T
@@ -414,7 +414,7 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
         block: as `tick` left it; results.
 
     Returns:
-        UNSOLVED, REFUTED, LIMITED_TORQUE or DONE.
+        UNSOLVED, LIMITED_TORQUE or DONE.
     """
     counts, numbers, m = program.counts, program.numbers, len(program.gears.driven)
     start = counts[NQ] + 3 * len(program.gears.bias)
@@ -438,7 +438,7 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
             if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
                 positive[i], turned = 1 - positive[i], True
     if size < 0 or turned:
-        return REFUTED if size == CONTRADICTION else UNSOLVED
+        return UNSOLVED
     soft, hard = counts[COST] - counts[FIRST], start + n + counts[HARD]
     y, z = block[start + n : hard], block[hard : hard + counts[BOUNDS]]
     place_multipliers(program.solver, soft + counts[HARD], soft, size, y, z)
@@ -473,7 +473,6 @@ def tick(
     """
     tree, numbers, counts = program.tree, program.numbers, program.counts
     nq, nv, m = len(position), len(velocity), len(program.gears.driven)
-    program.solver.steps[0] = 0
     for i in range(nq):
         block[i] = position[i]
     for i in range(nv):

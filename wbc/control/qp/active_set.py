@@ -20,22 +20,20 @@ import numpy as np
 
 from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
 from wbc.control.qp.linalg import factorise_from, substitute
+from wbc.control.qp.solvers import INFINITE
 from wbc.structures import Structure
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other
 _DIGITS = 1e-12  # of the largest right side, which rounding leaves of it
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
-FEW = 4
+FEW = 8
 """Steps that are worth a try where the bounds that bind are all but known."""
-UNSETTLED, CONTRADICTION = -1, -2
+UNSETTLED = -1
 """What `settle` returns where it finds no solution."""
 _ALL = 1e-16  # of a squared length, which rounding takes
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
-# Share of a squared length by which such a row misses its bound in a proof. What the others leave
-# would have to carry x a million times as far: accelerations of 1e6 and forces of 1e4 weights.
-_MISSED = 1e-6
-STEPS = 60
-"""Steps of the dual method that may be in vain in a tick, before solvers are asked."""
+STEPS = 32
+"""Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin."""
 
 SOLVER = Structure(
     "Solver",
@@ -56,7 +54,6 @@ SOLVER = Structure(
     scaled=(OutDense, "k", "n"),
     system=(OutDense, "k", "k"),
     left=(OutRow, "k"),
-    steps=(OutPlaces, 1),
 )
 """A program that keeps its structure, a diagonal D and rows, and memory for its solution.
 
@@ -67,8 +64,7 @@ SOLVER = Structure(
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
 do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
 softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
-all rows, `active` the numbers of the bounds that stand among them, `steps` (1,) those of `settle`
-that were in vain.
+all rows, `active` the numbers of the bounds that stand among them.
 """
 SolverMemory = Annotated[Any, SOLVER.kind]
 
@@ -195,11 +191,15 @@ def _place_bound(solver: SolverMemory, first: int, place: int, row: int) -> int:
 def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop: int) -> int:
     """Write the bounds that bind, of rows from `start` to `stop`, below the first `base` of G.
 
+    Those that are none in this program, as of a gear in another direction, are let go of.
+
     Returns:
         how many rows there are, -1 where there is no room for them.
     """
     taken, active, size = solver.taken, solver.active, base
     for i in range(start, stop):
+        if abs(solver.upper[i] if taken[i] > 0 else solver.lower[i]) >= INFINITE:
+            taken[i] = 0
         if taken[i] != 0:
             if first + size == len(solver.right):
                 return -1
@@ -284,22 +284,6 @@ def _give_way(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
 
 
 @compiled
-def _proves(solver: SolverMemory, base: int, size: int) -> bool:
-    """Whether the last row, which others decide and none gives way to, is far from its bound.
-
-    With multipliers of the right signs these rows then add up to all but nothing, and their bounds
-    to less than nothing (Farkas). `left` holds by how much the row is missed, times the inverse of
-    what is left of its length; zero where the others themselves have no solution.
-    """
-    last, factor = size - 1, solver.system
-    length, miss = factor[last, last] ** -2, solver.left[last] / factor[last, last]
-    for k in range(last):
-        length += factor[last, k] ** 2
-    outwards: bool = miss * solver.taken[solver.active[last - base]] < 0.0
-    return outwards and miss * miss > _MISSED * length
-
-
-@compiled
 def _begin(
     solver: SolverMemory,
     first: int,
@@ -363,8 +347,7 @@ def settle(
         x: result (n,).
 
     Returns:
-        how many rows G has in the end, UNSETTLED, or CONTRADICTION where bounds cannot be kept
-        beside one another; the first one in `active` is then one of those.
+        how many rows G has in the end, or UNSETTLED.
     """
     base, taken, active, row = last - first, solver.taken, solver.active, -1
     for j in range(len(x)):
@@ -388,14 +371,10 @@ def settle(
             known = 0 if exact else size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
             size, exact = _place_bound(solver, first, size, row), False
-        solver.left[size - 1] = 0.0
         met = _try_rows(solver, first, known, base, size, trial)
         leaving = _go_on(solver, base, size, push) if met else _give_way(solver, base, size, push)
         fresh = met and leaving < 0
         if leaving < 0 and not met:
-            if _proves(solver, base, size):
-                active[0], taken[:] = row, 0
-                return CONTRADICTION
             break
         known = size - size % 2
         if fresh:
@@ -408,7 +387,6 @@ def settle(
             active[k], push[k] = active[k + 1], push[k + 1]
             _place_bound(solver, first, base + k, active[k])
     taken[:] = 0
-    solver.steps[0] += step
     return UNSETTLED
 
 

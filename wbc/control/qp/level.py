@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.control.command import Status, consistent
 from wbc.control.inputs import Complaint
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
@@ -23,10 +23,10 @@ from wbc.control.tick import (
     DONE,
     GEAR_ROWS,
     HARD,
+    LIMITED_TORQUE,
     MESH,
     MOVED,
     OUTPUT,
-    REFUTED,
     SIGMA,
     TOO_LARGE,
     TRIES,
@@ -38,9 +38,8 @@ from wbc.control.tick import (
 from wbc.robot import Motion
 
 _BINDS = 1e-6
-_ACCURATE = 1e-4
+_BROKEN = 1e-4
 _FEW = 4
-_GIVING = 2  # programs that it takes to find a motion that passes limits
 _SOLVED: Complaint = (Status.SOLVED, "")
 _ROWS = {
     "output_torque": OUTPUT,
@@ -48,7 +47,7 @@ _ROWS = {
     "expected_speed": TURNING,
     "certainty": SIGMA,
 }
-_NOTHING_PASSED: Mapping[str, float] = {}
+_NOTHING_PASSED: tuple[Mapping[str, float], str] = {}, ""
 
 
 class PendingTick(NamedTuple):
@@ -79,7 +78,6 @@ class SolvedLevel(NamedTuple):
         verdict: how usable it is.
         solve_time, rounds, iterations: what it took, as in `Command`.
         dt: time until the next tick [s].
-        consistent: whether the mesh law allows the torques.
         passed: limit -> by how much it is passed, as it could not be kept.
         hard: how many hard rows the program has, where the block holds the solution.
         refused: None, as in every `Command` of a solution.
@@ -94,8 +92,7 @@ class SolvedLevel(NamedTuple):
     rounds: int = 1
     iterations: int = 0
     refused: None = None
-    consistent: bool = True
-    passed: Mapping[str, float] = _NOTHING_PASSED
+    passed: Mapping[str, float] = _NOTHING_PASSED[0]
     hard: int = 0
 
     def row(self, number: int) -> FloatArray:
@@ -110,6 +107,13 @@ class SolvedLevel(NamedTuple):
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
         return self.row(_ROWS[name]) if name in _ROWS else getattr(self, name)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mesh law allows the torques."""
+        gears = self.level.program.memory.gears
+        output, mesh, sigma = self.row(OUTPUT), self.row(MESH), self.row(SIGMA)
+        return consistent(output, mesh, sigma, gears.forward, gears.backward)
 
     @property
     def forces(self) -> Mapping[str, FloatArray]:
@@ -162,9 +166,9 @@ class Level:
         self.program, self._above = program, [stack.memory for stack in stacks[:rank]]
         # a program whose diagonal has zeros is none for the guess
         self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
-        self._search, self._rounds = DirectionSearch(program, self._guesses), settings.max_rounds
+        self._search = DirectionSearch(program, self._guesses)
         self._block, self._passing = np.zeros(program.size), np.zeros(0)
-        self._decided: Mapping[int, bool] = {}
+        self._undecided: IntArray = np.zeros(len(self._search.output), dtype=np.int_)
         self.forget()
 
     def forget(self) -> None:
@@ -179,8 +183,8 @@ class Level:
         """
         start, program, memory = perf_counter(), self.program, self.program.memory
         motion, ceilings, dt, last, told = asked
-        block, self._decided = np.empty(program.size), {}
-        self._block = block
+        self._block = block = np.empty(program.size)
+        self._decided = self._undecided
         program.take(ceilings)
         if program.repeats:
             program.place_basis()
@@ -230,66 +234,35 @@ class Level:
     ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
         program, gears = self.program, self.program.gear_rows(block)
-        output, passing, decided = program.gear_rows(asked.last)[OUTPUT], None, self._decided
+        output, passing, decided = program.gear_rows(asked.last)[OUTPUT], None, self._undecided
         if above is not None:
             output, passing = above.row(OUTPUT), above.solution.x
-            decided = {} if above.found is None else above.found.decided
-        self._search.start(gears[SIGMA], passing)
-        may_give = above is None and program.joint.start < program.bounds
-        passed = _NOTHING_PASSED
-        if ended == REFUTED:
-            found = self._search.refuted()
-        else:
-            found = self._search.solve(output, decided, spare=_GIVING if may_give else 0)
-        verdict = _judged(found, program, self._search.blocking)
-        if may_give and not verdict[0].usable and self._search.rounds + _GIVING <= self._rounds:
-            found, verdict, passed = self._giving_way(output)
-        if not verdict[0].usable:
-            self._search.place(found.decided, output)
-            return Refusal(verdict, found, self)
-        self._decided = found.decided
-        solution = found.solution
+            decided = decided if above.found is None else above.found.decided
+        elif ended == LIMITED_TORQUE:  # as it would be without limits
+            output = gears[OUTPUT].copy()
+        search, (passed, told) = self._search, _NOTHING_PASSED
+        search.start(gears[SIGMA], passing)
+        gives = above is None and program.joint.start < program.bounds
+        found = search.solve(output, decided, brief=gives)
+        if gives and found.solution.status is not QPStatus.SOLVED and search.affords:
+            with program.limits_as_tasks():
+                found = search.first(output, decided)
+            if found.solution.status is QPStatus.SOLVED:
+                passed, told = program.passed(found.solution)
+        status, message = _judged(found, program)
+        if not status.usable:
+            search.place(found.decided, output)
+            return Refusal((status, message), found, self)
+        self._decided, solution = found.decided, found.solution
         block[program.at.x] = solution.x
-        agrees = True
-        if finish(program.memory, asked.dt, block) != DONE:
-            slopes = program.memory.gears.forward, program.memory.gears.backward
-            agrees = consistent(gears[OUTPUT], gears[MESH], gears[SIGMA], *slopes)
-        self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
+        finish(program.memory, asked.dt, block)
+        pushes = solution.z[program.torque]
+        self._saturated = bool(
+            pushes.max(initial=0.0) > _BINDS or pushes.min(initial=0.0) < -_BINDS
+        )
+        verdict = status, f"{told} {message}".strip()
         took = found.solve_time, asked.dt, found.rounds, found.iterations
-        return SolvedLevel(self, block, found, verdict, *took, None, agrees, passed)
-
-    def _giving_way(
-        self, output: FloatArray
-    ) -> tuple[DirectedSolution, Complaint, Mapping[str, float]]:
-        """Return a solution that passes limits of joints and distances.
-
-        What motors and ground can do at all is asked first: without a motion that keeps torque
-        limits, cones and contacts there is none that passes anything else. Its directions are
-        taken, and it is the answer where none is found at a price.
-
-        Args:
-            output: T (m,) of the first guess.
-        """
-        program, search = self.program, self._search
-        with program.giving_way(dropped=True):
-            possible = search.solve(output, {}, spare=1, relaxes=True)
-            verdict = _judged(possible, program, search.blocking)
-        if possible.solution.status is QPStatus.INFEASIBLE:
-            return possible, verdict, _NOTHING_PASSED
-        output = search.output.copy() if verdict[0].usable else output
-        with program.giving_way():
-            gears = self.program.gears.tolist()
-            found = search.solve(output, {gear: bool(output[gear] > 0.0) for gear in gears})
-            at_a_price = _judged(found, program, search.blocking)
-        if at_a_price[0].usable:
-            verdict = at_a_price
-        elif verdict[0].usable:
-            found = possible
-            verdict = Status.INACCURATE, "Limits of joints and distances left out."
-        else:
-            return possible, verdict, _NOTHING_PASSED
-        passed, told = program.passed(found.solution)
-        return found, (verdict[0], f"{told} {verdict[1]}".strip()), passed
+        return SolvedLevel(self, block, found, verdict, *took, None, passed)
 
     def expecting(self, last: FloatArray) -> FloatArray:
         """Return the block of the last tick for the next one, after this one had no solution.
@@ -308,7 +281,7 @@ class Level:
         return self.program.dense()
 
 
-def _judged(found: DirectedSolution, program: Program, blocking: int) -> Complaint:
+def _judged(found: DirectedSolution, program: Program) -> Complaint:
     """Return how usable a solution is, and what is in its way."""
     solution = found.solution
     finite = bool(np.isfinite(solution.x).all()) and len(solution.x) == program.n
@@ -320,17 +293,11 @@ def _judged(found: DirectedSolution, program: Program, blocking: int) -> Complai
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
-        beyond = program.beyond(solution.x) if finite else np.zeros(1)
-        known = beyond.max(initial=0.0) > _ACCURATE
+        beyond = program.beyond(solution.x)[: program.joint.start] if finite else np.zeros(1)
+        known = beyond.max(initial=0.0) > _BROKEN
         broken = program.labels[int(np.argmax(beyond))] if known else "a constraint"
-        what = program.labels[blocking] if blocking >= 0 else broken
-        return Status.INFEASIBLE, f"{what} cannot be kept beside the others; see explain()."
-    if solution.status is QPStatus.ITERATION_LIMIT and finite:
-        residual = program.violation(solution.x)
-        if residual < _ACCURATE:
-            message = f"iteration limit; constraints are kept within {residual:.1e}."
-            return Status.INACCURATE, message
-    return Status.FAILED, f"no solution within {found.rounds} programs; see explain()."
+        return Status.INFEASIBLE, f"{broken} cannot be kept beside the others; see explain()."
+    return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."
 
 
 def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusal:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.compiled import OutDense, OutPlaces, OutRow, Places, Row, compiled
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
@@ -22,7 +23,16 @@ from wbc.control.rows.contacts import ContactSet
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import COST, FIRST, GEAR_ROWS, HARD, PROGRAM
+from wbc.control.tick import (
+    BOUNDS,
+    COST,
+    FIRST,
+    GEAR_ROWS,
+    HARD,
+    JOINT,
+    PROGRAM,
+    ProgramMemory,
+)
 from wbc.robot import Robot
 
 # Directions that move the rows less than this share are left to the tasks: near such a pose a
@@ -31,11 +41,11 @@ _WEAK = 1e-6
 # Tolerances by which a level may at most be beyond a bound, which the next one then lets pass, and
 # within which a bound counts as reached.
 REACH = 30.0
-# Limits that give way cost _FIRM times the heaviest task. What costs less than that task over _FIRM
+# Limits that give way cost FIRM times the heaviest task. What costs less than that task over FIRM
 # is raised to it: with costs that span more than six decades daqp and the dual method call programs
 # infeasible that are not. On hostile ticks of Talos daqp takes 137 to 254 iterations with 3e1, 300
 # to 553 with 1e2; of 115 ticks 92 pass the same as with 1e3 within 0.1 %, four over 2 % more.
-_FIRM = 3e1
+FIRM = 3e1
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
@@ -71,6 +81,73 @@ class Recipe:
         """The robot's weight [N], by which forces are measured; 1 kN where nothing weighs."""
         weight = self.kinematics.mass * self.kinematics.gravity
         return weight if weight > 0.0 else 1e3
+
+
+@compiled
+def add_square(row: Row, right: float, weight: float, H: OutDense, g: OutRow) -> None:
+    """Add weight (row x - right)^2 / 2 to x'Hx / 2 + g'x."""
+    for i in range(len(row)):
+        if row[i] != 0.0:
+            share = weight * row[i]
+            g[i] -= share * right
+            for j in range(len(row)):
+                H[i, j] += share * row[j]
+
+
+@compiled
+def write_out(
+    program: ProgramMemory,
+    wanted: Places,
+    H: OutDense,
+    g: OutRow,
+    rows: OutDense,
+    bounds: tuple[OutRow, OutRow],
+) -> None:
+    """Write the Hessian (n, n), the gradient (n,), all rows, the hard ones first, and their bounds.
+
+    Args:
+        program: PROGRAM.
+        wanted: (r,) 1 or -1 for bounds that are tasks for the time being; those that give are none.
+        H, g, rows, bounds: results.
+    """
+    solver, counts, n = program.solver, program.counts, len(g)
+    H[:] = 0.0
+    for j in range(n):
+        H[j, j], g[j] = solver.diagonal[j], -solver.pull[j]
+    for i in range(counts[FIRST], counts[COST]):
+        add_square(solver.rows[i], solver.right[i], 1.0 / solver.softness[i], H, g)
+    for i in range(counts[HARD]):
+        rows[i] = solver.rows[counts[COST] + i]
+        bounds[0][i] = bounds[1][i] = solver.right[counts[COST] + i]
+    for i in range(len(wanted)):
+        row, low, high = counts[HARD] + i, solver.lower[i], solver.upper[i]
+        rows[row] = solver.C[i]
+        if solver.give[i] > 0.0:
+            if wanted[i] != 0:
+                right = high if wanted[i] > 0 else low
+                add_square(solver.C[i], right, 1.0 / solver.give[i], H, g)
+            low, high = -INFINITE, INFINITE
+        bounds[0][row], bounds[1][row] = low, high
+
+
+@compiled
+def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
+    """Raise small costs and price limits of joints and distances; write which ask for motion.
+
+    `wanted` (r,) is 1 where an upper bound does, -1 where a lower one does.
+    """
+    solver, counts, heaviest = program.solver, program.counts, 0.0
+    for j in range(len(solver.diagonal)):
+        heaviest = max(heaviest, solver.diagonal[j])
+    for i in range(counts[FIRST], counts[COST]):
+        heaviest = max(heaviest, 1.0 / solver.softness[i])
+    for j in range(len(solver.diagonal)):
+        raised = max(1.0, heaviest / (FIRM * solver.diagonal[j]))
+        solver.diagonal[j] *= raised
+        solver.pull[j] *= raised
+    for i in range(counts[JOINT], counts[BOUNDS]):
+        solver.give[i] = 1.0 / (FIRM * heaviest)
+        wanted[i] = 1 if solver.upper[i] < 0.0 else -1 if solver.lower[i] > 0.0 else 0
 
 
 class BlockPlaces(NamedTuple):
@@ -177,7 +254,7 @@ class Program:
         size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
         softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
         softness[:cost] = 1.0
-        C = np.zeros((bounds, n))
+        C, self.wanted = np.zeros((bounds, n)), np.zeros(bounds, dtype=np.int_)
         lower, upper = np.full(bounds, -INFINITE), np.full(bounds, INFINITE)
         C[self.cone, nv:], C[self.normal, nv:] = contacts.cone, contacts.normals
         upper[self.cone] = 0.0
@@ -254,94 +331,55 @@ class Program:
         softness[:count], softness[count:] = 0.0, 1.0
 
     @contextmanager
-    def giving_way(self, *, dropped: bool = False) -> Iterator[None]:
-        """Let limits of joints and distances be passed, at a cost.
+    def limits_as_tasks(self) -> Iterator[None]:
+        """Let limits of joints and distances be passed, at a cost; those that ask for motion stay.
 
-        Limits that are `dropped` are passed at no cost. Torque limits, cones, contacts at rest and
-        the balance are what the motors and the ground can do; they stay.
+        A limit that asks for motion, as of a joint that has to brake, is a task for the time being.
+        Torque limits, cones, contacts at rest and the balance are what the motors and the ground
+        can do; they stay as they are.
         """
-        solver, counts = self.memory.solver, self.memory.counts
-        diagonal, pull = solver.diagonal, solver.pull
-        tasks = solver.softness[counts[FIRST] : counts[COST]]
-        kept = diagonal.copy(), pull.copy()
-        limits = slice(self.joint.start, self.bounds)
-        bounds = solver.lower[limits].copy(), solver.upper[limits].copy()
-        heaviest = max(np.max(1.0 / tasks, initial=0.0), diagonal.max())
-        raised = np.maximum(diagonal, heaviest / _FIRM)
-        pull *= raised / diagonal
-        diagonal[:] = raised
-        if dropped:
-            solver.lower[limits], solver.upper[limits] = -INFINITE, INFINITE
-        else:
-            solver.give[limits] = 1.0 / (_FIRM * heaviest)
+        solver = self.memory.solver
+        kept = solver.diagonal.copy(), solver.pull.copy()
+        place_prices(self.memory, self.wanted)
         try:
             yield
         finally:
-            diagonal[:], pull[:] = kept
-            solver.lower[limits], solver.upper[limits] = bounds
-            solver.give[:] = 0.0
+            solver.diagonal[:], solver.pull[:] = kept
+            solver.give[:], self.wanted[:] = 0.0, 0
 
     def passed(self, solution: QPSolution) -> tuple[dict[str, float], str]:
         """Return what a solution passes, by how much [rad/s^2 or m/s^2], and that in words."""
-        gives, C = slice(self.joint.start, self.bounds), self.memory.solver.C
-        beyond = self.beyond(solution.x)[gives]
+        start, C = self.joint.start, self.memory.solver.C
+        beyond = self.beyond(solution.x)[start:]
         least = _TOLD * beyond.max(initial=0.0)
-        sizes = zip(self.labels[gives], beyond.tolist(), strict=True)
-        found = {label: size for label, size in sizes if size > least}
+        found = {self.labels[start + i]: float(beyond[i]) for i in np.flatnonzero(beyond > least)}
         if not found:
             return found, ""
-        push = np.abs(solution.z) * np.linalg.norm(C, axis=1)
+        pushing = np.flatnonzero(solution.z)
+        push = np.abs(solution.z[pushing]) * np.linalg.norm(C[pushing], axis=1)
         share = _TOLD * push.max(initial=0.0)
-        push[gives][beyond > least] = 0.0
+        push[np.append(np.zeros(start), beyond)[pushing] > least] = 0.0
         stops = "what rests on the ground" if self.contacts.rows else "the balance of forces"
-        stops = self.labels[int(np.argmax(push))] if push.max() > share else stops
+        if push.max(initial=0.0) > share:
+            stops = self.labels[pushing[np.argmax(push)]]
         worst = max(found, key=lambda label: found[label])
         others = f", and {len(found) - 1} more" if len(found) > 1 else ""
         told = f"{worst} is passed by {found[worst]:.3g} per s^2{others}: {stops} leaves no more."
         return found, told
 
-    def _soft_and_hard(self) -> tuple[slice, slice]:
-        """Return which rows of the solver are soft, and which are hard."""
-        counts = self.memory.counts
-        soft, end = slice(counts[FIRST], counts[COST]), counts[COST] + counts[HARD]
-        return soft, slice(counts[COST], end)
-
     def dense(self) -> QPProblem:
-        """Return a copy of the program as it stands, Hessian and gradient written out.
-
-        All bounds are to be kept.
-        """
-        solver, (soft, hard) = self.memory.solver, self._soft_and_hard()
-        weighted = solver.rows[soft] / solver.softness[soft, None]
-        H = weighted.T @ solver.rows[soft]
-        H.reshape(-1)[:: len(H) + 1] += solver.diagonal
-        g = -(solver.right[soft] @ weighted) - solver.pull
-        A, b = solver.rows[hard].copy(), solver.right[hard].copy()
-        return QPProblem(H, g, A, b, solver.C.copy(), solver.lower.copy(), solver.upper.copy())
+        """Return a copy of the program as it stands, Hessian and gradient written out."""
+        n, hard = self.n, int(self.memory.counts[HARD])
+        H, g, rows = np.empty((n, n)), np.empty(n), np.empty((hard + self.bounds, n))
+        low, high = np.empty(hard + self.bounds), np.empty(hard + self.bounds)
+        write_out(self.memory, self.wanted, H, g, rows, (low, high))
+        return QPProblem(H, g, rows[:hard], low[:hard], rows[hard:], low[hard:], high[hard:])
 
     def beyond(self, x: FloatArray) -> FloatArray:
         """Return how far x (n,) is beyond each bound (r,), 0 within."""
         solver = self.memory.solver
         rows = solver.C @ x
         return np.asarray(np.maximum(np.maximum(rows - solver.upper, solver.lower - rows), 0.0))
-
-    def violation(self, x: FloatArray) -> float:
-        """Return how far x (n,) is beyond the constraint that it breaks most, 0 for none."""
-        solver, (_, hard) = self.memory.solver, self._soft_and_hard()
-        misses = np.abs(solver.rows[hard] @ x - solver.right[hard])
-        kept = self.beyond(x)[solver.give == 0.0]
-        return float(max(misses.max(initial=0.0), kept.max(initial=0.0)))
-
-    def cost(self, x: FloatArray) -> float:
-        """Return the cost of x (n,); rows and bounds that must be kept cost nothing."""
-        solver, (soft, _) = self.memory.solver, self._soft_and_hard()
-        misses, gives = solver.rows[soft] @ x - solver.right[soft], solver.give > 0.0
-        cost = (0.5 * solver.diagonal * x - solver.pull) @ x
-        cost += 0.5 * misses @ (misses / solver.softness[soft])
-        if gives.any():
-            passed = self.beyond(x)[gives]
-            cost += 0.5 * passed @ (passed / solver.give[gives])
-        return float(cost)
 
     def gear_rows(self, block: FloatArray) -> FloatArray:
         """Return the rows of the gears (9, m) at the end of a block of results."""

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.control.qp.active_set import (
-    CONTRADICTION,
-    FEW,
-    STEPS,
-    place_multipliers,
-    settle,
-)
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled
+from wbc.control.qp.active_set import FEW, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     place_beyond,
     place_map,
@@ -25,22 +19,27 @@ from wbc.control.qp.gear_rows import (
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program
 from wbc.control.qp.solvers import SOLVERS, QPSolution, QPStatus, solve
-from wbc.control.tick import COST, FIRST, GUESSES, HARD, SMALL, place_directed_rows, place_efforts
+from wbc.control.tick import (
+    COST,
+    FIRST,
+    GUESSES,
+    HARD,
+    SCALE,
+    SMALL,
+    ProgramMemory,
+    place_directed_rows,
+    place_efforts,
+)
 
-# Share of the rounds in which a better solution than the first is looked for: of 771 hostile ticks
-# of four robots that have one all keep their torques with none of 9 rounds in place of 3.
-_BETTER = 9
-# Share of the iterations that is left for limits that give way: of 66 hostile ticks of Talos that
-# have a motion one is missed with 0, 0.2, 0.33 or 0.4, none with 0.1.
-_LEFT = 0.1
+# What it takes to write a program out and to begin it, and to try bounds that may bind, in
+# iterations of daqp.
+_PROGRAM, _GUESS = 70, 30
+_SEARCHED = 0.5  # share of the work up to which a better solution than the first is looked for
+_ACTIVE = 1e-6
 _EMPTY = np.zeros(0)
 NOTHING = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.FAILED, 0)
-CONTRADICTORY = NOTHING._replace(status=QPStatus.INFEASIBLE)
-
-
-_ACTIVE = 1e-6
-_Node = tuple[float, Mapping[int, bool], IntArray]
-"""A bound of its cost, the gears it decides and whether T > 0 in them, and bounds to start from."""
+_Node = tuple[float, IntArray, IntArray]
+"""A bound of its cost, the directions it decides, and bounds to start from."""
 
 
 class DirectedSolution(NamedTuple):
@@ -48,19 +47,91 @@ class DirectedSolution(NamedTuple):
 
     Attributes:
         solution: of the last program solved.
-        decided: gears whose direction the last program decides, and whether T > 0 in them.
+        decided: (m,) 1 or -1 for the sign of T where the last program decides it, else 0.
         settled: whether the torques agree with the mesh law within the limits.
         rounds: programs solved.
-        iterations: of the solvers.
+        iterations: work of them, as `ControllerSettings.max_iterations` counts it.
         solve_time: [s] in the solvers.
     """
 
     solution: QPSolution
-    decided: Mapping[int, bool]
+    decided: IntArray
     settled: bool
     rounds: int
     iterations: int
     solve_time: float
+
+
+@compiled
+def weigh(
+    program: ProgramMemory,
+    x: Row,
+    choice: Places,
+    output: OutRow,
+    share: OutRow,
+    beyond: OutFlags,
+) -> tuple[float, bool]:
+    """Write T of x (n,), what the rotors take, and which gears are beyond their limits.
+
+    Args:
+        program: PROGRAM.
+        x: (n,).
+        choice: directions (m,) of the program; gears that are decided are not beyond.
+        output, share, beyond: results (m,).
+
+    Returns:
+        the cost of x, where what must be kept costs nothing, and whether any gear is beyond.
+    """
+    solver, counts = program.solver, program.counts
+    jacobian = program.contacts.rows.jacobian
+    place_output(program.gears, jacobian, program.numbers[SCALE], x, output, share)
+    place_beyond(program.gears, output, share, program.slopes, beyond)
+    cost, some = 0.0, False
+    for i in range(len(choice)):
+        beyond[i] = beyond[i] and choice[i] == 0
+        some = some or beyond[i]
+    for j in range(len(x)):
+        cost += (0.5 * solver.diagonal[j] * x[j] - solver.pull[j]) * x[j]
+    for i in range(counts[FIRST], counts[COST]):
+        miss = -solver.right[i]
+        for j in range(len(x)):
+            miss += solver.rows[i, j] * x[j]
+        cost += 0.5 * miss * miss / solver.softness[i]
+    return cost, some
+
+
+@compiled
+def take_pushing(z: Row, wanted: Places, least: float, taken: OutPlaces) -> None:
+    """Write which bounds (r,) push with more than `least`, and on which side; and those wanted."""
+    for i in range(len(taken)):
+        taken[i] = wanted[i] if abs(z[i]) <= least else 1 if z[i] > 0.0 else -1
+
+
+@compiled
+def contested(
+    program: ProgramMemory, z: Row, choice: Places, decided: Places, sides: OutPlaces
+) -> int:
+    """Write the directions (m,) of gears whose half-space binds, 0 elsewhere; return how many.
+
+    With those directions a solution with multipliers z is the best, whatever the others are.
+
+    Args:
+        program: PROGRAM.
+        z: multipliers (r,) of the bounds.
+        choice, decided: directions (m,) of the program, and those that are not to be revised.
+        sides: result.
+    """
+    count, found = len(program.limited), 0
+    sides[:] = 0
+    for i in range(count):
+        gear = program.limited[i]
+        steeper = program.slopes[1, gear] - program.slopes[0, gear]
+        if choice[gear] == 0 or decided[gear] != 0 or steeper == 0.0:
+            continue
+        push = z[i + count if choice[gear] > 0 else i]
+        if (-push if steeper > 0.0 else push) > _ACTIVE:
+            sides[gear], found = choice[gear], found + 1
+    return found
 
 
 class DirectionSearch:
@@ -84,7 +155,7 @@ class DirectionSearch:
 
     Attributes:
         output: T (m,) of the last solution, which the next one overwrites.
-        rounds, iterations: programs solved, and iterations of solvers, since `start`.
+        rounds, iterations: programs solved, and their work, since `start`.
     """
 
     def __init__(self, program: Program, guesses: bool) -> None:
@@ -97,8 +168,10 @@ class DirectionSearch:
         settings, m = program.recipe.settings, program.memory.gears.driven.shape[0]
         self._program, self._guesses = program, guesses
         self._names, self._tolerance = SOLVERS[settings.solver], settings.tolerance
-        self._settings, self._rounds = settings, settings.max_rounds
+        self._most = settings.max_iterations
         self.output, self._share = np.empty(m), np.empty(m)
+        self._beyond, self._sides = np.empty(m, np.bool_), np.empty(m, np.int_)
+        self._limited = np.isin(np.arange(m), program.gears)
         self._passing: FloatArray | None = None
 
     def start(self, sigma: FloatArray, passing: FloatArray | None) -> None:
@@ -113,68 +186,66 @@ class DirectionSearch:
         place_slopes(memory.gears, sigma, memory.slopes[1], memory.slopes[0])
         place_map(memory.gears, jacobian, scale, memory.map, memory.output_bias)
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
-        self.blocking = -1
 
-    def place(self, decided: Mapping[int, bool], output: FloatArray) -> None:
+    def place(self, decided: IntArray, output: FloatArray) -> None:
         """Write the rows of torque limits where some gears are decided, and those of efforts."""
-        program, memory, choice = self._program, self._program.memory, np.zeros(len(output))
-        for gear, positive in decided.items():
-            choice[gear] = 1.0 if positive else -1.0
-        place_directed_rows(memory, choice)
+        program, memory = self._program, self._program.memory
+        place_directed_rows(memory, decided)
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:
             slack = REACH * memory.numbers[3]
             let_pass(memory, program.lock, self._passing, slack, 0, program.torque.stop)
 
+    @property
+    def affords(self) -> bool:
+        """Whether another program may be begun."""
+        return self._may_begin(self._most)
+
+    def _may_begin(self, most: float) -> bool:
+        return self.rounds == 0 or self.iterations + _PROGRAM < most
+
+    def first(self, output: FloatArray, decided: IntArray) -> DirectedSolution:
+        """Return what the program in the directions of some torques (m,) comes to."""
+        guess = self._all_decided(output, decided)
+        self.place(guess, output)
+        return self._found(self._solved(), guess, settled=True)
+
     def solve(
-        self,
-        output: FloatArray,
-        decided: Mapping[int, bool],
-        *,
-        spare: int = 0,
-        relaxes: bool = False,
+        self, output: FloatArray, decided: IntArray, *, brief: bool = False
     ) -> DirectedSolution:
-        """Return the best solution over all directions, or the best within the rounds.
+        """Return the best solution over all directions, or the best within the work.
 
         Args:
             output: T (m,) whose signs the efforts begin with, and the directions.
-            decided: gears that are decided, and whether T > 0 in them.
-            spare: how many of the rounds are left for limits that give way; where there are some,
-                the first contradiction is an answer.
-            relaxes: whether to end with the first solution, and to go on with the convex rows alone
-                where these directions contradict the others.
+            decided: (m,) 1 or -1 for the sign of T of gears that are decided, else 0.
+            brief: whether the first program without a solution is an answer.
         """
-        last, efforts, slopes = self._rounds - spare, GUESSES, self._program.memory.slopes
-        self._most = int((1.0 - _LEFT * (spare > 0)) * self._settings.max_iterations)
-        while True:
-            found = self._branch(output, decided, last, spare > 0, relaxes)
-            efforts -= 1
+        slopes = self._program.memory.slopes
+        for _ in range(GUESSES):
+            found = self._branch(output, decided, brief)
+            if not (self._program.has_efforts and found.settled and self.affords):
+                break
             differs = ((self.output > 0.0) != (output > 0.0)) & (slopes[0] != slopes[1])
-            turned = bool((differs & (np.abs(self.output) > SMALL)).any())
-            again = self._program.has_efforts and turned and found.settled
-            if not again or efforts == 0 or self.rounds >= last:
-                return found
+            if not (differs & (np.abs(self.output) > SMALL)).any():
+                break
             output = self.output.copy()
+        return found
 
-    def _branch(
-        self,
-        output: FloatArray,
-        decided: Mapping[int, bool],
-        last: int,
-        quick: bool,
-        relaxes: bool,
-    ) -> DirectedSolution:
+    def _all_decided(self, output: FloatArray, decided: IntArray) -> IntArray:
+        """Return `decided`, and for the other gears that have a limit the signs of torques (m,)."""
+        return np.where(self._limited & (decided == 0), np.where(output > 0.0, 1, -1), decided)
+
+    def _branch(self, output: FloatArray, decided: IntArray, brief: bool) -> DirectedSolution:
         """Return the solution of least cost with the efforts of some torques (m,)."""
-        taken, lowest = self._program.memory.solver.taken, np.inf
-        gears, positive = self._program.gears.tolist(), (output > 0.0).tolist()
-        guess = {gear: positive[gear] for gear in gears} | dict(decided)
-        nodes: list[_Node] = [(-np.inf, decided, taken.copy())]
-        if len(guess) > len(decided):
-            nodes.append((-np.inf, guess, taken.copy()))
-        best: tuple[QPSolution, Mapping[int, bool]] | None = None
-        relaxed, refused, failed = NOTHING, NOTHING, decided
-        while nodes and self.rounds < max(last, 1) and self.iterations < self._most:
+        memory, most, lowest = self._program.memory, 1.0 * self._most, np.inf
+        taken, sides, start = memory.solver.taken, self._sides, memory.solver.taken.copy()
+        guess, nodes = self._all_decided(output, decided), [(-np.inf, decided, start)]
+        if (guess != decided).any():
+            nodes.append((-np.inf, guess, start))
+        best: tuple[QPSolution, IntArray] | None = None
+        relaxed, refused = NOTHING, (NOTHING, decided)
+        while nodes and self._may_begin(most):
             if best is not None:  # the least bound first; before, the last one is the deepest
                 nodes.sort(key=lambda entry: -entry[0])
             bound, node, taken[:] = nodes.pop()
@@ -183,129 +254,94 @@ class DirectionSearch:
             self.place(node, output)
             solution = self._solved()
             if solution.status is not QPStatus.SOLVED:
-                refused, failed = (solution, node) if refused is NOTHING else (refused, failed)
-                if quick and not (relaxes and node is guess):
-                    break
+                refused = (solution, node) if refused[0] is NOTHING else refused
+                if brief:
+                    nodes = []
                 continue
-            cost, beyond = self._program.cost(solution.x), self._beyond(solution.x)
-            gears = [gear for gear in np.flatnonzero(beyond).tolist() if gear not in node]
+            written = self.output, self._share, self._beyond
+            cost, some_beyond = weigh(memory, solution.x, node, *written)
             if cost >= lowest:
                 continue
-            if not gears:
-                if node is guess or best is None:
-                    sides = self._contested(solution, node, decided)
-                    nodes = _turned(decided, sides, -np.inf, taken.copy())
-                    wrong = {g: not up for g, up in sides.items() if (self.output[g] > 0.0) != up}
-                    if wrong:
-                        guess = {**node, **wrong}
-                        nodes.append((-np.inf, guess, taken.copy()))
-                    else:
-                        last = min(last, self.rounds + self._rounds // _BETTER)
-                best, lowest = (solution, node), cost
-                if relaxes:
-                    break
+            if some_beyond:
+                signs, start = np.where(self.output > 0.0, 1, -1), taken.copy()
+                nodes += _turned(node, signs * self._beyond, cost, start)
+                nodes.append((cost, np.where(self._beyond, signs, node), start))
+                relaxed = solution
                 continue
-            relaxed, sides = solution, {gear: bool(self.output[gear] > 0.0) for gear in gears}
-            nodes += _turned(node, sides, cost, taken.copy())
-            nodes.append((cost, {**node, **sides}, taken.copy()))
+            if node is guess or best is None:
+                nodes = []
+                if contested(memory, solution.z, node, decided, sides):
+                    nodes = _turned(decided, sides, -np.inf, taken.copy())
+                    wrong = (sides != 0) & ((self.output > 0.0) != (sides > 0))
+                    if wrong.any():
+                        guess = np.where(wrong, -sides, node)
+                        nodes.append((-np.inf, guess, taken.copy()))
+            best, lowest, most = (solution, node), cost, _SEARCHED * self._most
         if best is not None:
             return self._found(*best, settled=True)
-        # where the budget ends, torques that have to be clipped are better than nothing
-        proven = not nodes or (quick and refused.status is QPStatus.INFEASIBLE)
-        fails = relaxed is NOTHING or proven
-        return self._found(refused if fails else relaxed, failed, settled=False)
+        # where the work ends, torques that have to be clipped are better than nothing
+        if relaxed is NOTHING or not nodes:
+            return self._found(*refused, settled=False)
+        return self._found(relaxed, refused[1], settled=False)
 
-    def refuted(self) -> DirectedSolution:
-        """Return what a tick came to whose bounds contradict one another without torque limits."""
-        self.rounds, self.blocking = 1, int(self._program.memory.solver.active[0])
-        return self._found(CONTRADICTORY, {}, settled=False)
-
-    def _contested(
-        self, solution: QPSolution, node: Mapping[int, bool], decided: Mapping[int, bool]
-    ) -> dict[int, bool]:
-        """Return the gears whose half-space binds in a solution, and whether T > 0 in it.
-
-        With those directions it is the best, whatever the others are.
-        """
-        gears, slopes, found = self._program.gears.tolist(), self._program.memory.slopes, {}
-        for row, gear in enumerate(gears):
-            if gear in node and gear not in decided:
-                push = solution.z[row + len(gears) * node[gear]]
-                convex = slopes[1, gear] >= slopes[0, gear]
-                if slopes[1, gear] != slopes[0, gear] and (-push if convex else push) > _ACTIVE:
-                    found[gear] = node[gear]
-        return found
-
-    def _found(
-        self, solution: QPSolution, decided: Mapping[int, bool], *, settled: bool
-    ) -> DirectedSolution:
+    def _found(self, solution: QPSolution, decided: IntArray, *, settled: bool) -> DirectedSolution:
         if solution.status is QPStatus.SOLVED:
-            self._beyond(solution.x)
-        return DirectedSolution(
-            solution, decided, settled, self.rounds, self.iterations, self._spent
-        )
-
-    def _beyond(self, x: FloatArray) -> BoolArray:
-        """Write T of x (n,); return the gears (m,) whose torque is beyond their limits."""
-        memory, scale = self._program.memory, self._program.force_scale
-        jacobian, beyond = memory.contacts.rows.jacobian, np.empty(len(self.output), np.bool_)
-        place_output(memory.gears, jacobian, scale, x, self.output, self._share)
-        place_beyond(memory.gears, self.output, self._share, memory.slopes, beyond)
-        return beyond
+            written = self.output, self._share, self._beyond
+            weigh(self._program.memory, solution.x, decided, *written)
+        took = self.rounds, self.iterations, self._spent
+        return DirectedSolution(solution, decided, settled, *took)
 
     def _solved(self) -> QPSolution:
         """Return the solution of the program as it stands, or one that is not SOLVED.
 
-        From the rows that bound the last solution, if these are worth a try; else the first that a
-        solver finds. What a solver finds is solved once more from the rows that bind in it: to the
-        last digits.
+        From bounds that bound another solution, where there are some; else the first that a solver
+        finds. What a solver finds is solved once more from the rows that bind in it: to the last
+        digits.
         """
-        start, found = perf_counter(), NOTHING
+        start, found, solver = perf_counter(), NOTHING, self._program.memory.solver
         self.rounds += 1
-        if self._guesses:
+        if self._guesses and solver.taken.any():
             found = self._guessed()
         if found is NOTHING:
-            dense, give = self._program.dense(), self._program.memory.solver.give
+            self.iterations += _PROGRAM
+            problem = self._program.dense()
             for name in self._names:
-                most = max(self._most - self.iterations, 1)
-                found = solve(name, dense, tolerance=self._tolerance, most=most, give=give)
+                most = max(self._most - self.iterations - _GUESS, 1)
+                found = solve(name, problem, tolerance=self._tolerance, most=most)
                 self.iterations += found.iterations
                 # alone ProxQP calls programs infeasible that leave hardly any room
                 sure = name == "daqp" and found.status is QPStatus.INFEASIBLE
                 if found.status is QPStatus.SOLVED or sure:
                     break
             if found.status is QPStatus.SOLVED and self._guesses:
-                pushing = np.abs(found.z) > 10.0 * self._tolerance
-                self._program.memory.solver.taken[:] = np.sign(found.z) * pushing
+                least = 10.0 * self._tolerance
+                take_pushing(found.z, self._program.wanted, least, solver.taken)
                 exact = self._guessed()
                 found = exact if exact.status is QPStatus.SOLVED else found
         self._spent += perf_counter() - start
         return found
 
-    def _guessed(self) -> QPSolution:
+    def _guessed(self, steps: int = FEW) -> QPSolution:
         """Return the solution from the rows taken as binding, NOTHING where they lead to none."""
         program, memory = self._program, self._program.memory
         solver, counts = memory.solver, memory.counts
+        self.iterations += _GUESS
         first, hard, bounds = int(counts[FIRST]), int(counts[HARD]), len(solver.lower)
         last = int(counts[COST]) + hard
         x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
-        # where so many steps were in vain, more of them are hardly worth a try
-        steps = max(STEPS - int(solver.steps[0]), FEW)
         size = settle(solver, first, last, (0, bounds), self._tolerance, steps, x)
-        if size == CONTRADICTION:
-            self.blocking = int(solver.active[0])
         if size < 0:
-            return CONTRADICTORY if size == CONTRADICTION else NOTHING
+            return NOTHING
         place_multipliers(solver, last - first, last - first - hard, size, y, z)
         return QPSolution(x, y, z, QPStatus.SOLVED, 0)
 
 
-def _turned(
-    node: Mapping[int, bool], sides: Mapping[int, bool], cost: float, taken: IntArray
-) -> list[_Node]:
+def _turned(node: IntArray, sides: IntArray, cost: float, taken: IntArray) -> list[_Node]:
     """Return the parts of a node in which at least one gear is on another side than these."""
-    found, own = list[_Node](), dict(node)
-    for gear, side in sides.items():
-        found.append((cost, {**own, gear: not side}, taken))
-        own[gear] = side
+    found, own = list[_Node](), node.copy()
+    for gear in np.flatnonzero(sides):
+        other = own.copy()
+        other[gear] = -sides[gear]
+        found.append((cost, other, taken))
+        own[gear] = sides[gear]
     return found

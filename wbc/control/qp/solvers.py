@@ -134,7 +134,6 @@ def solve(
     *,
     tolerance: float,
     most: int,
-    give: FloatArray | None = None,
 ) -> QPSolution:
     """Return the solution of a program whose numbers are finite and bounds ordered, from nothing.
 
@@ -146,27 +145,9 @@ def solve(
         problem: the program.
         tolerance: absolute, on residuals.
         most: iterations, inner and outer ones together.
-        give: softness (n_in,) of the bounds: one that is passed costs (beyond)^2 / 2 softness. Zero
-            for one that must be kept; without it all must be.
     """
-    n = len(problem.g)
-    if give is not None and give.any():
-        problem = _with_passings(problem, give)
     ask = _solve_daqp if name == "daqp" else _solve_proxqp
-    found = ask(problem, tolerance, most)
-    return found._replace(x=found.x[:n])
-
-
-def _with_passings(problem: QPProblem, give: FloatArray) -> QPProblem:
-    """Return a program with, behind x (n,), how far every bound that gives is passed."""
-    H, g, A, b, C, lower, upper = problem
-    gives = np.flatnonzero(give)
-    n, more = len(g), len(gives)
-    whole = np.zeros((n + more, n + more))
-    whole[:n, :n], whole[n:, n:] = H, np.diag(1.0 / give[gives])
-    A, C = np.hstack([A, np.zeros((len(b), more))]), np.hstack([C, np.zeros((len(C), more))])
-    C[gives, n + np.arange(more)] = -1.0
-    return QPProblem(whole, np.concatenate([g, np.zeros(more)]), A, b, C, lower, upper)
+    return ask(problem, tolerance, most)
 
 
 def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
@@ -202,10 +183,9 @@ def _solve_daqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
     H, g, A, b, C, lower, upper = problem
     sense = np.zeros(len(b) + len(lower), dtype=np.int32)
     sense[: len(b)] = _EQUALITY
-    rows, low, high = np.vstack([A, C]), np.concatenate([b, lower]), np.concatenate([b, upper])
+    rows, low = np.concatenate([A, C]), np.concatenate([b, lower])
+    high = np.concatenate([b, upper])
     limits = {"primal_tol": tolerance, "dual_tol": tolerance, "iter_limit": most}
     x, _, flag, info = daqp.solve(H, g, rows, high, low, sense, **limits)
-    multipliers = np.asarray(info["lam"])
-    y, z = multipliers[: len(b)], multipliers[len(b) :]
-    status = _DAQP.get(int(flag), QPStatus.FAILED)
-    return QPSolution(np.asarray(x), y, z, status, int(info["iterations"]))
+    y, z = info["lam"][: len(b)], info["lam"][len(b) :]
+    return QPSolution(x, y, z, _DAQP.get(flag, QPStatus.FAILED), info["iterations"])
