@@ -2,12 +2,13 @@
 
     python -m benchmarks.solvers [programs]
 
-The own method takes as many steps as in a tick, where solvers follow. Programs are those of Solo12, ANYmal and TALOS around their stance, each with 0.3, 1 and 3 rad/s of
+Programs are those of Solo12, ANYmal and TALOS around their stance, each with 0.3, 1 and 3 rad/s of
 noise on every joint, in equal parts; 10,000 when no number is given. Every method gets the same
-program and no hint. Only programs that at least one of them solves count. A solution counts as
-solved where no constraint is broken by more than 1e-5 (accelerations and tenths of the weight).
-Times are of the thread's own processor time, without writing the program out. Then who was asked
-in the ticks themselves, from which the programs come.
+program and no hint; the own one takes as many steps as in a tick, where solvers follow. Only
+programs that at least one of them solves count. A solution counts as solved where no constraint is
+broken by more than 1e-5 (accelerations and tenths of the weight). Times are of the thread's own
+processor time, without writing the program out. Then who was asked in the ticks themselves, from
+which the programs come.
 """
 
 from __future__ import annotations
