@@ -173,12 +173,8 @@ class Setup:
     def _ask_forces(self) -> None:
         """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
         (state, command, external), now, end = self._given, self.plant.now, self.plant.end
-        told = self.plant.forces
-        step, stage, time = (
-            float(told.length[0]),
-            int(now.numbers[tables.STAGE]),
-            float(now.numbers[tables.TIME]),
-        )
+        told, step = self.plant.forces, float(self.plant.forces.length[0])
+        stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
         try:
             if step == 0.0:
                 self.forget_losses()
@@ -186,9 +182,9 @@ class Setup:
                 return
             q, v, given = end.before.copy(), end.speed.copy(), told.mesh
             mesh = None if np.isnan(given).any() or not len(given) else given.copy()
+            motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
             memory = memory_before(self.acts, stage, state.memory)
-            at, more = (q, v, time + 0.5 * step), (self.temperature, mesh)
-            self.acts[stage] = self.effects.forces(at, command, memory, step, *more)
+            self.acts[stage] = self.effects.forces(motion, command, memory, step)
             self.tell_losses(q, v)
             self.tell_coupling(q, v)
             self.tell_forces(self.acts[stage], external)

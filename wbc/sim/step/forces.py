@@ -19,6 +19,8 @@ from wbc.errors import SimulationError
 from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
+_NOTHING = np.zeros(0)
+
 
 class EffectForces(NamedTuple):
     """Forces of all effects over one step.
@@ -28,18 +30,17 @@ class EffectForces(NamedTuple):
         friction: level of dry friction on the coordinates (nv,), None where no effect has any.
         rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
         memory: of the effects, at the end of the step.
-        kept_joint: part of `joint` (nv,) that effects exert which store energy of their own;
-            None where none does.
+        kept_joint: part of `joint` (nv,) that the effects in `stores` exert.
         kept_rotor: the same part of `rotor` (m,).
-        stores: these effects and the motions that they saw.
+        stores: effects that store energy of their own, and the motions that they saw.
     """
 
     joint: FloatArray
     friction: FloatArray | None
     rotor: FloatArray
     memory: EffectMemory
-    kept_joint: FloatArray | None = None
-    kept_rotor: FloatArray | None = None
+    kept_joint: FloatArray = _NOTHING
+    kept_rotor: FloatArray = _NOTHING
     stores: tuple[tuple[Effect, Motion], ...] = ()
 
 
@@ -87,30 +88,22 @@ class PlantEffects:
         return given
 
     def forces(
-        self,
-        at: tuple[FloatArray, FloatArray, float],
-        command: FloatArray,
-        memory: EffectMemory = (),
-        step: float = 0.0,
-        temperature: FloatArray | None = None,
-        mesh: FloatArray | None = None,
+        self, motion: Motion, command: FloatArray, memory: EffectMemory, step: float
     ) -> EffectForces:
         """Return what the effects do with a commanded rotor torque (m,) over a step.
 
         Args:
-            at: q (nq,), v (nv,) and time [s] in the middle of the step.
+            motion: in the middle of the step; without T of the gears, effects take what they
+                remember of it.
             command: rotor torque (m,) [N m].
             memory: of the effects at the start of the step; empty where none has any.
             step: h [s].
-            temperature: (m,) of the motors [deg C], None where it is not known.
-            mesh: T (m,) [N m] that the gears give, None for what effects remember of it.
         """
-        joint, dry = np.empty(len(at[1])), np.empty(len(at[1]))
-        fill_joint_torques(self.table.joints, self.table.numbers, at[0], at[1], joint, dry)
+        (q, v), table = (motion.position, motion.velocity), self.table
+        joint, dry = np.empty(len(v)), np.empty(len(v))
+        fill_joint_torques(table.joints, table.numbers, q, v, joint, dry)
         if not self.hooks:
             return EffectForces(joint, dry, self.delivered(command), ())
-        now = np.asarray(at[2])
-        motion = Motion(at[0], at[1], time=now, temperature=temperature, mesh_torque=mesh)
         kept_joint, kept_rotor = np.zeros(len(joint)), np.zeros(len(command))
         rotor, seen = command, [motion] * len(self.hooks)
         following: list[FloatArray | None] = []

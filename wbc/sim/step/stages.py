@@ -184,7 +184,7 @@ class Flow(Stage):
         found, forces = end.books.tolist(), self.forces
         motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
         joint = end.force if external is None else end.force - external
-        if forces.kept_joint is not None and forces.kept_rotor is not None and forces.stores:
+        if forces.stores:
             joint = joint - forces.kept_joint
             before = setup.drive.motion(self.start)[1]
             turned = 0.5 * step * setup.drive.gears.gear_ratio * (before + end.motor_speed)
@@ -197,18 +197,10 @@ class Flow(Stage):
             mean = 0.5 * (end.speed + end.after)
             work = float(step * (joint @ mean))
             outer = 0.0 if external is None else float(step * (external @ mean))
+        mesh, rotor, gear, friction, contact = found[books.MESH : books.CONTACT + 1]
+        reloaded, bent, bristles = stored.reloaded, stored.bent, stored.bristles
         return EnergyFlow(
-            motor=motor,
-            external=outer,
-            effects=work,
-            reloaded=stored.reloaded,
-            bent=stored.bent,
-            mesh=found[books.MESH],
-            rotor_friction=found[books.ROTOR],
-            gear_damping=found[books.GEAR],
-            joint_friction=found[books.FRICTION],
-            bristles=stored.bristles,
-            contact=found[books.CONTACT],
+            motor, outer, work, reloaded, bent, mesh, rotor, gear, friction, bristles, contact
         )
 
 
