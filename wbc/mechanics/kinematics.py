@@ -49,11 +49,8 @@ def _of_quaternion(quaternion: Row, turn: OutRow) -> None:
 def _product(left: Row, right: Row, turn: OutRow) -> None:
     for i in range(3):
         for j in range(3):
-            turn[3 * i + j] = (
-                left[3 * i] * right[j]
-                + left[3 * i + 1] * right[3 + j]
-                + left[3 * i + 2] * right[6 + j]
-            )
+            turn[3 * i + j] = left[3 * i] * right[j] + left[3 * i + 1] * right[3 + j]
+            turn[3 * i + j] += left[3 * i + 2] * right[6 + j]
 
 
 @compiled(counted=False)

@@ -6,19 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import (
-    Dense,
-    Flags,
-    OutDense,
-    OutPlaces,
-    OutRow,
-    Places,
-    Row,
-    ask,
-    compiled,
-    inner,
-    local,
-)
+from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, ask, compiled, inner, local
 from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
@@ -289,26 +277,3 @@ def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> N
             elif i >= limits:
                 targets[row] = -max(dot(speed, rows[row]) - rate[i], 0.0)
             row += 1
-
-
-@inner
-def world_pushes(plant: Opened, solved: Row, axes: Dense, which: Places, pushes: OutDense) -> None:
-    """Write the impulse on every contact point, and on the first hull of every pair (k + p, 3).
-
-    Args:
-        plant: whose contacts they are.
-        solved: normal impulses of the closed contacts, then their tangents' (c (1 + d),).
-        axes: (c (1 + d), 3), see `barrier_rows`.
-        which: (c,) numbers of the closed contact barriers.
-        pushes: to write, world.
-    """
-    pushes[:] = 0.0
-    count, tangents = len(which), plant.obstacles.tangents
-    for c in range(count):
-        at = plant.obstacles.sides[which[c], 2]
-        for x in range(3):
-            push = solved[c] * axes[c * (1 + tangents), x]
-            for a in range(tangents):
-                along = axes[c * (1 + tangents) + 1 + a, x]
-                push += solved[count + c * tangents + a] * along
-            pushes[at, x] += push

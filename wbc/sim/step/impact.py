@@ -15,11 +15,11 @@ from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.contacts import gaps_at, world_pushes
+from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
-from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where
+from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
 from wbc.sim.step.tables import REACH, RESTITUTION, TOUCH, Gears, Opened
 
@@ -225,9 +225,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Ro
         return HIT
     book_impact(plant, rows, solved)
     hit.after[:] = solved.after
-    contacts = len(rows.laws) + len(rows.targets) - len(rows.which)
-    pushes = hit.pushes.reshape(-1, 3)
-    world_pushes(plant, solved.impulse[contacts:], rows.axes, rows.which, pushes)
+    world_pushes(plant, rows, solved.impulse, hit.pushes)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     row = len(rows.laws)

@@ -10,10 +10,10 @@ from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import arrive, rigid_ones
 from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
-from wbc.sim.step.contacts import gaps_at, world_pushes
+from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of
+from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
 from wbc.sim.step.tables import HERTZ, TOUCH, Opened
 
@@ -129,8 +129,7 @@ def second_half(plant: Opened, given: Row, step: float) -> int:
     books_of(plant, rows, solved)
     elements, both = len(rows.laws), len(rows.targets)
     turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
-    contacts = solved.impulse[elements + both - len(rows.frictions) :]
-    world_pushes(plant, contacts, rows.axes, rows.which, end.pushes.reshape(-1, 3))
+    world_pushes(plant, rows, solved.impulse, end.pushes)
     pressed = solved.impulse[elements : elements + both]
     rounding = _ROUNDING * np.sum(np.abs(pressed))
     for i in range(both):

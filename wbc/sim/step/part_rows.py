@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, compiled, inner
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner
 from wbc.effects.tables import fill_joint_torques
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
@@ -84,7 +84,7 @@ class Solved(NamedTuple):
 
 
 @compiled(inside=True)
-def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
+def free_velocity(plant: Opened, rows: PartRows) -> None:
     """Write v + h H_l^-1 (forces) (nv,) of the middle.
 
     Of gravity and the velocity terms, those count that the momentum of free bases does not have.
@@ -96,7 +96,7 @@ def free_velocity(plant: Opened, step: float, rows: PartRows) -> None:
     for i in range(len(bases)):
         part_on_joints(tree, columns, placed.composite, bases[i], placed.inertia, bias)
     for i in range(len(free)):
-        free[i] = step * (plant.end.force[i] - bias[i])
+        free[i] = rows.step * (plant.end.force[i] - bias[i])
     solve_inertia(rows.lower, free)
     add_times(1.0, speed, free)
 
@@ -166,7 +166,7 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
 
 
 @inner
-def rub(plant: Opened, step: float, rows: PartRows) -> None:
+def rub(plant: Opened, rows: PartRows) -> None:
     """Write rows and laws of the coordinates that rub alone."""
     row = m = len(plant.gears.rows)
     for c in range(rows.matrix.shape[1] if len(rows.laws) > m else 0):
@@ -174,20 +174,20 @@ def rub(plant: Opened, step: float, rows: PartRows) -> None:
             law = rows.laws[row]
             rows.matrix[row], rows.places[row] = 0.0, m + c
             rows.matrix[row, c] = law[3] = law[4] = 1.0
-            law[5], law[7] = step * plant.forces.friction[c], np.inf
+            law[5], law[7] = rows.step * plant.forces.friction[c], np.inf
             row += 1
 
 
 @inner
-def aim(plant: Opened, step: float, rows: PartRows) -> None:
+def aim(plant: Opened, rows: PartRows) -> None:
     """Write lowest speeds of the closed barriers, and depths of soft contacts."""
     elements, touching = len(rows.laws), len(rows.which)
     contacts = elements + len(rows.targets) - touching
-    lowest_speeds(plant, step, rows.matrix[elements:], rows.targets)
+    lowest_speeds(plant, rows.step, rows.matrix[elements:], rows.targets)
     for c in range(len(rows.depths)):
         opens = dot(plant.end.speed, rows.matrix[contacts + c])
         gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
-        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
+        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * rows.step * opens - gap, -gap
 
 
 @inner
@@ -219,12 +219,33 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     if touches:
         gaps_at(plant, end.before, end.closed, end.gap)
     rows = rows_where(plant, end.closed, rubbing, step)
-    free_velocity(plant, step, rows)
+    free_velocity(plant, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
-    rub(plant, step, rows)
+    rub(plant, rows)
     if touches:
-        aim(plant, step, rows)
+        aim(plant, rows)
     return rows
+
+
+@inner
+def world_pushes(plant: Opened, rows: PartRows, impulse: Row, pushes: OutRow) -> None:
+    """Write the impulse on every contact point, and on the first hull of every pair (3 (k + p),).
+
+    Args:
+        plant: whose contacts they are.
+        rows: of a part or an impact.
+        impulse: (r,) of the rows.
+        pushes: to write, world.
+    """
+    d, count, axes = plant.obstacles.tangents, len(rows.which), rows.axes
+    first = len(rows.laws) + len(rows.targets) - count
+    pushes[:] = 0.0
+    for c in range(count):
+        pushed = pushes[3 * plant.obstacles.sides[rows.which[c], 2] :]
+        add_times(impulse[first + c], axes[c * (1 + d)], pushed)
+        for a in range(d):
+            along = impulse[first + count + c * d + a]
+            add_times(along, axes[c * (1 + d) + 1 + a], pushed)
 
 
 @compiled(inside=True)
