@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled
-from wbc.control.qp.active_set import FEW, place_multipliers, settle
+from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
 from wbc.control.qp.gear_rows import (
     place_beyond,
     place_map,
@@ -313,10 +313,11 @@ class DirectionSearch:
                 sure = name == "daqp" and found.status is QPStatus.INFEASIBLE
                 if found.status is QPStatus.SOLVED or sure:
                     break
-            if found.status is QPStatus.SOLVED and self._guesses:
+            gives = bool(solver.give.any())
+            if found.status is QPStatus.SOLVED and (self._guesses or gives):
                 least = 10.0 * self._tolerance
                 take_pushing(found.z, self._program.wanted, least, solver.taken)
-                exact = self._guessed()
+                exact = self._guessed(STEPS if gives else FEW)
                 found = exact if exact.status is QPStatus.SOLVED else found
         self._spent += perf_counter() - start
         return found
