@@ -199,14 +199,9 @@ def momentum_at(
 
 
 @inner
-def solve_base(tree: Tree, columns: Dense, composite: Dense, base: Places, rows: OutRow) -> None:
-    """Solve H_bb x = rows (b,) in place; arguments as of `velocity_at`."""
-    first, size, own = base[FIRST], base[ROWS], local(6)
-    block, lower = view(local(36), 0, size, size), view(local(36), 0, size, size)
-    for i in range(size):
-        momentum_of(composite[tree.rows[first + i, 0]], columns[first + i], own)
-        for k in range(size):
-            block[i, k] = dot(own, columns[first + k])
+def _solve(block: Dense, rows: OutRow) -> None:
+    """Solve H_bb x = rows in place; the lower half of H_bb (b, b) is read."""
+    lower = view(local(36), 0, len(rows), len(rows))
     factor_inertia(block, lower)
     solve_inertia(lower, rows)
 
@@ -215,23 +210,31 @@ def solve_base(tree: Tree, columns: Dense, composite: Dense, base: Places, rows:
 def velocity_at(
     tree: Tree, columns: Dense, composite: Dense, base: Places, momentum: Row, velocity: OutRow
 ) -> None:
-    """Change the base's rows of v (nv,) so that its tree has a momentum (6,), see `momentum_at`.
+    """Write the base's rows of v (nv,) so that its tree has a momentum (6,), see `momentum_at`.
 
     Args:
         tree, columns, composite: see `momentum_at`.
         base: (5,) columns JOINT to PLACES.
         momentum: (6,).
-        velocity: to change.
+        velocity: whose other rows are read.
     """
-    root, first, left, rows = base[JOINT], base[FIRST], local(6), local(6)[: base[ROWS]]
-    momentum_at(tree, columns, composite, root, velocity, left)
-    for k in range(6):
-        left[k] = momentum[k] - left[k]
+    root, first, size = base[JOINT], base[FIRST], base[ROWS]
+    left, own, block = local(6), local(6), view(local(36), 0, size, size)
+    rows = velocity[first : first + size]
+    copy_to(momentum, left)
     _to_point(composite[root], 1.0, left)
-    for i in range(len(rows)):
+    for row in range(len(velocity)):
+        joint = tree.rows[row, 0]
+        if tree.joints[joint, 4] == root:
+            momentum_of(composite[joint], columns[row], own)
+            if first <= row < first + size:
+                for i in range(size):
+                    block[row - first, i] = dot(own, columns[first + i])
+            else:
+                add_times(-velocity[row], own, left)
+    for i in range(size):
         rows[i] = dot(columns[first + i], left)
-    solve_base(tree, columns, composite, base, rows)
-    add_times(1.0, rows, velocity[first:])
+    _solve(block, rows)
 
 
 @inner
@@ -250,14 +253,16 @@ def part_on_joints(
         bias: (nv,), changed.
     """
     first, size, whole = base[FIRST], base[ROWS], composite[base[JOINT]]
-    weight, rows = local(6), local(6)[:size]
+    weight, rows, block = local(6), local(6)[:size], view(local(36), 0, size, size)
     weight[:] = 0.0
     add_times(-whole[0], tree.gravity, weight)
     _to_point(whole, 1.0, weight)
     for i in range(size):
         held = dot(columns[first + i], weight)
         rows[i], bias[first + i] = bias[first + i] - held, held
-    solve_base(tree, columns, composite, base, rows)
+        for k in range(size):
+            block[i, k] = inertia[first + i, first + k]
+    _solve(block, rows)
     for j in range(len(bias)):
         if j < first or j >= first + size:
             for i in range(size):
