@@ -202,12 +202,13 @@ def with_machine(log: Log, robot: Robot, own: Robot) -> Log:
 
 
 def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
-    """Return a copy of a model whose links have more, (10 n_links,) or None for nothing."""
+    """Return a model whose links have more, (10 n_links,) or None for nothing."""
+    if inertia is None:
+        return model
     result = model.copy()
-    if inertia is not None:
-        for k, more in enumerate(inertia.reshape(-1, 10), start=1):
-            total = model.inertias[k].toDynamicParameters() + more
-            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+    for k, more in enumerate(inertia.reshape(-1, 10), start=1):
+        total = model.inertias[k].toDynamicParameters() + more
+        result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
     return result
 
 

@@ -9,11 +9,9 @@ other side.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -23,7 +21,6 @@ from wbc.dynamics import (
     contact_torque,
     inertial_parameters,
     inertial_regressor,
-    inverse_dynamics,
     link_torque,
 )
 from wbc.identification.readings.torque import loaded
@@ -34,15 +31,7 @@ from wbc.measurement import low_pass
 from wbc.robot import ContactForces, Motion, Robot
 from wbc.robot.coordinates import output_units as gear_and_base_units
 
-_Kept = TypeVar("_Kept")
-
-_KEPT_MOTIONS = 3
-_KEPT_TORQUES = 32  # along other motions: each screen of causes asks for a wrong zero of each joint
-_KEPT_LINKS = 4  # robots with other links, beside which other causes vary
 _SMALL = 1e-6
-
-_Columns = tuple[FloatArray, FloatArray, FloatArray]
-"""Derivatives of a torque by one joint's acceleration, velocity and position."""
 
 
 def output_count(robot: Robot) -> int:
@@ -124,13 +113,11 @@ class Record:
     certainty: FloatArray
     load_band: FloatArray
     inertia: FloatArray | None = None
-    _gravity_terms: dict[tuple[float, ...], FloatArray] = field(default_factory=dict)
-    _responses: dict[str, LinkResponse] = field(default_factory=dict)
-    _response_changes: dict[str, tuple[IntArray, _Columns]] = field(default_factory=dict)
-    _moved: dict[bytes, Record] = field(default_factory=dict)
-    _links: dict[bytes, FloatArray] = field(default_factory=dict)
-    _torques: dict[bytes, FloatArray] = field(default_factory=dict)
-    _regressors: dict[tuple[int, bytes], FloatArray] = field(default_factory=dict)
+    _responses: dict[str, LinkResponse] = field(init=False, default_factory=dict)
+    _response_changes: dict[str, tuple[IntArray, list[FloatArray]]] = field(
+        init=False, default_factory=dict
+    )
+    _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -178,7 +165,7 @@ class Record:
     def narrowed(self, factor: float) -> Record:
         """Return the same record with the residual's band narrowed by `factor`."""
         band = replace(self.bandwidth, residual=factor * self.bandwidth.residual)
-        return replace(self, bandwidth=band, _regressors={}, _moved={})
+        return replace(self, bandwidth=band)
 
     @cached_property
     def balance(self) -> ContactBalance | None:
@@ -223,32 +210,22 @@ class Record:
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
-        return replace(self, robot=robot, **_nothing_kept())
+        return replace(self, robot=robot)
 
     def along(self, motion: Motion) -> Record:
-        """Return this record for another motion under the same measured forces.
-
-        The records along the motions asked for last are kept: a model with a wrong encoder zero is
-        evaluated often. What the links need is kept for more of them.
-        """
+        """Return this record for another motion under the same measured forces."""
         if motion is self.motion:
             return self
-        digest = _digest(motion)
-
-        def made() -> Record:
-            return replace(self, motion=motion, **_nothing_kept() | {"_torques": self._torques})
-
-        return _kept(self._moved, digest, made, _KEPT_MOTIONS)
+        return replace(self, motion=motion)
 
     @cached_property
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot with this log's payload, (N, nv)."""
-        made = partial(link_torque, self.robot, self.motion)
-        torque = _kept(self._torques, _digest(self.motion), made, _KEPT_TORQUES)
+        torque = link_torque(self.robot, self.motion)
         return torque if self.inertia is None else torque + self.regressor @ self.inertia
 
     def model_of(self, robot: Robot) -> pin.Model:
-        """Return a copy of a robot's model with this log's payload."""
+        """Return a robot's model with this log's payload."""
         return loaded(robot.model, self.inertia)
 
     @cached_property
@@ -267,21 +244,12 @@ class Record:
 
     def links_of(self, robot: Robot) -> FloatArray:
         """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
-        torque = self.links
         if robot.model is self.robot.model:
-            return torque
+            return self.links
+        if not np.array_equal(robot.model.gravity.linear, self.robot.model.gravity.linear):
+            return self.believing(robot).links
         change = inertial_parameters(robot) - inertial_parameters(self.robot)
-        if np.any(change):
-            torque = torque + self._links_changed_by(change)
-        field_change = np.asarray(robot.model.gravity.linear - self.robot.model.gravity.linear)
-        if np.any(field_change):
-            torque = torque + self._in_gravity(robot, field_change)
-        return np.asarray(torque)
-
-    def _links_changed_by(self, change: FloatArray) -> FloatArray:
-        """Return Y @ change (N, nv); kept, for most models asked for share their links."""
-        made = partial(np.matmul, self.regressor, change)
-        return _kept(self._links, change.tobytes(), made, _KEPT_LINKS)
+        return self.links + self.regressor @ change if np.any(change) else self.links
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
         """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
@@ -304,30 +272,38 @@ class Record:
         """Return `values` (N, k) condensed, each as torque at an output of its own, (rows, k)."""
         return self.condense_driven(values * self.scale[:, outputs])
 
-    def response(self, joint: str) -> LinkResponse:
-        """Return how the link behind a gear reacts to a deflection of the gear."""
-        if joint not in self._responses:
-            self._responses[joint] = self._sensitivities(joint)
-        return self._responses[joint]
-
     def response_of(self, robot: Robot, joint: str) -> LinkResponse:
-        """Return the response of a robot whose links differ from those of the believed one.
+        """Return how the link behind a gear of a robot reacts to a deflection of the gear.
 
         Linear in the links' parameters, so that a payload that is fitted costs no dynamics.
         """
-        response = self.response(joint)
-        if robot.model is self.robot.model and self.inertia is None:
-            return response
-        change = inertial_parameters(robot) - inertial_parameters(self.robot)
-        if self.inertia is not None:
-            change = change + self.inertia
+        own, row = self.robot, self.robot.velocity_index(joint)
+        if joint not in self._responses:
+            inertia, damping, stiffness = self._slopes(
+                joint,
+                lambda m: link_torque(own, m) - contact_torque(own, m.position, self.forces),
+            )
+            self._responses[joint] = LinkResponse(
+                step=1.0 / self.rate,
+                row=row,
+                load=self.links - self.contacts,
+                inertia=inertia,
+                damping=damping,
+                stiffness=stiffness,
+                unexplained=np.zeros(len(self.links)),
+                band=partial(self._own_band, column=int(np.flatnonzero(own.actuated == row)[0])),
+                rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
+            )
+        response = self._responses[joint]
+        change = inertial_parameters(robot) - inertial_parameters(own)
+        change = change if self.inertia is None else change + self.inertia
         kept = np.flatnonzero(change)
         if not kept.size:
             return response
-        known, columns = self._response_changes.get(joint, (kept[:0], None))
-        if columns is None or not np.isin(kept, known).all():
+        known, columns = self._response_changes.get(joint, (kept[:0], []))
+        if not np.isin(kept, known).all():
             known = np.union1d(kept, known)
-            columns = _regressor_columns(self.robot, self.motion, joint, self.regressor, known)
+            columns = self._slopes(joint, lambda m: inertial_regressor(own, m)[:, :, known])
             self._response_changes[joint] = known, columns
         inertia, damping, stiffness = (column @ change[known] for column in columns)
         return replace(
@@ -337,132 +313,20 @@ class Record:
             stiffness=response.stiffness + stiffness,
         )
 
-    def _sensitivities(self, joint: str) -> LinkResponse:
-        robot = self.robot
-        row = robot.velocity_index(joint)
-        column = int(np.flatnonzero(robot.actuated == row)[0])
-        inertia, damping, stiffness = _torque_columns(
-            robot, self.motion, joint, self.links, self.forces
-        )
-        return LinkResponse(
-            step=1.0 / self.rate,
-            row=row,
-            load=self.links - self.contacts,
-            inertia=inertia,
-            damping=damping,
-            stiffness=stiffness,
-            unexplained=np.zeros(len(self.links)),
-            band=partial(self._own_band, column=column),
-            rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
-        )
+    def _slopes(self, joint: str, needed: Callable[[Motion], FloatArray]) -> list[FloatArray]:
+        """Return how a need changes with a joint's acceleration, velocity and position."""
+        motion, robot = self.motion, self.robot
+        unit = np.eye(robot.model.nv)[robot.velocity_index(joint)]
+        position = np.array(motion.position)
+        position[:, robot.position_index(joint)] += _SMALL
+        pushed = motion.replace(acceleration=np.asarray(motion.acceleration) + unit)
+        faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
+        bent = motion.replace(position=position)
+        here = needed(motion)
+        each = ((pushed, 1.0), (faster, _SMALL), (bent, _SMALL))
+        return [(needed(moved) - here) / step for moved, step in each]
 
     def _own_band(self, values: FloatArray, column: int) -> FloatArray:
         """Condense `values` (N or only the first of them, ...) as a torque of one driven joint."""
         weight = self.scale[: len(values), column].reshape(-1, *(1,) * (values.ndim - 1))
         return self.condense_driven(values * weight)
-
-    def _in_gravity(self, robot: Robot, change: FloatArray) -> FloatArray:
-        """Return the torque of an additional uniform field, linear in it, (N, nv)."""
-        masses = inertial_parameters(robot)
-        total = np.zeros(self.links.shape)
-        for axis in np.flatnonzero(change):
-            key = (float(axis), *masses)
-            if key not in self._gravity_terms:
-                self._gravity_terms.clear() if len(self._gravity_terms) > 12 else None
-                self._gravity_terms[key] = self._gravity_torque(robot, int(axis))
-            total += change[axis] * self._gravity_terms[key]
-        return total
-
-    def _gravity_torque(self, robot: Robot, axis: int) -> FloatArray:
-        """Return the torque (N, nv) that a field of 1 m/s^2 along a world axis asks for."""
-        model = self.model_of(robot)
-        model.gravity.linear = np.eye(3)[axis]
-        return inverse_dynamics(model, self.motion.position, *np.zeros((2, *self.links.shape)))
-
-
-def _kept(known: dict[bytes, _Kept], key: bytes, make: Callable[[], _Kept], most: int) -> _Kept:
-    """Return what is kept under a key, made if it is not; of more than `most` the oldest goes."""
-    if key not in known:
-        while len(known) >= most:
-            del known[next(iter(known))]
-        known[key] = make()
-    return known[key]
-
-
-def _digest(motion: Motion) -> bytes:
-    parts = (motion.position, motion.velocity, motion.acceleration)
-    key = b"".join(np.ascontiguousarray(part).tobytes() for part in parts if part is not None)
-    return hashlib.blake2b(key).digest()
-
-
-def _nothing_kept() -> dict[str, Any]:
-    names = (f.name for f in fields(Record) if f.name.startswith("_"))
-    return {name: {} for name in names}
-
-
-def _torque_columns(
-    robot: Robot, motion: Motion, joint: str, links: FloatArray, forces: Mapping[str, FloatArray]
-) -> _Columns:
-    """Return how the links' torque (N, nv) changes with one joint, (N, nv) each.
-
-    Args:
-        robot: whose links.
-        motion: along the log.
-        joint: name.
-        links: the torque that the links need (N, nv) [N m].
-        forces: contact name -> (N, 3) [N]; their torque turns with the joint.
-    """
-    inertia, damping, stiffness = _columns(
-        motion, robot, joint, links, lambda moved: link_torque(robot, moved)
-    )
-    bent = _moved(motion, robot, joint)
-    turned = contact_torque(robot, bent.position, forces)
-    turned = turned - contact_torque(robot, motion.position, forces)
-    return inertia, damping, stiffness - turned / _SMALL
-
-
-def _regressor_columns(
-    robot: Robot, motion: Motion, joint: str, regressor: FloatArray, kept: IntArray
-) -> _Columns:
-    """Return how the regressor of some link parameters changes with one joint, (N, nv, p) each.
-
-    Args:
-        robot: whose links.
-        motion: along the log.
-        joint: name.
-        regressor: of the links (N, nv, 10 n_links).
-        kept: the numbers (p,) of the parameters.
-    """
-    return _columns(
-        motion,
-        robot,
-        joint,
-        regressor[:, :, kept],
-        lambda moved: inertial_regressor(robot, moved)[:, :, kept],
-    )
-
-
-def _columns(
-    motion: Motion,
-    robot: Robot,
-    joint: str,
-    here: FloatArray,
-    needed: Callable[[Motion], FloatArray],
-) -> _Columns:
-    unit = np.eye(robot.model.nv)[robot.velocity_index(joint)]
-    acceleration = np.zeros_like(motion.velocity) + unit
-    if motion.acceleration is not None:
-        acceleration = acceleration + motion.acceleration
-    pushed = motion.replace(acceleration=acceleration)
-    faster = motion.replace(velocity=motion.velocity + _SMALL * unit)
-    return (
-        needed(pushed) - here,
-        (needed(faster) - here) / _SMALL,
-        (needed(_moved(motion, robot, joint)) - here) / _SMALL,
-    )
-
-
-def _moved(motion: Motion, robot: Robot, joint: str) -> Motion:
-    position = np.array(motion.position)
-    position[:, robot.position_index(joint)] += _SMALL
-    return motion.replace(position=position)
