@@ -167,7 +167,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
 
     held = held_out_residual(problem, predicted)
     names = output_names(problem.robot)
-    kept = [k for k in range(len(names)) if k not in problem.floor.aside]
+    kept = problem.floor.judged
     return ClassicFit(
         parameters=tuple(
             BaseParameter(name, text, x := drawn + float(more), drawn, x - h, x + h, unit)
@@ -210,8 +210,7 @@ def held_out_residual(
     for fold in np.unique(problem.folds):
         used = problem.folds != fold
         left[~used] = predicted(used)
-    kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
-    return np.asarray(left @ np.linalg.inv(problem.whitening[kept]))
+    return np.asarray(left @ np.linalg.inv(problem.whitening[problem.floor.judged]))
 
 
 def _columns(

@@ -220,7 +220,7 @@ def _about_the_search(found: SearchResult) -> list[str]:
 def _outputs(problem: EstimationProblem, fit: Fit, level: Attainable) -> tuple[OutputLevel, ...]:
     names, units = output_names(problem.robot), output_units(problem.robot)
     left = condensed_residual(fit.robot, problem.records)
-    kept = [k for k in range(len(names)) if k not in problem.floor.aside]
+    kept = problem.floor.judged.tolist()
     share = dict(zip(kept, np.sqrt(level.attainable / np.maximum(level.left, 1e-300)), strict=True))
     before, after = (np.sqrt(np.mean(r**2, axis=0)) for r in (problem.residual, left))
     floor, excess = problem.floor.values, problem.floor.excesses

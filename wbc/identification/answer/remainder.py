@@ -384,28 +384,19 @@ def attainable(problem: EstimationProblem, fit: Fit) -> Attainable:
     if problem.floor.repeats:
         # The floor is known: whatever is above it is no noise.
         return Attainable(left, np.minimum(left, 1.0), samples * count, np.zeros_like(left), 0)
-    reached, numbers = _reached(problem, fit)
-    return Attainable(left, np.minimum(reached, left), samples * count, whiteness, numbers)
-
-
-def _reached(problem: EstimationProblem, fit: Fit) -> tuple[FloatArray, int]:
-    """Return what regressions leave at each output, and how many numbers one has."""
-    folds, features = _interleaved(problem.blocks), _features_of(problem)
+    features = _features_of(problem)
+    folds = np.unique(problem.blocks, return_inverse=True)[1] % _FOLDS  # interleaved
     pairs = zip(features, fit.residual.T, strict=True)
-    reached = [_held_out(own, residual, folds) for own, residual in pairs]
-    return np.array(reached), max(own.shape[1] for own in features)
+    reached = np.array([_held_out(own, residual, folds) for own, residual in pairs])
+    numbers = max(own.shape[1] for own in features)
+    return Attainable(left, np.minimum(reached, left), samples * count, whiteness, numbers)
 
 
 @lru_cache(maxsize=1)
 def _features_of(problem: EstimationProblem) -> list[FloatArray]:
     """Return the features of each output that is judged: an answer asks for them three times."""
-    kept = [k for k in range(problem.residual.shape[1]) if k not in problem.floor.aside]
-    return [np.concatenate([_features(r, output) for r in problem.records]) for output in kept]
-
-
-def _interleaved(blocks: IntArray) -> IntArray:
-    _, index = np.unique(blocks, return_inverse=True)
-    return np.asarray(index % _FOLDS)
+    judged = problem.floor.judged.tolist()
+    return [np.concatenate([_features(r, output) for r in problem.records]) for output in judged]
 
 
 def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> float:

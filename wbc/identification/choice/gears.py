@@ -258,7 +258,7 @@ def _loudest(problem: EstimationProblem) -> tuple[Record, slice]:
 def _loudest_joints(problem: EstimationProblem, left: np.ndarray) -> list[tuple[str, int]]:
     """Return the judged joints with their outputs, by what (judged outputs,) is left there."""
     joints = problem.robot.transmission.joints
-    judged = [k for k in range(len(joints)) if k not in problem.floor.aside]
+    judged = [k for k in problem.floor.judged.tolist() if k < len(joints)]
     order = np.argsort(-left[: len(judged)])
     return [(joints[judged[k]], judged[k]) for k in order]
 

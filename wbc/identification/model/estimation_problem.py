@@ -161,8 +161,7 @@ class EstimationProblem:
     @property
     def judged_joints(self) -> tuple[str, ...]:
         """The joints whose torque is compared, at the motor or behind the gear."""
-        outputs = set(range(len(self.floor.covariance))) - set(self.floor.aside)
-        gears = {output_gear(self.records[0].robot, output) for output in outputs}
+        gears = {output_gear(self.records[0].robot, int(k)) for k in self.floor.judged}
         joints = enumerate(self.robot.transmission.joints)
         return tuple(joint for k, joint in joints if k in gears)
 
@@ -321,8 +320,7 @@ class EstimationProblem:
     def _row_share(self) -> FloatArray:
         """(outputs,) share of the rows that count, by their weights."""
         squares = np.concatenate([r.condense(np.ones_like(r.weight)) for r in self.records]) ** 2
-        kept = [k for k in range(squares.shape[1]) if k not in self.floor.aside]
-        squares = squares[:, kept]
+        squares = squares[:, self.floor.judged]
         return np.asarray(
             np.mean(squares, axis=0) ** 2 / np.maximum(np.mean(squares**2, axis=0), 1e-300)
         )

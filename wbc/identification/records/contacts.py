@@ -23,6 +23,7 @@ from wbc.dynamics import Workspace, contact_jacobians, level_normal
 from wbc.errors import IdentificationError
 from wbc.identification.readings import moving_contact
 from wbc.measurement import Log
+from wbc.measurement.checks import true_runs
 from wbc.robot import Robot
 
 _RANK = 1e-3  # of the largest singular value: directions below it are not told by the base
@@ -135,8 +136,8 @@ def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -
     points -= rolled(turned, [robot.contacts[n].radius for n in numbers], level_normal(robot))
     for column, rows in enumerate(holds.values()):
         points[~rows, column] = 0.0
-        for time in _times(rows):
-            points[time, column] -= points[time, column].mean(axis=0)
+        for start, stop in zip(*true_runs(rows), strict=True):
+            points[start:stop, column] -= points[start:stop, column].mean(axis=0)
     return points.reshape(len(position), -1)
 
 
@@ -173,12 +174,6 @@ def rolled(turned: FloatArray, radii: Sequence[float], up: FloatArray) -> FloatA
             turns = [pin.log3(b @ a.T) for a, b in itertools.pairwise(frames)]
             way[1:, column] = np.cumsum(np.cross(turns, radius * up), axis=0)
     return way
-
-
-def _times(rows: BoolArray) -> list[slice]:
-    """Return the stretches of rows (N,) that are true."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    return [slice(int(a), int(b)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
 
 
 def active_contacts(

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import welch
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inverse_dynamics
 from wbc.identification.records.record import Record, output_count
 from wbc.measurement import derivative, low_pass
@@ -62,6 +62,11 @@ class NoiseFloor:
         """How many times (m + b,) the floor is what the sensors explain."""
         return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(self.sensors)))
 
+    @property
+    def judged(self) -> IntArray:
+        """(k,) numbers of the outputs that are not set aside."""
+        return np.setdiff1d(np.arange(len(self.covariance)), self.aside)
+
     @cached_property
     def whitening(self) -> FloatArray:
         """W (m + b, k): residual @ W has unit covariance where there is only noise.
@@ -71,8 +76,7 @@ class NoiseFloor:
         too; correlations are shrunk a little, since no model is so good that noise cancels
         altogether.
         """
-        kept = [k for k in range(len(self.covariance)) if k not in self.aside]
-        size = self.values[kept]
+        kept, size = self.judged, self.values[self.judged]
         correlation = self.covariance[np.ix_(kept, kept)] / np.outer(size, size)
         shrunk = (1.0 - _SHRINKAGE) * correlation + _SHRINKAGE * np.eye(size.size)
         lower = np.linalg.cholesky(shrunk)
@@ -116,9 +120,9 @@ def with_even_noise(
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in repeats for k in pair})
     judged = _judged(records)
-    reference = _mean_of(levels, judged & np.isin(range(len(records)), repeated)[:, None])
-    reference = np.where(np.isnan(reference), _mean_of(levels, judged), reference)
-    reference = np.where(np.isnan(reference), 0.0, reference)
+    chosen = judged & np.isin(range(len(records)), repeated)[:, None]
+    chosen = np.where(chosen.any(axis=0), chosen, judged)
+    reference = np.sum(levels * chosen, axis=0) / np.maximum(chosen.sum(axis=0), 1)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
     return even, [noise * share for noise, share in zip(drawn, certainty, strict=True)]
@@ -172,31 +176,13 @@ def _over_all(
     known = there > 0.0
     scale = np.sqrt(np.where(known, everywhere / np.where(known, there, 1.0), 0.0))
     covariance = repeated * np.outer(scale, scale)
-    return np.where(np.outer(known, known), covariance, np.where(_neither(known), sensors, 0.0))
-
-
-def _neither(known: BoolArray) -> BoolArray:
-    return np.outer(~known, ~known)
+    neither = np.outer(~known, ~known)
+    return np.where(np.outer(known, known), covariance, np.where(neither, sensors, 0.0))
 
 
 def _judged(records: Sequence[Record]) -> BoolArray:
     """Return (logs, outputs) whether an output has any weight in a log."""
     return np.array([record.weight.any(axis=0) for record in records])
-
-
-def _mean_of(levels: FloatArray, chosen: BoolArray) -> FloatArray:
-    """Return the mean (k,) of the levels (logs, k) chosen, NaN where there is none."""
-    count = chosen.sum(axis=0)
-    total = np.where(chosen, levels, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _moving(record: Record) -> BoolArray:
-    """Return which coordinates (nv,) move: noise and tremor of a held joint repeat nothing."""
-    moves = record.noise.moving(record.motion.velocity, record.bandwidth)
-    driven = record.robot.actuated
-    moves[driven] &= record.weight[:, : driven.size].any(axis=0)
-    return moves
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -238,7 +224,10 @@ def _difference(
 def _close(one: Record, other: Record) -> bool:
     first, second = one.motion, other.motion
     spread = np.ptp(first.velocity, axis=0)
-    moving = (spread > 0.0) & _moving(one)
+    # Noise and tremor of a held joint repeat nothing.
+    moving = (spread > 0.0) & one.noise.moving(first.velocity, one.bandwidth)
+    driven = one.robot.actuated
+    moving[driven] &= one.weight[:, : driven.size].any(axis=0)
     between = _difference(first.velocity, first.time, second.velocity, second.time)
     apart = np.sqrt(np.mean(between**2, axis=0))
     return bool(moving.any() and np.all(apart[moving] < _SAME_MOTION * spread[moving]))
