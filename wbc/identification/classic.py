@@ -19,8 +19,7 @@ from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.model.residual import evaluate
-from wbc.identification.records.folds import ROWS_PER_SAMPLE
-from wbc.identification.records.record import output_names
+from wbc.identification.records.record import ROWS_PER_SAMPLE, output_names
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at

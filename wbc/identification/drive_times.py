@@ -26,10 +26,9 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.effects.drive import ActuationDelay
 from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.folds import ROWS_PER_SAMPLE, correlated_rows
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import ROWS_PER_SAMPLE, Record, correlated_rows
 from wbc.measurement import Log, derivative
 from wbc.robot import Robot
 from wbc.transmission import DRIVE_TIMES

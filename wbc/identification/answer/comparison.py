@@ -11,7 +11,6 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
-from wbc.extras import needs
 from wbc.files import as_json
 from wbc.identification.answer.remainder import Breakdown, breakdowns
 from wbc.identification.answer.shown import (
@@ -21,13 +20,13 @@ from wbc.identification.answer.shown import (
     plain,
     provenance,
     series_of,
+    torque_figure,
 )
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.records.folds import block_means
 from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import output_names, output_units
+from wbc.identification.records.record import block_means, output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
@@ -160,8 +159,6 @@ class Comparison:
             MissingPackageError: matplotlib is not installed.
         """
         units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
-        with needs("view", "plot()"):
-            from wbc.identification.answer.figure import torque_figure
         return torque_figure(units, [("model", self.series)], log)
 
     def to_json(self) -> dict[str, Any]:

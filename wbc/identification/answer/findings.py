@@ -19,8 +19,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
 from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
-from wbc.identification.records.folds import ROWS_PER_SAMPLE
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import ROWS_PER_SAMPLE, Record
 from wbc.robot import Effect, Parameter, Quantity
 from wbc.robot.coordinates import unit_at
 

@@ -80,7 +80,8 @@ def _names(diagnosis: Diagnosis) -> list[str]:
             return [f"Likely missing in the model: {found}."]
         return [f"It would be enough to add {found}.", f"But these logs cannot tell {rivals}."]
     if certain:
-        what = "missing or different" if _replaced(certain) else "missing"
+        own = [e for f in certain if not f.quantities for e in f.numbers.values()]
+        what = "missing or different" if any(e.given is not None for e in own) else "missing"
         what = what if diagnosis.verdict == "named" else f"certainly {what}"
         said = [f"{what[0].upper()}{what[1:]} in the model: {_sum_up(certain)}."]
     else:
@@ -126,7 +127,9 @@ def _progress(diagnosis: Diagnosis) -> str:
     floor: the limit from which on the verdict takes the rest for a missing cause.
     """
     worst = max(_judged(diagnosis), key=_explained, default=None)
-    share = f"The corrected model explains {_percent(diagnosis.explained)} of the squared error"
+    whole = diagnosis.explained
+    percent = f"{100.0 * whole:.0f} %" if whole < 0.995 else "more than 99 %"
+    share = f"The corrected model explains {percent} of the squared error"
     if worst is None:
         return f"{share}."
     before, after = plain(worst.before, 2), plain(worst.after, 2)
@@ -135,11 +138,6 @@ def _progress(diagnosis: Diagnosis) -> str:
         return f"{said}."
     least = f"{plain(worst.attainable, 2)} {worst.unit}"
     return f"{said}, where the best model of the motion would leave {least}."
-
-
-def _percent(share: float) -> str:
-    """Return a share in percent; all of it only where nothing is left."""
-    return f"{100.0 * share:.0f} %" if share < 0.995 else "more than 99 %"
 
 
 def _left(diagnosis: Diagnosis) -> str:
@@ -219,12 +217,6 @@ def _said(finding: Finding) -> str:
         for name, e in shown
     )
     return f"{place} ({sizes})"
-
-
-def _replaced(findings: Sequence[Finding]) -> bool:
-    """Return whether the robot as given has something in the place of an effect."""
-    own = [e for f in findings if not f.quantities for e in f.numbers.values()]
-    return any(e.given is not None for e in own)
 
 
 def _rivals(findings: Sequence[Finding]) -> str:

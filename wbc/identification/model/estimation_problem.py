@@ -23,13 +23,6 @@ from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
-from wbc.identification.records.folds import (
-    ROWS_PER_SAMPLE,
-    block_means,
-    bootstrap_blocks,
-    correlated_rows,
-    held_out_folds,
-)
 from wbc.identification.records.noise import (
     NoiseFloor,
     close_repeats,
@@ -50,7 +43,16 @@ from wbc.identification.records.not_judged import (
     unmeasured_forces,
 )
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import Record, output_gear, output_names
+from wbc.identification.records.record import (
+    ROWS_PER_SAMPLE,
+    Record,
+    block_means,
+    bootstrap_blocks,
+    correlated_rows,
+    held_out_folds,
+    output_gear,
+    output_names,
+)
 from wbc.measurement import Log, cut_at_gaps
 from wbc.measurement.checks import resting_joints
 from wbc.robot import Effect, Motion, Robot
@@ -346,25 +348,20 @@ def _best_sides(
     """
     whole = robot.with_effects(*effects)
     found: Fit | None = None
+
+    def rubbing_at(k: int, gear: YieldingGear, side: Side) -> tuple[Effect, ...]:
+        return (*effects[:k], gear.with_friction_at(side), *effects[k + 1 :])
+
     for k, gear in enumerate(effects):
         if not isinstance(gear, YieldingGear):
             continue
         if not rubbing_effects(whole, gear.where, motion):
             found = found if gear.friction_side == "either" else None
-            effects = _with_side(effects, k, "either")
+            effects = rubbing_at(k, gear, "either")
             continue
-        fits = [fit(_with_side(effects, k, side), _TRIED) for side in _sides(gear)]
+        # The side of the start first: it wins a tie.
+        sides: list[Side] = sorted(("link", "motor"), key=lambda s: s != gear.friction_side)
+        fits = [fit(rubbing_at(k, gear, side), _TRIED) for side in sides]
         found = min(fits, key=lambda trial: trial.error)
         effects = found.effects
     return found if found is not None and found.settled else fit(effects, iterations)
-
-
-def _sides(gear: YieldingGear) -> tuple[Side, Side]:
-    """Return the sides to try, the one of the start first: it wins a tie."""
-    return ("motor", "link") if gear.friction_side == "motor" else ("link", "motor")
-
-
-def _with_side(effects: Sequence[Effect], k: int, side: Side) -> tuple[Effect, ...]:
-    gear = effects[k]
-    own = gear.with_friction_at(side) if isinstance(gear, YieldingGear) else gear
-    return (*effects[:k], own, *effects[k + 1 :])

@@ -19,8 +19,7 @@ from wbc.identification.model.residual import (
     with_changes,
 )
 from wbc.identification.model.yielding import loose, some_deflect
-from wbc.identification.records.folds import rows_of_folds
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, rows_of_folds
 from wbc.robot import Effect, Parameter, Robot
 
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.

@@ -13,8 +13,7 @@ from wbc.identification.model.columns import STEP
 from wbc.identification.model.fit import Fit, beside_others
 from wbc.identification.model.residual import with_changes
 from wbc.identification.records.contacts import settled, stray_noise, strays
-from wbc.identification.records.folds import correlated_rows
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, correlated_rows
 from wbc.robot import Effect, Robot
 
 _STEPS = 4  # Gauss-Newton steps to the most probable zeros

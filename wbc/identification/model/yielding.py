@@ -221,13 +221,16 @@ def swing(
         """Return what deflections add beyond their linear part, and the friction there."""
         moved = _moved(robot, record, gears, bent)
         there = {joint: side.at(robot, moved) for joint, side in sides.items()}
-        return _needed(robot, record, moved) - load - _torque(links, bent), there
+        pushed = contact_torque(robot, moved.position, record.forces_of(robot))
+        return link_torque(robot, moved) - pushed - load - _torque(links, bent), there
 
     if near is not None:
         beyond, sides = linear_at(near)
     bent, former = near, 0.0
     while True:
-        known = beyond + _bends(load, sides.values())
+        known = beyond.copy()
+        for side in sides.values():
+            known[:, side.row] += side.bend
         driving = _driving(robot, record, load + known, gears, sides)
         left = unexplained(known)
         plain = [replace(r, load=driving, unexplained=left[:, r.row]) for r in links]
@@ -236,7 +239,11 @@ def swing(
         before = bent
         bent = deflections(responses, list(gears.values()), before, straight=straight)
         if not bent.finite:
-            raise DynamicsError(_flown(gears))
+            named = [f"'{joint}' ({g.stiffness:.3g} N m/rad)" for joint, g in gears.items()]
+            raise DynamicsError(
+                f"a link flies off behind the gear of {' or '.join(named)} on these logs; such a "
+                "gear cannot be what they show."
+            )
         torque = known + _torque(responses, bent)
         rounds -= 1
         if not rounds or not bent.largest < _LARGEST:
@@ -252,26 +259,10 @@ def swing(
     return LinkSwing(torque, bent)
 
 
-def _flown(gears: Mapping[str, Flanks]) -> str:
-    parts = [f"'{joint}' ({gear.stiffness:.3g} N m/rad)" for joint, gear in gears.items()]
-    return (
-        f"a link flies off behind the gear of {' or '.join(parts)} on these logs; such a gear "
-        "cannot be what they show."
-    )
-
-
 def _torque(responses: Sequence[LinkResponse], bent: Deflections) -> FloatArray:
     """Return the torque (N, nv) of deflections, linear in them, with dry friction."""
     parts = zip(responses, bent.paths, strict=True)
     return np.asarray(sum(response.torque(path) for response, path in parts))
-
-
-def _bends(load: FloatArray, sides: Iterable[LinkSide]) -> FloatArray:
-    """Return what is not linear in smooth friction (N, nv) at the links."""
-    bends = np.zeros_like(load)
-    for side in sides:
-        bends[:, side.row] += side.bend
-    return bends
 
 
 def _driving(
@@ -307,10 +298,3 @@ def _moved(robot: Robot, record: Record, joints: Iterable[str], bent: Deflection
         velocity[:, row] += deflection[:, 1]
         acceleration[:, row] += deflection[:, 2]
     return motion.replace(position=position, velocity=velocity, acceleration=acceleration)
-
-
-def _needed(robot: Robot, record: Record, moved: Motion) -> FloatArray:
-    """Return what the links need (N, nv) where they are, less what the contacts give."""
-    return link_torque(robot, moved) - contact_torque(
-        robot, moved.position, record.forces_of(robot)
-    )
