@@ -212,9 +212,7 @@ def held_out_residual(
     return np.asarray(left @ np.linalg.inv(problem.whitening[problem.floor.judged]))
 
 
-def _columns(
-    problem: EstimationProblem,
-) -> tuple[FloatArray, list[tuple[str, str, float, str]]]:
+def _columns(problem: EstimationProblem) -> tuple[FloatArray, list[tuple[str, str, float, str]]]:
     """Return what each parameter changes, whitened, per unit: (rows, outputs, p), and the p.
 
     Each with its name, what it stands for beside itself, its value as given, and its unit.

@@ -188,10 +188,7 @@ class OpenLoop:
 
 
 def open_loop(
-    robot: Robot,
-    logs: Sequence[Log],
-    horizons: Sequence[float] = HORIZONS,
-    until: float = inf,
+    robot: Robot, logs: Sequence[Log], horizons: Sequence[float] = HORIZONS, until: float = inf
 ) -> OpenLoop:
     """Return how far `robot` strays from logs when it is simulated from their states.
 

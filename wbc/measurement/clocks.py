@@ -162,11 +162,7 @@ def repeated_mend(time: FloatArray, columns: Mapping[str, FloatArray]) -> Mend:
 
 
 def advancing(
-    time: FloatArray,
-    columns: Mapping[str, FloatArray],
-    repeated: str,
-    rows: IntArray,
-    label: str,
+    time: FloatArray, columns: Mapping[str, FloatArray], repeated: str, rows: IntArray, label: str
 ) -> tuple[FloatArray, BoolArray]:
     """Return time stamps that increase strictly, and the rows (N,) that they are of.
 

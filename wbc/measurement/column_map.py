@@ -224,7 +224,7 @@ _TIME: Mapping[str, Key] = {
     **{"repeated": _one_of("error", "first", "spread"), "align_velocity": _FLAG},
 }
 _ROWS: Mapping[str, Key] = {
-    **{"split": _TEXT, "where": _PATTERNS, "between": _SPAN, "topic": _TEXT, "header": _NAMES},
+    **{"split": _TEXT, "where": _PATTERNS, "between": _SPAN, "topic": _TEXT, "header": _NAMES}
 }
 
 

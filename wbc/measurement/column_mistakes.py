@@ -16,14 +16,7 @@ from wbc.measurement.checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
 from wbc.measurement.column_map import parse_column_map, together
 from wbc.measurement.filters import jumps, velocity_fits
-from wbc.measurement.findings import (
-    LIKELY,
-    LogFinding,
-    Mend,
-    listed,
-    say_so,
-    severity,
-)
+from wbc.measurement.findings import LIKELY, LogFinding, Mend, listed, say_so, severity
 from wbc.measurement.log import Log
 from wbc.measurement.schema import LOG_UNITS, REPORTED
 

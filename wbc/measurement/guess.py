@@ -16,14 +16,7 @@ from wbc.measurement.column_map import merged, parse_column_map
 from wbc.measurement.column_mistakes import mirrored
 from wbc.measurement.findings import Mend
 from wbc.measurement.formats import open_table
-from wbc.measurement.names import (
-    MOTION,
-    asked,
-    channels,
-    guess_name,
-    guess_names_of,
-    joints_of,
-)
+from wbc.measurement.names import MOTION, asked, channels, guess_name, guess_names_of, joints_of
 from wbc.measurement.read import clock_of, split_path
 from wbc.measurement.schema import REPORTED, TIME, today
 from wbc.measurement.tables import Table

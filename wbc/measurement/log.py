@@ -63,13 +63,7 @@ class LogSource:
         return f"{path}#{self.part}" if self.part else path
 
 
-OF_THE_DRIVE = (
-    "position_gain",
-    "velocity_gain",
-    "duty_gain",
-    "supply_voltage",
-    "torque_limit",
-)
+OF_THE_DRIVE = ("position_gain", "velocity_gain", "duty_gain", "supply_voltage", "torque_limit")
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,15 +44,7 @@ _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "comman
 _TARGETS |= {"control", "setpoint"}
 _OF_OTHERS = {"ext", "external"}  # torques that no drive makes
 _MEASURED = {"meas", "measured", "act", "actual", "reported"}
-_FILL = {
-    *_MEASURED,
-    "joint",
-    "j",
-    "motor",
-    "rotor",
-    "state",
-    "est",
-}
+_FILL = {*_MEASURED, "joint", "j", "motor", "rotor", "state", "est"}
 
 
 @dataclass(frozen=True)

@@ -283,10 +283,7 @@ def common_trait(problem: EstimationProblem, fit: Fit, causes: Sequence[Key]) ->
 
 
 def _elsewhere(
-    records: Sequence[Record],
-    values: Sequence[FloatArray],
-    column: int,
-    own: Sequence[Breakdown],
+    records: Sequence[Record], values: Sequence[FloatArray], column: int, own: Sequence[Breakdown]
 ) -> Breakdown | None:
     """Return the motion of another joint that what is left follows more than its own, if any."""
     robot = records[0].robot

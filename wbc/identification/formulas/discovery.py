@@ -14,13 +14,7 @@ from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.choice.evidence import Hypothesis, log_densities
 from wbc.identification.choice.trials import hypothesis_of
-from wbc.identification.formulas.formula import (
-    Discovery,
-    Formula,
-    Outcome,
-    Proposal,
-    find_formula,
-)
+from wbc.identification.formulas.formula import Discovery, Formula, Outcome, Proposal, find_formula
 from wbc.identification.formulas.term_table import term_table, torque_terms
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit

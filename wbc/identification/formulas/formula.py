@@ -178,9 +178,7 @@ def fold_regressions(table: TermTable) -> list[tuple[BoolArray, SparseRegression
 
 
 def held_out(
-    table: TermTable,
-    chosen: Sequence[int],
-    folds: Sequence[tuple[BoolArray, SparseRegression]],
+    table: TermTable, chosen: Sequence[int], folds: Sequence[tuple[BoolArray, SparseRegression]]
 ) -> FloatArray:
     """Return cell losses (cells,) of these terms, each fold with coefficients of the others."""
     losses = np.zeros(len(table.folds))

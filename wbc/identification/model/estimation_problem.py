@@ -11,11 +11,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.gear_losses import Side, YieldingGear
-from wbc.identification.drive_times import (
-    about_drive_times,
-    missed_by_times,
-    prepared_with_times,
-)
+from wbc.identification.drive_times import about_drive_times, missed_by_times, prepared_with_times
 from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
@@ -127,11 +123,7 @@ class EstimationProblem:
 
     @classmethod
     def _of(
-        cls,
-        robot: Robot,
-        logs: Sequence[Log],
-        prepared: Sequence[Record],
-        warnings: Sequence[str],
+        cls, robot: Robot, logs: Sequence[Log], prepared: Sequence[Record], warnings: Sequence[str]
     ) -> EstimationProblem:
         repeats = close_repeats(prepared, find_repeats(logs))
         records, drawn = with_even_noise(prepared, drawn_noise(prepared), repeats)

@@ -11,13 +11,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import DynamicsError
 from wbc.identification.model.columns import STEP, Columns, derivatives
-from wbc.identification.model.residual import (
-    IMPOSSIBLE,
-    Evaluation,
-    Slots,
-    evaluate,
-    with_changes,
-)
+from wbc.identification.model.residual import IMPOSSIBLE, Evaluation, Slots, evaluate, with_changes
 from wbc.identification.model.yielding import loose, some_deflect
 from wbc.identification.records.record import Record, rows_of_folds
 from wbc.robot import Effect, Parameter, Robot

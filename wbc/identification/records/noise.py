@@ -106,9 +106,7 @@ def drawn_noise(records: Sequence[Record]) -> list[FloatArray]:
 
 
 def with_even_noise(
-    records: Sequence[Record],
-    drawn: Sequence[FloatArray],
-    repeats: Sequence[tuple[int, int]],
+    records: Sequence[Record], drawn: Sequence[FloatArray], repeats: Sequence[tuple[int, int]]
 ) -> tuple[tuple[Record, ...], list[FloatArray]]:
     """Return records and drawn noise with rows scaled so that the noise is equal in all of them.
 

@@ -153,10 +153,7 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
 
 
 def _optional(
-    log: Log,
-    quantity: str,
-    joints: tuple[str, ...],
-    on_grid: Callable[[FloatArray], FloatArray],
+    log: Log, quantity: str, joints: tuple[str, ...], on_grid: Callable[[FloatArray], FloatArray]
 ) -> FloatArray | None:
     if not log.has(*(f"{joint}.{quantity}" for joint in joints)):
         return None

@@ -17,12 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.dynamics import (
-    contact_torque,
-    inertial_parameters,
-    inertial_regressor,
-    link_torque,
-)
+from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
 from wbc.identification.readings.torque import loaded
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
@@ -280,8 +275,7 @@ class Record:
         own, row = self.robot, self.robot.velocity_index(joint)
         if joint not in self._responses:
             inertia, damping, stiffness = self._slopes(
-                joint,
-                lambda m: link_torque(own, m) - contact_torque(own, m.position, self.forces),
+                joint, lambda m: link_torque(own, m) - contact_torque(own, m.position, self.forces)
             )
             self._responses[joint] = LinkResponse(
                 step=1.0 / self.rate,
