@@ -115,7 +115,7 @@ def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
     record = SimpleNamespace(rows=rows, weight=ones, condense=lambda values: ones)
     problem = object.__new__(EstimationProblem)
     object.__setattr__(problem, "records", (record, record))
-    object.__setattr__(problem, "floor", SimpleNamespace(aside=()))
+    object.__setattr__(problem, "floor", SimpleNamespace(judged=[0]))
     white = np.random.default_rng(1).standard_normal((2 * rows, 1))
     noise = lfilter([1.0], [1.0, -share], white, axis=0)
     expected = (1.0 - share**2) / (1.0 + share**2)

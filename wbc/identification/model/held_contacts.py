@@ -73,57 +73,44 @@ class HeldContacts:
             noise: (outputs,) mean square of what a fit leaves over independent samples per row.
         """
         slots = [
-            (row, k)
-            for row, (k, _) in enumerate(fit.parameters)
+            (row, k, parameter)
+            for row, (k, parameter) in enumerate(fit.parameters)
             if "true" in fit.effects[k].acts_by
         ]
         if not slots or fit.failed:
             return 0.0
-        known = _marginal(fit, noise, [row for row, _ in slots])
-        effects, moved = fit.effects, np.zeros(len(slots))
-        ways = self._strays(effects)
-        best = self._cost(ways)
+        a = (fit.jacobian / np.sqrt(noise)[:, None]).reshape(-1, len(fit.parameters))
+        usual = fit.usual.jacobian
+        known = beside_others(a.T @ a + usual.T @ usual, [row for row, _, _ in slots])
+
+        def at(change: FloatArray) -> FloatArray:
+            """Return what the contacts move by with zeros changed, in units of their scales."""
+            steps = zip(slots, change.tolist(), strict=True)
+            changes = {(k, p.name): step * p.scale for (_, k, p), step in steps}
+            return self._strays(with_changes(fit.effects, changes, clip=True))
+
+        def cost(ways: FloatArray, change: FloatArray) -> float:
+            prior = float(change @ known @ change)
+            return 0.5 * float(self.samples @ np.log(_squares(ways))) + 0.5 * prior
+
+        moved = np.zeros(len(slots))
+        ways = at(moved)
+        best = cost(ways, moved)
         for _ in range(_STEPS):
-            step = self._step(fit, effects, slots, ways, known, moved)
-            for length in (1.0, 0.5, 0.25):
-                there = moved + length * step
-                changed = _changed(fit, slots, there)
-                trial = self._strays(changed)
-                cost = self._cost(trial) + 0.5 * float(there @ known @ there)
-                if cost < best:
-                    break
-            else:
+            columns = [(at(moved + STEP * unit) - ways) / STEP for unit in np.eye(len(slots))]
+            weight = np.sqrt(self.samples / _squares(ways) / len(ways))
+            a = np.stack([(column * weight).ravel() for column in columns], axis=1)
+            moment = a.T @ (ways * weight).ravel() + known @ moved
+            step = -np.linalg.lstsq(a.T @ a + known, moment, rcond=1e-9)[0]
+            tried = ((there, at(there)) for there in (moved + n * step for n in (1.0, 0.5, 0.25)))
+            found = next((one for one in tried if cost(one[1], one[0]) < best), None)
+            if found is None:
                 break
-            gain, best = best - cost, cost
-            effects, moved, ways = changed, there, trial
+            moved, ways = found
+            gain, best = best - cost(ways, moved), cost(ways, moved)
             if gain < 0.1:
                 break
         return 0.5 * float(self.samples @ np.log(np.maximum(self.first, 1.0))) - best
-
-    def _cost(self, ways: FloatArray) -> float:
-        squares = np.maximum(np.mean(ways**2, axis=0), 1.0)
-        return 0.5 * float(self.samples @ np.log(squares))
-
-    def _step(
-        self,
-        fit: Fit,
-        effects: tuple[Effect, ...],
-        slots: Sequence[tuple[int, int]],
-        ways: FloatArray,
-        known: FloatArray,
-        moved: FloatArray,
-    ) -> FloatArray:
-        """Return the Gauss-Newton step (k,) of the zeros, in units of their scales."""
-        columns = [
-            (self._strays(_changed(fit, slots, moved + STEP * unit)) - ways) / STEP
-            for unit in np.eye(len(slots))
-        ]
-        squares = np.maximum(np.mean(ways**2, axis=0), 1.0)
-        weight = np.sqrt(self.samples / squares / len(ways))
-        a = np.stack([(column * weight).ravel() for column in columns], axis=1)
-        gram = a.T @ a + known
-        moment = a.T @ (ways * weight).ravel() + known @ moved
-        return np.asarray(-np.linalg.lstsq(gram, moment, rcond=1e-9)[0])
 
     def _strays(self, effects: Sequence[Effect]) -> FloatArray:
         """Return (rows, axes) what the contacts move by, over the deviation of noise."""
@@ -139,29 +126,13 @@ def _rows(
     motion = record.motion_of(robot)
     edge = 1 + int(record.rate / record.bandwidth.kinematics)
     none = np.zeros(len(record.torque), dtype=bool)
-    touches = {name: record.active.get(name, none) for name in names}
     holds = {
-        name: record.thinned(settled(rows, edge).astype(float)) > 0.5
-        for name, rows in touches.items()
+        name: record.thinned(settled(record.active.get(name, none), edge).astype(float)) > 0.5
+        for name in names
     }
     return record.thinned(motion.position), holds
 
 
-def _marginal(fit: Fit, noise: FloatArray, rows: Sequence[int]) -> FloatArray:
-    """Return (k, k) what the torques know of some parameters while all others are free.
-
-    In squared standard deviations, per scale of each parameter.
-    """
-    count = len(fit.parameters)
-    a = (fit.jacobian / np.sqrt(noise)[:, None]).reshape(-1, count)
-    gram = a.T @ a + fit.usual.jacobian.T @ fit.usual.jacobian
-    return beside_others(gram, rows)
-
-
-def _changed(fit: Fit, slots: Sequence[tuple[int, int]], change: FloatArray) -> tuple[Effect, ...]:
-    """Return the effects of a fit with parameters changed, in units of their scales."""
-    changes = {}
-    for (row, k), step in zip(slots, change, strict=True):
-        parameter = fit.parameters[row][1]
-        changes[k, parameter.name] = float(step) * parameter.scale
-    return tuple(with_changes(fit.effects, changes, clip=True))
+def _squares(ways: FloatArray) -> FloatArray:
+    """Return (axes,) the mean squares of strays (rows, axes), never below those of noise."""
+    return np.asarray(np.maximum(np.mean(ways**2, axis=0), 1.0))
