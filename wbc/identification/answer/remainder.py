@@ -223,7 +223,8 @@ def remainders(problem: EstimationProblem, fit: Fit) -> tuple[Remainder, ...]:
         own = [b for b in found if b.output == name and b.share > _DEPENDS]
         other = _elsewhere(records, values, column, own)
         clues = [(b.variable, b.share) for b in (*own, *([other] if other else []))]
-        speeds = [_speed(record, column) for record in records]
+        row = output_row(records[0].robot, column)
+        speeds = [record.thinned(record.motion.velocity[:, row]) for record in records]
         result.append(
             Remainder(
                 output=name,
@@ -308,11 +309,6 @@ def _growth(values: list[FloatArray]) -> float:
     first = np.concatenate([v[: len(v) // 3] for v in values])
     last = np.concatenate([v[-(len(v) // 3) :] for v in values])
     return float(np.sqrt(np.mean(last**2) / max(float(np.mean(first**2)), 1e-300)))
-
-
-def _speed(record: Record, column: int) -> FloatArray:
-    """Return the speed (rows,) of the coordinate behind an output."""
-    return record.thinned(record.motion.velocity[:, output_row(record.robot, column)])
 
 
 def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:

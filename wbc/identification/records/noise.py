@@ -337,12 +337,10 @@ def load_bands(record: Record, noise: FloatArray) -> FloatArray:
     load = (record.links - record.contacts)[:, robot.actuated] @ gears.topology
     length = min(len(load), max(16, int(record.rate / _RESOLUTION)))
 
-    def power(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        frequency, power = welch(values, record.rate, nperseg=length, detrend="linear", axis=0)
-        return frequency, power
-
-    frequency, signal = power(load)
-    _, drawn = power(noise[:, : gears.size])
+    (frequency, signal), (_, drawn) = (
+        welch(values, record.rate, nperseg=length, detrend="linear", axis=0)
+        for values in (load, noise[:, : gears.size])
+    )
     least = _LEAST * record.bandwidth.residual
     noisy = (signal < _MORE * drawn) & (frequency >= least)[:, None]
     noisy &= (frequency < record.bandwidth.kinematics)[:, None]

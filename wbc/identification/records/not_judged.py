@@ -221,9 +221,13 @@ def not_judged_at_rest(records: Sequence[Record]) -> tuple[Record, ...]:
 
 def standing(records: Sequence[Record]) -> BoolArray:
     """Return (logs, outputs) whether an output stands still in a log and moves in another one."""
-    moving = np.stack([_moving_joints(record) for record in records])
-    travel = np.stack([_travel(record) for record in records])
-    moving &= travel > _TREMBLES * travel.max(axis=0)
+    robot = records[0].robot
+    joints = [*robot.transmission.joints, *robot.passive_joints]
+    columns = [robot.position_index(joint) for joint in joints]
+    # More than its sensors' noise, and some of the way that it goes in another log.
+    moving = np.stack([r.noise.moving(r.motion.velocity, r.bandwidth) for r in records])
+    travel = np.stack([np.ptp(r.motion.position[:, columns], axis=0) for r in records])
+    moving = moving[:, rubbing(robot)] & (travel > _TREMBLES * travel.max(axis=0))
     moves = np.stack([_outputs(r, own) for r, own in zip(records, moving, strict=True)])
     return np.asarray(~moves & moves.any(axis=0))
 
@@ -243,20 +247,6 @@ def standing_joints(records: Sequence[Record]) -> list[str]:
         f"joints that stand still: {'; '.join(found)}. They are not judged there, because friction "
         "at rest or a brake carries an unknown part of their load."
     ]
-
-
-def _moving_joints(record: Record) -> BoolArray:
-    """Return (joints that can rub,) whether one moves by more than its sensors' noise."""
-    moves = record.noise.moving(record.motion.velocity, record.bandwidth)
-    return np.asarray(moves[rubbing(record.robot)])
-
-
-def _travel(record: Record) -> FloatArray:
-    """Return (joints that can rub,) the range of their motion [rad, m]."""
-    robot = record.robot
-    joints = [*robot.transmission.joints, *robot.passive_joints]
-    columns = [robot.position_index(joint) for joint in joints]
-    return np.asarray(np.ptp(record.motion.position[:, columns], axis=0))
 
 
 def _outputs(record: Record, moving: BoolArray) -> BoolArray:
@@ -353,18 +343,12 @@ def silent_drives(
     """
     robot = records[0].robot
     size = robot.transmission.size
-    reported = [reported_torque(record)[:, :size] for record in records]
-    needed = [own - left[:, :size] for own, left in zip(reported, residuals, strict=True)]
-    friction = [_friction(record)[:, :, :size] for record in records]
+    reported = np.concatenate([reported_torque(record)[:, :size] for record in records])
+    needed = reported - np.concatenate(list(residuals))[:, :size]
+    friction = np.concatenate([_friction(record)[:, :, :size] for record in records], axis=1)
     silent = records[0].reported.copy()
     for k in np.flatnonzero(silent):
-        given = np.concatenate([own[:, k] for own in reported])
-        columns = np.concatenate(
-            [
-                np.column_stack([need[:, k], rubs[:, :, k].T])
-                for need, rubs in zip(needed, friction, strict=True)
-            ]
-        )
+        given, columns = reported[:, k], np.column_stack([needed[:, k], *friction[:, :, k]])
         given, columns = given - given.mean(), columns - columns.mean(axis=0)
         share, deviation = _share(given, columns)
         silent[k] = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,7 +102,11 @@ def read_channels(robot: Robot, log: Log) -> Channels:
             found[:, k] = np.interp(grid, log.time, column)
         return found
 
-    joints = robot.transmission.joints
+    def optional(quantity: str) -> FloatArray | None:
+        joints = robot.transmission.joints
+        known = log.has(*(f"{joint}.{quantity}" for joint in joints))
+        return on_grid(log.stack(quantity, joints)) if known else None
+
     velocity = velocities(robot, log)
     forces = {name: on_grid(force) for name, force in contact_forces(robot, log).items()}
     position = on_grid(positions(robot, log))
@@ -121,8 +125,8 @@ def read_channels(robot: Robot, log: Log) -> Channels:
         sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
         forces=forces,
         active=active,
-        temperature=_optional(log, "temperature", joints, on_grid),
-        supply_voltage=_optional(log, "voltage", joints, on_grid),
+        temperature=optional("temperature"),
+        supply_voltage=optional("voltage"),
         inertia=None if log.machine is None else log.machine.inertia,
         placeless=() if velocity is None else without_position(robot, log),
     )
@@ -150,14 +154,6 @@ def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, Bool
     }
     told = log.with_columns(nothing)
     return rotor_torques(told, gears), feedback_torques(told, gears), reported
-
-
-def _optional(
-    log: Log, quantity: str, joints: tuple[str, ...], on_grid: Callable[[FloatArray], FloatArray]
-) -> FloatArray | None:
-    if not log.has(*(f"{joint}.{quantity}" for joint in joints)):
-        return None
-    return on_grid(log.stack(quantity, joints))
 
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
@@ -265,16 +261,18 @@ def _record(
     thin = slice(None, None, every)
     forces = {name: low_pass(f, cutoff, rate)[thin] for name, f in channels.forces.items()}
     feedback = None if channels.feedback is None else low_pass(channels.feedback, cutoff, rate)
+
+    def thinned_out(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else frozen(values[thin])
+
     thinned = Motion(
         position=frozen(motion.position[thin]),
         velocity=frozen(motion.velocity[thin]),
-        acceleration=frozen(motion.acceleration[thin]),  # type: ignore[index]
+        acceleration=thinned_out(motion.acceleration),
         time=frozen(channels.time[thin] - channels.time[0]),
-        temperature=None if channels.temperature is None else frozen(channels.temperature[thin]),
-        supply_voltage=(
-            None if channels.supply_voltage is None else frozen(channels.supply_voltage[thin])
-        ),
-        feedback_torque=None if feedback is None else frozen(feedback[thin]),
+        temperature=thinned_out(channels.temperature),
+        supply_voltage=thinned_out(channels.supply_voltage),
+        feedback_torque=thinned_out(feedback),
     )
     return Record(
         name=channels.name,
