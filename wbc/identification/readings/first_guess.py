@@ -11,9 +11,6 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-import numpy as np
-
-from wbc.arrays import FloatArray
 from wbc.errors import RobotError
 from wbc.files import write_text
 from wbc.identification.readings.checks import check_robot, told_by_rows, turns_ratio
@@ -268,10 +265,6 @@ def _ratio(table: Table, rotor: NameGuess, joint: NameGuess) -> float:
     """Return how many times one column follows the other; 0 where the rows do not tell."""
     if bool(rotor.unit) != bool(joint.unit):
         return 0.0
-    ratio = abs(turns_ratio(*(_in_log_units(table, column) for column in (joint, rotor))))
+    worth = {column: LOG_UNITS[column.unit][1] if column.unit else 1.0 for column in (joint, rotor)}
+    ratio = abs(turns_ratio(*(table.numbers(c.name) * factor for c, factor in worth.items())))
     return float(f"{ratio:.4g}") if abs(ratio - 1.0) > _DIRECT else 0.0
-
-
-def _in_log_units(table: Table, column: NameGuess) -> FloatArray:
-    worth = LOG_UNITS[column.unit][1] if column.unit else 1.0
-    return np.asarray(table.numbers(column.name) * worth)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -190,24 +190,26 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     resting = resting_joints(log)
     if resting >= set(robot.single_joints):
         return None
-    position = np.stack([np.interp(grid, log.time, column) for column in raw.T], axis=1)
+
+    def even(values: FloatArray) -> FloatArray:
+        return np.stack([np.interp(grid, log.time, column) for column in values.T], axis=1)
+
+    position = even(raw)
     cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
     if not 1.0 / log.duration < cutoff < 0.45 / log.sample_time:
         return None
-    q, v, a = _motion(robot, grid, position, cutoff)
-    on_grid = np.stack([np.interp(grid, log.time, column) for column in reported.T], axis=1)
-    rate = 1.0 / float(grid[1] - grid[0])
-    torque = low_pass(on_grid, cutoff, rate, _ORDER)
-
-    def slow(columns: Iterable[FloatArray]) -> FloatArray:
-        even = np.stack([np.interp(grid, log.time, column) for column in columns], axis=1)
-        return low_pass(even, cutoff, rate, _ORDER)
-
-    held = {name: slow(force.T) for name, force in forces.items()}
+    rate, on_grid = 1.0 / float(grid[1] - grid[0]), even(reported)
+    q, torque = (low_pass(values, cutoff, rate, _ORDER) for values in (position, on_grid))
+    if robot.has_free_flyer:
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    v = differentiate(q, rate, robot.model)
+    a = derivative(v, rate)
+    held = {name: low_pass(even(f), cutoff, rate, _ORDER) for name, f in forces.items()}
     sensed = np.full_like(torque, np.nan)
     sensors = [k for k, joint in enumerate(joints) if log.has(f"{joint}.joint_torque")]
     if sensors and np.array_equal(robot.transmission.topology, np.eye(len(joints))):
-        sensed[:, sensors] = slow([log.column(f"{joints[k]}.joint_torque") for k in sensors])
+        behind = even(log.stack("joint_torque", [joints[k] for k in sensors]))
+        sensed[:, sensors] = low_pass(behind, cutoff, rate, _ORDER)
     inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
     pairs = zip(on_grid[inside].T, torque[inside].T, strict=True)
     if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
@@ -305,18 +307,6 @@ def _cutoff(position: FloatArray, grid: FloatArray) -> float:
     frequency = np.fft.rfftfreq(grid.size, float(grid[1] - grid[0]))
     found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
     return float(np.clip(found, 4.0 / (grid[-1] - grid[0]), min(_HIGHEST, 0.4 * frequency[-1])))
-
-
-def _motion(
-    robot: Robot, grid: FloatArray, position: FloatArray, cutoff: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q (N, nq), v and a (N, nv) of a low-passed motion."""
-    rate = 1.0 / float(grid[1] - grid[0])
-    q = low_pass(position, cutoff, rate, _ORDER)
-    if robot.has_free_flyer:
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    v = differentiate(q, rate, robot.model)
-    return q, v, derivative(v, rate)
 
 
 def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:
