@@ -15,10 +15,10 @@ from wbc.identification.answer.diagnosis import (
     Estimate,
     Finding,
     OutputLevel,
+    Ranked,
     Step,
     Verdict,
 )
-from wbc.identification.answer.ranking import Ranked
 from wbc.identification.answer.remainder import Breakdown
 from wbc.identification.answer.shown import Series
 from wbc.identification.choice.certainty import Support

@@ -19,10 +19,12 @@ from wbc.identification.answer.diagnosis import (
     OutputLevel,
     Step,
     Verdict,
+    correlation_of,
+    rank_hypotheses,
+    with_covariances,
 )
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import Answer, model_to_use
-from wbc.identification.answer.ranking import correlation_of, rank_hypotheses, with_covariances
 from wbc.identification.answer.remainder import (
     Attainable,
     Remainder,

@@ -9,9 +9,14 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.effects.gear_losses import YieldingGear
-from wbc.identification.answer.diagnosis import Alternative, Estimate, Finding
+from wbc.identification.answer.diagnosis import (
+    Alternative,
+    Correlation,
+    Estimate,
+    Finding,
+    correlation_of,
+)
 from wbc.identification.answer.model_to_use import Answer
-from wbc.identification.answer.ranking import Correlation, correlation_of
 from wbc.identification.answer.shown import with_unit
 from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
