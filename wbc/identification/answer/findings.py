@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -230,7 +231,9 @@ def quantities_of(
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     if same := [name for name in known if name not in differ]:
         sentences.append(f"as given, within their intervals: {', '.join(same)}")
-    if silent := _silent(estimates, found):
+    # What is only said in the place of something else is not missed.
+    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
+    if silent := [n for n in found if n not in estimates and not n.startswith(stand_ins)]:
         sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
     return differ, sentences
 
@@ -268,23 +271,14 @@ def _simplest(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> d
     return kept
 
 
-def _silent(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> list[str]:
-    """Return the names of what is not told and not only said in the place of something."""
-    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
-    return [n for n in found if n not in known and not n.startswith(stand_ins)]
-
-
 def _listed(names: list[str], found: Mapping[str, Quantity]) -> str:
     """Return names in a row, those of a body of which all are there as one."""
     stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
-    bodies: dict[str, list[str]] = {}
-    for name in found:
-        if not name.startswith(stand_ins):
-            bodies.setdefault(name.rpartition(".")[0], []).append(name)
-    parts = []
-    for body, own in bodies.items():
-        there = [name for name in own if name in names]
-        parts += [f"all of {body}"] if body and there == own else there
+    told, parts = [name for name in found if not name.startswith(stand_ins)], []
+    for body, own in groupby(told, key=lambda name: name.rpartition(".")[0]):
+        every = list(own)
+        there = [name for name in every if name in names]
+        parts += [f"all of {body}"] if body and there == every else there
     return ", ".join(parts)
 
 

@@ -17,7 +17,7 @@ import wbc
 from wbc.arrays import FloatArray
 from wbc.extras import needs
 from wbc.identification.model.intervals import BOOTSTRAP_SEED
-from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import LogSource
 from wbc.robot import Robot
@@ -69,15 +69,13 @@ def series_of(robot: Robot, records: Sequence[Record]) -> tuple[Series, ...]:
         robot: with its effects.
         records: of logs, one or more.
     """
-    return tuple(_series(robot, record) for record in records)
-
-
-def _series(robot: Robot, record: Record) -> Series:
-    gears = robot.transmission
-    measured = record.condense_driven(record.torque) * abs(gears.gear_ratio)
-    unexplained = record.condense_driven(raw_residual(robot, record)[:, : gears.size])
-    residual = condensed_residual(robot, [record])
-    return Series(record.name, record.time, measured, residual, measured - unexplained)
+    gears, series = robot.transmission, []
+    for record in records:
+        left = raw_residual(robot, record)
+        measured = record.condense_driven(record.torque) * abs(gears.gear_ratio)
+        modelled = measured - record.condense_driven(left[:, : gears.size])
+        series.append(Series(record.name, record.time, measured, record.condense(left), modelled))
+    return tuple(series)
 
 
 def torque_figure(

@@ -196,7 +196,8 @@ def _condensed(record: Record, torques: Sequence[FloatArray]) -> list[SparseColu
     """
     felt = [np.flatnonzero(torque.any(axis=0)) for torque in torques]
     values = [torque[:, outputs] for torque, outputs in zip(torques, felt, strict=True)]
-    found = record.condensed_columns(np.concatenate(values, axis=1), np.concatenate(felt))
+    weight = record.scale[:, np.concatenate(felt)]
+    found = record.condense_driven(np.concatenate(values, axis=1) * weight)
     parts = np.split(found, np.cumsum([outputs.size for outputs in felt])[:-1], axis=1)
     return [
         SparseColumns(outputs[part.any(axis=0)], part[:, part.any(axis=0), None], torque.shape[1])
@@ -318,7 +319,11 @@ class Columns:
                 if not only[type(effect)]:
                     continue
                 # What changes other bodies does so before and after.
-                near = {key: e for key, e in links.items() if _same_body(e, effect)}
+                near = {
+                    key: e
+                    for key, e in links.items()
+                    if e.where == effect.where or "robot" in (e.where, effect.where)
+                }
                 if (own := tuple(near.values())) not in before:
                     before[own] = inertial_parameters(self.robot.with_effects(*own))
                 changed = self.robot.with_effects(*(near | {effect.key: effect}).values())
@@ -591,10 +596,6 @@ def only_inertial(robot: Robot, effect: Effect) -> bool:
     same_field = np.array_equal(changed.model.gravity.linear, robot.model.gravity.linear)
     same_gears = changed.transmission is robot.transmission
     return same_field and same_gears and changed.contacts is robot.contacts
-
-
-def _same_body(one: Effect, other: Effect) -> bool:
-    return one.where == other.where or "robot" in (one.where, other.where)
 
 
 def inertial_columns(

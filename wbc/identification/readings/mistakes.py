@@ -106,15 +106,10 @@ def find_suspicions(logs: Sequence[Log], robot: Robot | None = None) -> list[lis
             for k in having:
                 found[k].append(finding)
     add(counted)
-    pairs = zip(logs, found, strict=True)
-    return [[_trusted(finding, log.source.trusted) for finding in own] for log, own in pairs]
-
-
-def _trusted(finding: LogFinding, trusts: bool) -> LogFinding:
-    """Return a finding, as a warning where the user vouches for the columns."""
-    if not trusts or finding.severity != "error":
-        return finding
-    return replace(finding, severity="warning")
+    for k, log in enumerate(logs):
+        if log.source.trusted:  # the user vouches for the columns
+            found[k] = [replace(finding, severity="warning") for finding in found[k]]
+    return found
 
 
 def _counts(log: Log) -> list[LogFinding]:

@@ -263,10 +263,6 @@ class Record:
         """Return `values` (N, k) condensed as torques at one output, (rows, k)."""
         return self.condense_driven(values * self.scale[:, output, None])
 
-    def condensed_columns(self, values: FloatArray, outputs: IntArray) -> FloatArray:
-        """Return `values` (N, k) condensed, each as torque at an output of its own, (rows, k)."""
-        return self.condense_driven(values * self.scale[:, outputs])
-
     def response_of(self, robot: Robot, joint: str) -> LinkResponse:
         """Return how the link behind a gear of a robot reacts to a deflection of the gear.
 
