@@ -285,7 +285,7 @@ class Fit:
         Where the model is too rough for a step that they tell (a bouncing link), those of all rows.
         """
         parts = rows_of_folds(folds)
-        sums = [self._sums(rows) for rows in parts]
+        sums = [self.sums(rows) for rows in parts]
         gram, moment = (np.sum([own[k] for own in sums], axis=0) for k in (0, 1))
         for rows, own in zip(parts, sums, strict=True):
             others = gram - own[0], moment - own[1]
@@ -302,9 +302,9 @@ class Fit:
         Directions about which those rows know next to nothing compared with all rows stay put;
         else a clipping limit that only one block reached would fly away on the others.
         """
-        return self._solved(*self._sums(rows))
+        return self._solved(*self.sums(rows))
 
-    def _sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
+    def sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations (p, p) and (p,) of a choice of rows."""
         a = self.usual.weighted(self.jacobian[rows])
         return a.T @ a, a.T @ (self.residual[rows] * self.usual.weights).ravel()
@@ -342,8 +342,8 @@ def refine(
     columns: Columns,
     effects: Sequence[Effect],
     whitening: FloatArray,
-    iterations: int = ITERATIONS,
-    samples: FloatArray | None = None,
+    iterations: int,
+    samples: FloatArray,
     ask: Callable[[], None] = lambda: None,
 ) -> Fit:
     """Fit all parameters of `effects` added to a robot.
@@ -353,8 +353,8 @@ def refine(
         effects: start values.
         whitening: (outputs, judged outputs) by which residuals are multiplied.
         iterations: at most this many Gauss-Newton steps.
-        samples: (outputs,) independent samples per row, by default one. Where numbers are drawn
-            to what is usual, it says how much the logs weigh beside that.
+        samples: (outputs,) independent samples per row. Where numbers are drawn to what is usual,
+            it says how much the logs weigh beside that.
         ask: called before what is left and its derivatives are worked out, each time; what it
             raises ends the fit.
 
@@ -425,12 +425,11 @@ def refine(
     return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended)
 
 
-def _usual(at: Evaluation, slots: Slots, samples: FloatArray | None) -> UsualRows:
+def _usual(at: Evaluation, slots: Slots, samples: FloatArray) -> UsualRows:
     if not any(effect.search.departures(effect).size for effect in at.effects):
         return UsualRows.none(at.residual.shape[1], len(slots))
-    count = np.ones(at.residual.shape[1]) if samples is None else samples
     variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)
-    return UsualRows.of(at.effects, slots, variance / count, count)
+    return UsualRows.of(at.effects, slots, variance / samples, samples)
 
 
 def _cost(at: Evaluation, beside: UsualRows) -> float:

@@ -53,22 +53,16 @@ def alike_shifts(fit: Fit, first: FloatArray, noise: FloatArray) -> FloatArray:
     return np.asarray(np.where(power > 0.0, reach / np.maximum(power, 1e-300), 0.0) / norm)
 
 
-def bootstrap_steps(fit: Fit, blocks: IntArray, seed: int = BOOTSTRAP_SEED) -> FloatArray:
+def bootstrap_steps(fit: Fit, blocks: IntArray) -> FloatArray:
     """Return (draws, p) Gauss-Newton steps of refits on blocks drawn with replacement.
 
     Steps are in units of the parameters' scales. Rows of one block stay together, because
     residuals are strongly autocorrelated.
     """
     names, index = np.unique(blocks, return_inverse=True)
-    p, weights = len(fit.parameters), fit.usual.weights
-    gram = np.zeros((names.size, p, p))
-    moment = np.zeros((names.size, p))
-    for block in range(names.size):
-        rows = index == block
-        a = (fit.jacobian[rows] * weights[:, None]).reshape(-1, p)
-        gram[block] = a.T @ a
-        moment[block] = -a.T @ (fit.residual[rows] * weights).ravel()
-    random = np.random.default_rng(seed)
+    p, sums = len(fit.parameters), [fit.sums(index == block) for block in range(names.size)]
+    gram, moment = (np.array([own[k] for own in sums]) for k in (0, 1))
+    random = np.random.default_rng(BOOTSTRAP_SEED)
     even = np.full(names.size, 1.0 / names.size)
     draws = random.multinomial(names.size, even, size=_DRAWS).astype(np.float64)
     usual = fit.usual.jacobian.T @ fit.usual.jacobian
@@ -76,7 +70,7 @@ def bootstrap_steps(fit: Fit, blocks: IntArray, seed: int = BOOTSTRAP_SEED) -> F
     norm = np.sqrt(np.maximum(np.diagonal(gram.sum(axis=0) + usual), 1e-300))
     # What is usual stays, whatever is drawn.
     grams = (np.tensordot(draws, gram, 1) + usual) / np.outer(norm, norm)
-    moments = (draws @ moment + pull) / norm
+    moments = (pull - draws @ moment) / norm
     # Draws without the blocks that know a parameter say nothing of it: it stays.
     unseen = np.diagonal(grams, axis1=1, axis2=2) < _UNSEEN
     moments[unseen] = 0.0
@@ -103,10 +97,8 @@ def parameter_covariance(fit: Fit, blocks: IntArray) -> FloatArray:
     return np.atleast_2d(np.cov(kept.T)) * np.outer(scales, scales)
 
 
-def interval_bounds(
-    fit: Fit, blocks: IntArray, distortion: FloatArray, level: float = 0.9
-) -> FloatArray:
-    """Return (p, 2) low and high of every parameter, in its own unit.
+def interval_bounds(fit: Fit, blocks: IntArray, distortion: FloatArray) -> FloatArray:
+    """Return (p, 2) the ends of the 90 % interval of every parameter, in its own unit.
 
     A parameter that the logs do not tell at all may be anything: its ends are those of its range.
 
@@ -115,13 +107,10 @@ def interval_bounds(
         blocks: (rows,) resampled together.
         distortion: (p,) in units of the scales: how far the parameters move when the band of the
             filters is changed, a measure of what smoothing does to them.
-        level: share of intervals that should hold the truth.
     """
     if not fit.parameters:
         return np.zeros((0, 2))
-    steps = bootstrap_steps(fit, blocks)
-    tail = 50.0 * (1.0 - level)
-    low, high = np.percentile(steps, [tail, 100.0 - tail], axis=0)
+    low, high = np.percentile(bootstrap_steps(fit, blocks), [5.0, 95.0], axis=0)
     low = -np.hypot(WIDER * low, distortion)
     high = np.hypot(WIDER * high, distortion)
     bounds = np.empty((len(fit.parameters), 2))
