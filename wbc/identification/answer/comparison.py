@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError
+from wbc.extras import needs
 from wbc.files import as_json
 from wbc.identification.answer.remainder import Breakdown, breakdowns
 from wbc.identification.answer.shown import (
@@ -20,7 +21,6 @@ from wbc.identification.answer.shown import (
     plain,
     provenance,
     series_of,
-    torque_figure,
 )
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
@@ -159,6 +159,8 @@ class Comparison:
             MissingPackageError: matplotlib is not installed.
         """
         units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
+        with needs("view", "plot()"):
+            from wbc.identification.answer.figure import torque_figure
         return torque_figure(units, [("model", self.series)], log)
 
     def to_json(self) -> dict[str, Any]:

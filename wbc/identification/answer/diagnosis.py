@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.extras import needs
 from wbc.files import as_json
 from wbc.identification.answer.shown import (
     Series,
@@ -18,7 +19,6 @@ from wbc.identification.answer.shown import (
     plain,
     provenance,
     sure,
-    torque_figure,
     with_deviation,
     with_interval,
 )
@@ -512,6 +512,8 @@ class Diagnosis:
         """
         units = {o.output: o.unit for o in self.outputs[: self.robot.transmission.size]}
         models = [("as given", self.before), ("with the effects found", self.after)]
+        with needs("view", "plot()"):
+            from wbc.identification.answer.figure import torque_figure
         return torque_figure(units, models, log)
 
     @property

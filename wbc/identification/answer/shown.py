@@ -5,25 +5,20 @@ from __future__ import annotations
 import math
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import wbc
 from wbc.arrays import FloatArray
-from wbc.extras import needs
 from wbc.identification.model.intervals import BOOTSTRAP_SEED
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import LogSource
 from wbc.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _LINES = 24
 """Of a screen: what `repr` shows at most."""
@@ -76,52 +71,6 @@ def series_of(robot: Robot, records: Sequence[Record]) -> tuple[Series, ...]:
         modelled = measured - record.condense_driven(left[:, : gears.size])
         series.append(Series(record.name, record.time, measured, record.condense(left), modelled))
     return tuple(series)
-
-
-def torque_figure(
-    outputs: Mapping[str, str], models: Sequence[tuple[str, Sequence[Series]]], log: int = 0
-) -> Figure:
-    """Return measured and modelled torque over time, with the residual below, per driven joint.
-
-    Args:
-        outputs: names of the driven joints, with the units of what they report.
-        models: label and series of each model, of the same logs.
-        log: number of the log.
-
-    Raises:
-        MissingPackageError: matplotlib is not installed.
-    """
-    with needs("view", "plot()"):
-        from matplotlib import rcParams
-        from matplotlib.figure import Figure
-
-    class ShownFigure(Figure):
-        """A figure without a window; as the last line of a cell it is a picture, not a name."""
-
-        def _repr_png_(self) -> bytes:
-            """Return the picture, as notebooks ask for it."""
-            file = BytesIO()
-            self.savefig(file, format="png", dpi=80)
-            return file.getvalue()
-
-    count = len(outputs)
-    figure = ShownFigure(figsize=(8.0, 2.6 * count + 0.5), layout="constrained")
-    axes = figure.subplots(2 * count, 1, sharex=True, height_ratios=[2.0, 1.0] * count)
-    for k, (output, unit) in enumerate(outputs.items()):
-        torque, rest = axes[2 * k], axes[2 * k + 1]
-        first, ink = models[0][1][log], rcParams["text.color"]
-        torque.plot(first.time, first.measured[:, k], color=ink, label="measured")
-        for number, (label, series) in enumerate(models):
-            one, colour = series[log], f"C{1 - number % 2}"
-            torque.plot(one.time, one.modelled[:, k], color=colour, linewidth=1.0, label=label)
-            rest.plot(one.time, one.residual[:, k], color=colour, linewidth=1.0)
-        torque.set_ylabel(f"{output} [{unit}]")
-        rest.set_ylabel(f"residual [{unit}]")
-    axes[-1].set_xlabel("time [s]")
-    axes[0].set_title(models[0][1][log].name.rsplit("/", 1)[-1], loc="left")
-    # Above all panels: inside one it hides the torque.
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    return figure
 
 
 def plain(value: float, digits: int = 3) -> str:
