@@ -92,33 +92,21 @@ def differentiate(positions: FloatArray, rate: float, model: pin.Model) -> Float
 
 
 def local_polynomial_operator(
-    time: FloatArray, width: float, degree: int = 3, derivative: int = 0
+    time: FloatArray, degree: int = 3, derivative: int = 0
 ) -> sparse.csr_array:
     """Return the banded operator A (N, N) with (A y)(t_i) = d^k y/dt^k of a local fit.
 
-    At every time stamp a polynomial is fitted to the samples around it by weighted least squares
+    At every time stamp a polynomial is fitted to the 11 samples around it by weighted least squares
     (tricube weights) on the true, possibly jittered stamps; A acts on any number of channels at
     once (A @ Y with Y (N, n)). At the ends the window turns one-sided. The classic uniform case is
     Savitzky & Golay, Analytical Chemistry 36 (1964); the weights are Cleveland's, JASA 74 (1979).
 
     Args:
-        time: (N,) [s], increasing.
-        width: full width of the window [s].
+        time: (N,) [s], increasing, at least one window.
         degree: of the polynomial.
         derivative: k, at most the degree.
-
-    Raises:
-        LogError: a window that holds too few samples for the degree, or more than there are.
     """
-    if not 0 <= derivative <= degree:
-        raise LogError(f"derivative {derivative} does not exist for a polynomial of {degree}.")
-    size = round(width / float(np.median(np.diff(time)))) | 1
-    if size < degree + 2 or size > time.size:
-        shortest = (degree + 2) * float(np.median(np.diff(time)))
-        raise LogError(
-            f"a window of {width:g} s holds {size} of {time.size} samples; a polynomial of degree "
-            f"{degree} needs at least {shortest:.3g} s and at most {time[-1] - time[0]:.3g} s."
-        )
+    size, step = WINDOW_SAMPLES, float(np.median(np.diff(time)))
     first = np.clip(np.arange(time.size) - size // 2, 0, time.size - size)
     windows = sliding_window_view(time, size)
     weights = np.empty((time.size, size))
@@ -127,7 +115,7 @@ def local_polynomial_operator(
         offsets = windows[first[rows]] - time[rows, None]
         # On an even grid all windows inside are alike.
         inner = offsets[len(offsets) // 2]
-        other = np.abs(offsets - inner).max(axis=1) > _ALIKE * width
+        other = np.abs(offsets - inner).max(axis=1) > _ALIKE * size * step
         weights[rows] = _weights(inner[None], degree, derivative)
         weights[rows][other] = _weights(offsets[other], degree, derivative)
     columns = first[:, None] + np.arange(size)
@@ -180,8 +168,7 @@ def unsmooth(time: FloatArray, values: FloatArray) -> FloatArray:
     Returns:
         Same shape as the values, corrected for the degrees of freedom of the polynomial.
     """
-    width = WINDOW_SAMPLES * float(np.median(np.diff(time)))
-    smooth = local_polynomial_operator(time, width, _NOISE_DEGREE)
+    smooth = local_polynomial_operator(time, _NOISE_DEGREE)
     own = np.sqrt(np.maximum(1.0 - smooth.diagonal(), 0.05))
     return np.asarray(((values - smooth @ values).T / own).T)
 
@@ -335,8 +322,7 @@ def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatA
     velocity = log.column(f"{joint}.velocity")
     if not fit.filtered:
         return np.asarray(PchipInterpolator(log.time, velocity)(time + fit.delay))
-    width = WINDOW_SAMPLES * log.sample_time
-    slope = local_polynomial_operator(log.time, width, derivative=1) @ velocity
+    slope = local_polynomial_operator(log.time, derivative=1) @ velocity
     return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))
 
 
