@@ -90,6 +90,7 @@ def run(name, ticks, seed=0, runs=(RUNS, MOST_RUNS)):
         ours.reset()
         good.append([timed(ours, arguments)[0] for arguments in slow])
         ours.reset()
+        ours.step(*slow[0])  # the first one takes what tasks without a reference hold
         times.append([0.0] * ticks)
         for tick, arguments in enumerate(cases):
             try:

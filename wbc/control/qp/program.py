@@ -43,8 +43,8 @@ _WEAK = 1e-6
 REACH = 30.0
 # Limits that give way cost FIRM times the heaviest task. What costs less than that task over FIRM
 # is raised to it: with costs that span more than six decades daqp and the dual method call programs
-# infeasible that are not. On hostile ticks of Talos daqp takes 137 to 254 iterations with 3e1, 300
-# to 553 with 1e2; of 115 ticks 92 pass the same as with 1e3 within 0.1 %, four over 2 % more.
+# infeasible that are not. Of 115 hostile ticks of Talos 92 pass the same as with 1e3 within 0.1 %,
+# four over 2 % more.
 FIRM = 3e1
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
