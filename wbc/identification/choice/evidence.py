@@ -73,7 +73,13 @@ class Hypothesis:
         Where much is left that no hypothesis explains, logs speak for any number that takes up a
         part of it, however impossible, and such causes hide others.
         """
-        return max(self.implausible, default=0.0) < _IMPOSSIBLE
+        return not self.unlikely
+
+    @property
+    def unlikely(self) -> tuple[Effect, ...]:
+        """The causes that are less likely than one in a thousand before the logs speak."""
+        pairs = zip(self.effects, self.implausible, strict=True)
+        return tuple(effect for effect, cost in pairs if cost >= _IMPOSSIBLE)
 
     @property
     def outputs(self) -> FloatArray:

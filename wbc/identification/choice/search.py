@@ -40,12 +40,21 @@ def _additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -
     """Return hypotheses with a cause more, at one place or in all gears."""
     trials = proposer.trials
     longer = trials.all_of(proposer.beside(h, _ADDED, exclude))
+    # What no machine is likely to have at one joint must not hide what is there at others.
+    longer += trials.all_of(own for one in longer if (own := _likely(one, h)))
     # Screens see a drive's causes only as the last to act.
     robot, record = trials.problem.robot, trials.problem.records[0]
     orders = [offer for one in longer for offer in _reordered(one, record, robot)]
     first = _placed_first(h, proposer.candidates, record, robot)
     kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
     return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
+
+
+def _likely(longer: Hypothesis, h: Hypothesis) -> Offer:
+    """Return a longer hypothesis without causes that are too unlikely, empty where none stays."""
+    unlikely = longer.unlikely
+    kept = without(longer.effects, *unlikely)
+    return kept if unlikely and len(h.effects) < len(kept) else ()
 
 
 def _usual(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:

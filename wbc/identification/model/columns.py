@@ -299,7 +299,6 @@ class Columns:
     ) -> dict[int, SparseColumns | None]:
         """Return the columns of changes to the links' inertias, by number."""
         only: dict[type[Effect], bool] = {}
-        size = inertial_parameters(at.robot).size
         links = {e.key: e for e in at.effects if e.change(self.robot).model is not self.robot.model}
         before: dict[tuple[Effect, ...], FloatArray] = {}
         found: dict[int, SparseColumns | None] = {}
@@ -329,11 +328,8 @@ class Columns:
                 found[k] = None
         if not moved:
             return found
-        rows = np.flatnonzero(np.any(list(moved.values()), axis=0))
-        units = inertial_columns(at.robot, at.records, at.swinging, np.eye(size)[:, rows])
-        count, outputs, _ = units.shape
-        along = np.stack([own[rows] for own in moved.values()], axis=-1)
-        whole = (units.reshape(count * outputs, rows.size) @ along).reshape(count, outputs, -1)
+        along = np.stack(list(moved.values()), axis=-1)
+        whole = inertial_columns(at.robot, at.records, at.swinging, along)
         found.update((k, SparseColumns.of(whole[:, :, [n]])) for n, k in enumerate(moved))
         return found
 
@@ -620,8 +616,9 @@ def _at_output(record: Record, output: int, slope: FloatArray, changes: FloatArr
         return np.asarray(record.condensed_regressor(output, direction) @ (size * changes))
     if not np.any(slope):
         return np.zeros((record.rows, changes.shape[1]))
+    used = np.any(changes, axis=1)
     felt = np.einsum("ni,nip->np", slope, record.regressor)
-    return record.condensed_at(felt, output) @ changes
+    return record.condensed_at(np.ascontiguousarray(felt[:, used]), output) @ changes[used]
 
 
 def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:
