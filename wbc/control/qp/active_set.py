@@ -13,7 +13,6 @@ system, whose residual is checked.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Annotated, Any
 
 import numpy as np
@@ -30,7 +29,6 @@ FEW = 8
 """Steps that are worth a try where the bounds that bind are all but known."""
 UNSETTLED = -1
 """What `settle` returns where it finds no solution."""
-_ALL = 1e-16  # of a squared length, which rounding takes
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
 STEPS = 32
 """Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin."""
@@ -98,17 +96,12 @@ def _try_rows(
     G, right, free, force = solver.rows[first:], solver.right[first:], solver.free, solver.force
     left, scaled, factor, n = solver.left, solver.scaled, solver.system, len(x)
     if not _factorise(solver, first, known, size):
-        # to rounding the others may decide the last row, whose part along them is known
-        if size == base or not _factorise(solver, first, known, size - 1):
-            return False
-        factor[size - 1, size - 1] = 0.0
+        return False
     for i in range(known, size):
         half, whole = right[i], solver.softness[first + i]
         for j in range(n):
             half -= G[i, j] * free[j]
             whole += scaled[i, j] * G[i, j]
-        if factor[i, i] == 0.0:
-            factor[i, i] = 1.0 / sqrt(_ALL * whole)
         for k in range(i):
             half -= factor[i, k] * left[k]
         left[i] = half * factor[i, i]
@@ -256,34 +249,6 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
 
 
 @compiled
-def _give_way(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
-    """Push at a row that the others decide until one of them pushes no more, x being the same.
-
-    Arguments and result as for `_go_on`, -1 where none gives way: the bounds contradict.
-    """
-    factor, taken, active, rate = solver.system, solver.taken, solver.active, solver.force
-    last = size - 1
-    for i in range(last):
-        rate[i] = factor[last, i]
-    for i in range(last - 1, -1, -1):
-        rate[i] *= factor[i, i]
-        for k in range(i):
-            rate[k] -= factor[i, k] * rate[i]
-    side, leaving, share, largest = taken[active[last - base]], -1, np.inf, 0.0
-    for k in range(last - base):
-        largest = max(largest, abs(rate[base + k]))
-    for k in range(last - base):
-        fall = rate[base + k] * taken[active[k]] * side
-        if fall > 1e-9 * largest and push[k] < share * fall:
-            leaving, share = k, push[k] / fall
-    if leaving >= 0:
-        for k in range(last - base):
-            push[k] -= share * rate[base + k] * taken[active[k]] * side
-        push[last - base] += share
-    return leaving
-
-
-@compiled
 def _begin(
     solver: SolverMemory,
     first: int,
@@ -336,7 +301,7 @@ def settle(
     is taken, and its multiplier grows from zero: the multipliers of the others change in a straight
     line to those of the system with it. The first one that reaches zero on the way is dropped, and
     the way goes on without it. Every step raises the least cost that the bounds met so far allow,
-    so that no set of them comes back.
+    so that no set of them comes back. A bound that the others all but decide ends the try.
 
     Args:
         solver: a SOLVER.
@@ -371,11 +336,10 @@ def settle(
             known = 0 if exact else size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
             size, exact = _place_bound(solver, first, size, row), False
-        met = _try_rows(solver, first, known, base, size, trial)
-        leaving = _go_on(solver, base, size, push) if met else _give_way(solver, base, size, push)
-        fresh = met and leaving < 0
-        if leaving < 0 and not met:
+        if not _try_rows(solver, first, known, base, size, trial):
             break
+        leaving = _go_on(solver, base, size, push)
+        fresh = leaving < 0
         known = size - size % 2
         if fresh:
             x[:] = trial
