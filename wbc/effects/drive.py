@@ -53,7 +53,10 @@ class TorqueOffset(JointEffect):
     offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
     name = "torque_offset"
-    explanation = "A current sensor has a zero error, or a constant load is not in the model."
+    explanation = (
+        "A current sensor has a zero error, or a constant load such as a tensioned cable is "
+        "not in the model."
+    )
     experiment = "Hold the joint unloaded, coming from both sides: the mean torque is not zero."
 
     def rotor_torque(self, robot: Robot, motion: Motion) -> FloatArray:
@@ -76,7 +79,10 @@ class RotorInertia(GearNumbers):
     name = "rotor_inertia"
     numbers = (("reflected_inertia", "rotor_inertia", 2),)
     explanation = "The rotor, amplified by the gear ratio squared, is heavier than the model says."
-    experiment = "Shake the joint fast about a pose without load: the torque follows acceleration."
+    experiment = (
+        "Shake the joint fast with small strokes about a pose that carries no load: the extra "
+        "torque follows the acceleration."
+    )
     search = SearchOffer(expected=1.0)
 
 

@@ -24,7 +24,10 @@ class PositionOffset(JointEffect):
 
     needs_drive = False
     name = "position_offset"
-    explanation = "The zero of an encoder is wrong: gravity pulls as if the joint stood elsewhere."
+    explanation = (
+        "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
+        "stood elsewhere."
+    )
     experiment = (
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."

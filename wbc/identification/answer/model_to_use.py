@@ -169,19 +169,21 @@ def _in_order(
 ) -> tuple[Iterator[_Prediction], list[_Prediction]]:
     """Return what may be used, in the order of belief, and what it must match.
 
-    That is all that was found, and the plain fits. Last come the plain fits beside what was found.
-    Links that swing are simulated: beside them no plain fit is tried.
+    That is all that was found, and the plain fits. Last come the plain fits beside what was found,
+    where that is behind them. Links that swing are simulated: beside them no plain fit is tried.
     """
-    plain = plain_fits(trials, classes)
+    plain = [_Prediction.of(trials, h) for h in plain_fits(trials, classes)]
     known = [_Prediction.of(trials, h) for h in found]
-    rivals = [*known, *(_Prediction.of(trials, h) for h in (trials.nothing, *plain))]
+    rivals = [*known, _Prediction.of(trials, trials.nothing), *plain]
 
     def tried() -> Iterator[_Prediction]:
         yield from known
-        last = known[-1].hypothesis
-        for own in () if last.swings else plain:
-            joined = _joined(trials.problem, last, own)
-            if len(joined) > len(last.effects) and (both := trials.of(joined)) is not None:
+        last = known[-1]
+        ahead = [own for own in plain if last.behind(own) > _AS_GOOD]
+        for own in () if last.hypothesis.swings else ahead:
+            joined = _joined(trials.problem, last.hypothesis, own.hypothesis)
+            longer = len(joined) > len(last.hypothesis.effects)
+            if longer and (both := trials.of(joined)) is not None:
                 yield _Prediction.of(trials, without_idle(trials, both))
 
     return tried(), rivals

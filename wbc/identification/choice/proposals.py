@@ -93,7 +93,8 @@ class Proposer:
             h: the hypothesis.
             own: its cause that gives way.
             count: how many offers at most.
-            hopeless: whether those count that cannot win by derivatives.
+            hopeless: whether those count that cannot win by derivatives; then these are enough,
+                and nothing is fitted.
         """
         if drawn(own) or deflects(own):
             return self._beside_rest(h, own, count)
@@ -115,7 +116,7 @@ class Proposer:
             least = -HOPELESS if linear and not shaped else -_BEYOND_FITS
             if hopeless or gain > least - _REPLACED * max(lost, 0.0):
                 likely.append((gain, offer))
-        if linear or h.swings or not likely:
+        if linear or h.swings or hopeless or not likely:
             return likely
         rest = self.trials.of(fewer)
         if rest is None:
