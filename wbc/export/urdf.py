@@ -36,7 +36,10 @@ def urdf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
     taken = {link.name for link in entries}
     for contact, carrier, place in points(robot):
         name = contact.name if contact.name not in taken else f"{contact.name}_contact"
-        element(root, "link", name=name)
+        point = element(root, "link", name=name)
+        if contact.radius > 0.0:
+            shape = element(element(point, "collision"), "geometry")
+            element(shape, "sphere", radius=contact.radius)
         joint = element(root, "joint", name=f"{name}_fixed", type="fixed")
         _between(joint, carrier, name)
         element(joint, "origin", xyz=place, rpy="0 0 0")
