@@ -277,9 +277,12 @@ class Columns:
 
     def _along(self, at: Evaluation) -> Columns:
         """Return the columns along the motion that the robot takes for true."""
-        along = tuple(record.along(record.motion_of(at.robot)) for record in self.records)
-        same = all(one is other for one, other in zip(along, self.records, strict=True))
-        return self if same else Columns(self.robot, along)
+        motions = [None if asked is None else asked.motion for asked in at.asked]
+        pairs = list(zip(self.records, motions, strict=True))
+        if all(motion is None or motion is record.motion for record, motion in pairs):
+            return self
+        along = (record if motion is None else record.along(motion) for record, motion in pairs)
+        return Columns(self.robot, tuple(along))
 
     def _whole(self, at: Evaluation, changes: Iterable[Change]) -> Robot:
         """Return the robot with its effects and some changes.
@@ -404,6 +407,7 @@ class Columns:
         """
         found: dict[int, SparseColumns | None] = {}
         alone: dict[int, IntArray] = {}
+        gears: set[int] = set()
         rest: list[int] = []
         judged: dict[type[Effect], bool] = {}
         bends = not held and some_deflect(at.effects)
@@ -419,6 +423,7 @@ class Columns:
                 judged[type(effect)] = self._one_gear_feels(at, change, gear)
             if gear is not None and judged[type(effect)]:
                 alone[k] = outputs_of(self.robot, gear)
+                gears.add(k)
             elif k in felt and not bends:
                 alone[k] = felt[k]
             else:
@@ -431,7 +436,7 @@ class Columns:
             moved = [
                 self._bent(at, changes[group[0]], ahead)
                 if bent.issuperset(group)
-                else self._moved(at, [changes[k] for k in group])
+                else self._moved(at, [changes[k] for k in group], gears.issuperset(group))
                 for group in several
             ]
             whole = np.concatenate(
@@ -449,16 +454,27 @@ class Columns:
 
     def _one_gear_feels(self, at: Evaluation, change: Change, gear: int) -> bool:
         """Whether it is so: people write effects of their own."""
-        moved = np.array(self._moved(at, [change])[0])
+        moved = np.array(self._moved(at, [change], inside=True)[0])
         moved[:, outputs_of(self.robot, gear)] = 0.0
         return not np.any(moved)
 
-    def _moved(self, at: Evaluation, changes: Sequence[Change]) -> list[FloatArray]:
-        """Return per record (N, m + b) what changes together move, links swinging as before."""
-        whole, moved = self._whole(at, changes), []
-        for record, before, swinging in zip(at.records, at.raw, at.swinging, strict=True):
+    def _moved(
+        self, at: Evaluation, changes: Sequence[Change], inside: bool = False
+    ) -> list[FloatArray]:
+        """Return per record (N, m + b) what changes move, links swinging as before.
+
+        Args:
+            at: the robot with effects.
+            changes: made together.
+            inside: whether all act within gears: what the motion asks of these is known.
+        """
+        whole = self._whole(at, changes)
+        asked = at.asked if inside else [None] * len(at.records)
+        each = zip(at.records, at.raw, at.swinging, asked, strict=True)
+        moved = []
+        for record, before, swinging, known in each:
             try:
-                moved.append(raw_residual(whole, record, swinging) - before)
+                moved.append(raw_residual(whole, record, swinging, known) - before)
             except IMPOSSIBLE:
                 moved.append(np.full_like(before, np.nan))
         return moved

@@ -24,7 +24,38 @@ _Rows = tuple[FloatArray, FloatArray, FloatArray]
 """What is unexplained at the rotors (N, m), at the base (N, b), at torque sensors (N, s)."""
 
 
-def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = None) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What a motion asks of a robot's gears: nothing of it depends on meshes, rotors and drives.
+
+    Attributes:
+        motion: the true one.
+        output: (N, m) torque at the outputs of the gears.
+        wrench: (N, b) torque that no motor gives.
+    """
+
+    motion: Motion
+    output: FloatArray
+    wrench: FloatArray
+
+
+def asked_of_gears(
+    robot: Robot, record: Record, swinging: FloatArray | None = None
+) -> Asked | None:
+    """Return what a record asks of the gears; None where the gears say how contacts press.
+
+    Arguments as those of `raw_residual`.
+    """
+    if record.balance is not None:
+        return None
+    moved, links, contacts = _loads(robot, record, swinging)
+    motion = moved.motion
+    return Asked(motion, *output_torque(_without_drives(robot), motion, links, contacts))
+
+
+def raw_residual(
+    robot: Robot, record: Record, swinging: FloatArray | None = None, asked: Asked | None = None
+) -> FloatArray:
     """Return (N, m + b + s) measured minus modelled, before weights and filters.
 
     The m driven joints come first (torque at the motor output, reported minus needed), then the b
@@ -40,7 +71,12 @@ def raw_residual(robot: Robot, record: Record, swinging: FloatArray | None = Non
         record: one log.
         swinging: torque of a `swing_of`, for a robot that differs little; None has links
             behind soft gears simulated again.
+        asked: of the gears, if known; then nothing is computed of the links.
     """
+    if asked is not None:
+        delivered, slope = _delivered(robot, asked.motion, record.torque)
+        rows = _rows_of_gears(robot, record, asked, delivered)
+        return _in_one(robot, rows, slope)
     return _unexplained(robot, *_loads(robot, record, swinging))
 
 
@@ -153,11 +189,22 @@ def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
 def _unexplained(
     robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
-    """Return (N, m + b + s): those of the gears at their outputs, in reported torque."""
     delivered, slope = _delivered(robot, moved.motion, moved.torque)
-    gears, base, sensors = _rows(robot, moved, links, contacts, delivered)
+    return _in_one(robot, _rows(robot, moved, links, contacts, delivered), slope)
+
+
+def _in_one(robot: Robot, rows: _Rows, slope: FloatArray) -> FloatArray:
+    """Return (N, m + b + s): those of the gears at their outputs, in reported torque."""
+    gears, base, sensors = rows
     driven = gears * (np.abs(robot.transmission.gear_ratio) / np.maximum(slope, _LEAST_GAIN))
     return np.concatenate([driven, base, sensors], axis=1)
+
+
+def _rows_of_gears(robot: Robot, moved: Record, asked: Asked, delivered: FloatArray) -> _Rows:
+    """Return `_rows` where all contact forces are known."""
+    carried = _carried(moved, asked.output)
+    gears = delivered - motor_torque(_without_drives(robot), asked.motion, carried)
+    return gears, -asked.wrench, moved.sensed - asked.output[:, robot.sensed]
 
 
 def _rows(
@@ -175,8 +222,8 @@ def _rows(
         contacts = contacts + balance.carried(wrench)
         output, wrench = output_torque(plain, moved.motion, links, contacts)
     if balance is None or balance.inner is None:
-        gears = delivered - motor_torque(plain, moved.motion, _carried(moved, output))
-        return gears, -wrench, moved.sensed - output[:, robot.sensed]
+        asked = Asked(moved.motion, output, wrench)
+        return _rows_of_gears(robot, moved, asked, delivered)
     ratio = robot.transmission.gear_ratio
     left, slope = np.zeros_like(output), np.ones_like(output)
     for last in (*(False,) * _SQUEEZES, True):
@@ -286,6 +333,7 @@ class Evaluation:
         raw: per record, what is left (N, m + b) before weights and filters [N m, N].
         residual: (rows, outputs), whitened.
         swings: per record, how links swing behind their gears, or None.
+        asked: per record, what the motion asks of the gears, or None.
     """
 
     effects: tuple[Effect, ...]
@@ -294,6 +342,7 @@ class Evaluation:
     raw: tuple[FloatArray, ...]
     residual: FloatArray
     swings: tuple[LinkSwing | None, ...]
+    asked: tuple[Asked | None, ...]
 
     @property
     def swinging(self) -> tuple[FloatArray | None, ...]:
@@ -333,14 +382,18 @@ def evaluate(
     whole = robot.with_effects(*effects)
     swings = swings_of(whole, records, near)
     swinging = torques_of(swings)
-    pairs = zip(records, swinging, strict=True)
-    raw = tuple(raw_residual(whole, record, held) for record, held in pairs)
+    pairs = list(zip(records, swinging, strict=True))
+    asked = tuple(asked_of_gears(whole, record, held) for record, held in pairs)
+    known = zip(pairs, asked, strict=True)
+    raw = tuple(raw_residual(whole, record, held, of) for (record, held), of in known)
     condensed = [record.condense(left) for record, left in zip(records, raw, strict=True)]
     residual = np.concatenate(condensed)
     if not np.isfinite(residual).all():
         names = ", ".join(f"{effect.name} at '{effect.where}'" for effect in effects)
         raise DynamicsError(f"'{robot.name}' with {names} needs torque that is not finite.")
-    return Evaluation(tuple(effects), whole, tuple(records), raw, residual @ whitening, swings)
+    return Evaluation(
+        tuple(effects), whole, tuple(records), raw, residual @ whitening, swings, asked
+    )
 
 
 def swings_of(
