@@ -10,7 +10,7 @@ Jacobian matrices", 1974). All others are differences of two residuals.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -153,8 +153,41 @@ def outputs_of(robot: Robot, gear: int) -> IntArray:
     return np.array([k for k in every if output_gear(robot, k) == gear], dtype=np.int_)
 
 
-def added_torque(robot: Robot, effect: Effect, record: Record) -> FloatArray | None:
-    """Return what an effect takes away from the residual of a log before weights, (N, outputs).
+@dataclass(frozen=True, eq=False)
+class AddedTorque:
+    """What is taken away from the residual of one log, before weights.
+
+    Attributes:
+        outputs: (k,) numbers of the outputs that feel it, in order.
+        values: (N, k).
+        count: of all outputs.
+    """
+
+    outputs: IntArray
+    values: FloatArray
+    count: int
+
+    def times(self, factor: float) -> AddedTorque:
+        """Return a multiple."""
+        return AddedTorque(self.outputs, factor * self.values, self.count)
+
+    def less(self, other: AddedTorque, factor: float) -> AddedTorque:
+        """Return `factor` times the difference to another one."""
+        outputs = np.union1d(self.outputs, other.outputs)
+        values = self._at(outputs) - other._at(outputs)
+        values *= factor
+        return AddedTorque(outputs, values, self.count)
+
+    def _at(self, outputs: IntArray) -> FloatArray:
+        if np.array_equal(outputs, self.outputs):
+            return self.values
+        result = np.zeros((len(self.values), outputs.size))
+        result[:, np.searchsorted(outputs, self.outputs)] = self.values
+        return result
+
+
+def added_torque(robot: Robot, effect: Effect, record: Record) -> AddedTorque | None:
+    """Return what an effect takes away from the residual of a log.
 
     It holds beside any other effects as long as gears that feel it lose no share of what they
     carry, encoders are right, no link is simulated, and drives are perfect.
@@ -169,40 +202,67 @@ def added_torque(robot: Robot, effect: Effect, record: Record) -> FloatArray | N
     """
     if not effect.acts_by <= ADDS or record.balance is not None:
         return None
-    gears, motion = robot.transmission, record.motion
-    needed = np.zeros_like(motion.velocity)
-    if (torque := effect.joint_torque(robot, motion)) is not None:
-        needed -= torque
-    if (level := effect.joint_friction(robot, motion)) is not None:
-        needed += level * np.sign(motion.velocity)
-    at_gears = needed[:, robot.actuated] @ gears.topology
-    # What a sensor behind a gear measures holds it already: the gear's row does not.
-    behind = at_gears[:, robot.sensed]
-    at_gears = at_gears * np.sign(gears.gear_ratio)
-    at_gears[:, robot.sensed] = 0.0
-    if (added := effect.rotor_torque(robot, motion)) is not None:
-        at_gears -= added * np.abs(gears.gear_ratio)
-    return np.concatenate([at_gears, needed[:, robot.unactuated], behind], axis=1)
+    gears, felt = robot.transmission, _at_joints(robot, effect, record)
+    outputs: dict[int, FloatArray] = {}
+    driven = {int(row): k for k, row in enumerate(robot.actuated)}
+    places = {int(k): gears.size + robot.floating_size + s for s, k in enumerate(robot.sensed)}
+    for row, torque in felt.items():
+        if row not in driven:
+            k = gears.size + int(np.flatnonzero(robot.unactuated == row)[0])
+            outputs[k] = torque
+            continue
+        shares = gears.topology[driven[row]]
+        for k in np.flatnonzero(shares).tolist():
+            # What a sensor behind a gear measures holds it already: the gear's row does not.
+            place, sign = (places[k], 1.0) if k in places else (k, np.sign(gears.gear_ratio[k]))
+            own = sign * shares[k] * torque
+            outputs[place] = outputs[place] + own if place in outputs else own
+    for k, added in _felt(effect.rotor_torque(robot, record.motion)):
+        own = added * np.abs(gears.gear_ratio[k])
+        outputs[k] = outputs[k] - own if k in outputs else -own
+    values = np.empty((len(record.torque), len(outputs)))
+    order = sorted(outputs)
+    for column, k in enumerate(order):
+        values[:, column] = outputs[k]
+    return AddedTorque(np.array(order, dtype=np.int_), values, output_count(robot))
 
 
-def _condensed(record: Record, torques: Sequence[FloatArray]) -> list[SparseColumns]:
+def _at_joints(robot: Robot, effect: Effect, record: Record) -> dict[int, FloatArray]:
+    """Return what the joints need more (N,), by row of v; rows that feel nothing are left out."""
+    motion = record.motion
+    felt = {row: -torque for row, torque in _felt(effect.joint_torque(robot, motion))}
+    for row, level in _felt(effect.joint_friction(robot, motion)):
+        rubbed = level * np.sign(motion.velocity[:, row])
+        felt[row] = felt[row] + rubbed if row in felt else rubbed
+    return felt
+
+
+def _felt(torque: FloatArray | None) -> list[tuple[int, FloatArray]]:
+    """Return the columns (N,) of an array (N, k) that are not all zero, with their numbers."""
+    if torque is None:
+        return []
+    power = np.einsum("nk,nk->k", torque, torque)  # a fourth of the time of `any`
+    return [(int(k), torque[:, k]) for k in np.flatnonzero(power != 0.0)]
+
+
+def condensed(record: Record, torques: Sequence[AddedTorque]) -> list[SparseColumns]:
     """Return what several effects take away from the condensed residual, one column for each.
 
     All are filtered at once: sixteen columns take hardly longer than one.
-
-    Args:
-        record: one log.
-        torques: (N, outputs) of each effect.
     """
-    felt = [np.flatnonzero(torque.any(axis=0)) for torque in torques]
-    values = [torque[:, outputs] for torque, outputs in zip(torques, felt, strict=True)]
-    weight = record.scale[:, np.concatenate(felt)]
-    found = record.condense_driven(np.concatenate(values, axis=1) * weight)
-    parts = np.split(found, np.cumsum([outputs.size for outputs in felt])[:-1], axis=1)
-    return [
-        SparseColumns(outputs[part.any(axis=0)], part[:, part.any(axis=0), None], torque.shape[1])
-        for torque, outputs, part in zip(torques, felt, parts, strict=True)
-    ]
+    if not torques:
+        return []
+    outputs = np.concatenate([torque.outputs for torque in torques])
+    values = np.concatenate([torque.values for torque in torques], axis=1)
+    found = record.condense_driven(values * record.scale[:, outputs])
+    felt = np.einsum("rk,rk->k", found, found) != 0.0
+    result, first = [], 0
+    for torque in torques:
+        own = slice(first, first + torque.outputs.size)
+        first = own.stop
+        kept = torque.outputs[felt[own]]
+        result.append(SparseColumns(kept, found[:, own][:, felt[own], None], torque.count))
+    return result
 
 
 STEP = 1e-3
@@ -213,6 +273,7 @@ STEP = 1e-3
 # found to 1.4 %.
 _ROUGH_STEP = 0.01
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
+_SAME = 1e-6  # share of a column by which rounding may change it
 _BATCH = 64  # columns filtered together; more only costs memory
 _KEPT = 1e8  # bytes of columns of what only adds torque
 # Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
@@ -246,6 +307,8 @@ class Columns:
     robot: Robot
     records: tuple[Record, ...]
     _added: dict[Change, SparseColumns] = field(default_factory=dict)
+    _slopes: dict[tuple[object, ...], tuple[Change, SparseColumns]] = field(default_factory=dict)
+    _straight: set[tuple[object, ...]] = field(default_factory=set)
 
     def of(
         self, at: Evaluation, changes: Sequence[Change], *, held: bool
@@ -341,15 +404,20 @@ class Columns:
     ) -> dict[int, SparseColumns]:
         """Return the columns of what only adds torque, beside perfect gears and drives, by number.
 
-        Such a column depends on its own effect alone.
+        Such a column depends on its own effect alone. One that is the same at two values of an
+        effect without shapes is the same at all.
         """
         found: dict[int, SparseColumns] = {}
-        parts: dict[int, list[FloatArray]] = {}
-        here: dict[Effect, list[FloatArray] | None] = {}
+        parts: dict[int, list[AddedTorque]] = {}
+        here: dict[Effect, list[AddedTorque] | None] = {}
         known = {effect.key: effect for effect in at.effects}
         for k, change in changes.items():
             if change in self._added:
                 found[k] = self._added[change]
+                continue
+            kind = (change.parameter, change.size, *_what_it_is(change.after))
+            if change.parameter and kind in self._straight:
+                found[k] = self._slopes[kind][1]
                 continue
             there = self._adds(change.after)
             if there is None:
@@ -360,35 +428,46 @@ class Columns:
                     here[own] = self._adds(own)
                 if (less := here[own]) is None:
                     continue
-                there = [one - other for one, other in zip(there, less, strict=True)]
-            parts[k] = [one / -change.size for one in there]
+                pairs = zip(there, less, strict=True)
+                parts[k] = [one.less(other, -1.0 / change.size) for one, other in pairs]
+            else:
+                parts[k] = [one.times(-1.0 / change.size) for one in there]
         for k, column in self._filtered(parts).items():
-            found[k] = self._added[changes[k]] = column
-            while len(self._added) * column.values.nbytes > _KEPT:
-                del self._added[next(iter(self._added))]
+            found[k] = column
+            self._keep(changes[k], column)
         return found
 
-    def _adds(self, effect: Effect) -> list[FloatArray] | None:
+    def _adds(self, effect: Effect) -> list[AddedTorque] | None:
         """Return what an effect takes away from the residuals, None where it does not only add."""
         try:
             parts = [added_torque(self.robot, effect, record) for record in self.records]
         except IMPOSSIBLE:
             return None
-        known = [part for part in parts if part is not None]
-        return known if len(known) == len(parts) else None
+        return [part for part in parts if part is not None] if None not in parts else None
 
-    def _filtered(self, parts: Mapping[int, Sequence[FloatArray]]) -> dict[int, SparseColumns]:
+    def _filtered(self, parts: Mapping[int, Sequence[AddedTorque]]) -> dict[int, SparseColumns]:
         found: dict[int, SparseColumns] = {}
         numbers = list(parts)
         for first in range(0, len(numbers), _BATCH):
             batch = numbers[first : first + _BATCH]
             each = [
-                _condensed(record, [parts[k][log] for k in batch])
+                condensed(record, [parts[k][log] for k in batch])
                 for log, record in enumerate(self.records)
             ]
             for k, *columns in zip(batch, *each, strict=True):
                 found[k] = SparseColumns.stacked(columns)
         return found
+
+    def _keep(self, change: Change, column: SparseColumns) -> None:
+        self._added[change] = column
+        while len(self._added) * column.values.nbytes > _KEPT:
+            del self._added[next(iter(self._added))]
+        if not change.parameter or any(p.shape for p in change.after.parameters):
+            return
+        kind = (change.parameter, change.size, *_what_it_is(change.after))
+        if kind in self._slopes and _equal(self._slopes[kind][1], column):
+            self._straight.add(kind)
+        self._slopes[kind] = change, column
 
     def _by_difference(
         self,
@@ -439,12 +518,7 @@ class Columns:
                 else self._moved(at, [changes[k] for k in group], gears.issuperset(group))
                 for group in several
             ]
-            whole = np.concatenate(
-                [
-                    record.condense(np.stack([own[log] for own in moved], axis=-1))
-                    for log, record in enumerate(at.records)
-                ]
-            )
+            whole = self._condensed(at, moved)
             for place, group in enumerate(several):
                 for k in group:
                     outputs = alone.get(k, np.arange(whole.shape[1]))
@@ -495,6 +569,14 @@ class Columns:
         near = torques_of(swings_of(robot, at.records, at, straight=True))
         pairs = zip(at.records, near, strict=True)
         return [raw_residual(robot, record, torque) for record, torque in pairs]
+
+    def _condensed(self, at: Evaluation, several: Sequence[Sequence[FloatArray]]) -> FloatArray:
+        """Return the condensed columns (rows, m + b, n) of several changes, filtered together."""
+        parts = [
+            record.condense(np.stack([moved[log] for moved in several], axis=-1))
+            for log, record in enumerate(at.records)
+        ]
+        return np.concatenate(parts)
 
     def swings(self, at: Evaluation, own: Effect) -> bool:
         """Whether the parameters of an effect change how links swing behind their gears.
@@ -650,3 +732,17 @@ def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:
         else:
             groups.append((own, [row]))
     return [rows for _, rows in groups]
+
+
+def _what_it_is(effect: Effect) -> tuple[object, ...]:
+    """Return all of an effect but its parameters: its place, and what a user's class adds."""
+    numbers = {parameter.name for parameter in effect.parameters}
+    own = (getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
+    return (type(effect), *own)
+
+
+def _equal(one: SparseColumns, other: SparseColumns) -> bool:
+    if not np.array_equal(one.outputs, other.outputs):
+        return False
+    size = float(np.sum(one.values**2))
+    return size > 0.0 and float(np.sum((one.values - other.values) ** 2)) < _SAME**2 * size

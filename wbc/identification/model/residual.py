@@ -48,8 +48,7 @@ def asked_of_gears(
     """
     if record.balance is not None:
         return None
-    moved, links, contacts = _loads(robot, record, swinging)
-    motion = moved.motion
+    motion, links, contacts = _loads(robot, record, swinging)
     return Asked(motion, *output_torque(_without_drives(robot), motion, links, contacts))
 
 
@@ -77,7 +76,8 @@ def raw_residual(
         delivered, slope = _delivered(robot, asked.motion, record.torque)
         rows = _rows_of_gears(robot, record, asked, delivered)
         return _in_one(robot, rows, slope)
-    return _unexplained(robot, *_loads(robot, record, swinging))
+    motion, links, contacts = _loads(robot, record, swinging)
+    return _unexplained(robot, record, motion, links, contacts)
 
 
 def swing_of(
@@ -93,21 +93,22 @@ def swing_of(
     """
     if not some_deflect(robot.effects):
         return None
-    loads = _loads(robot, record, np.zeros_like(record.links))
-    return _swinging(robot, *loads, near, straight)
+    motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
+    return _swinging(robot, record, motion, links, contacts, near, straight)
 
 
 def _loads(
     robot: Robot, record: Record, swinging: FloatArray | None
-) -> tuple[Record, FloatArray, FloatArray]:
-    """Return the record along the true motion, what links then need, and what contacts give."""
-    moved = record.along(record.motion_of(robot))
+) -> tuple[Motion, FloatArray, FloatArray]:
+    """Return the true motion, what the links then need, and what the contacts give."""
+    motion = record.motion_of(robot)
+    moved = record.along(motion)
     links, contacts = moved.links_of(robot), moved.contacts_of(robot)
     if swinging is None and some_deflect(robot.effects):
-        swinging = _swinging(robot, moved, links, contacts).torque
+        swinging = _swinging(robot, record, motion, links, contacts).torque
     if swinging is not None:
         links = links + swinging
-    return moved, links, contacts
+    return motion, links, contacts
 
 
 def by_link_torque(
@@ -123,22 +124,22 @@ def by_link_torque(
         record: one log.
         swinging: torque of `swing_of`.
     """
-    none = np.zeros_like(record.links)
-    moved, links, contacts = _loads(robot, record, none if swinging is None else swinging)
-    before = _unexplained(robot, moved, links, contacts)
+    motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
+    links = links if swinging is None else links + swinging
+    before = _unexplained(robot, record, motion, links, contacts)
     step = _STEP * max(float(np.max(np.abs(links))), 1.0)
     slopes = [
-        (_unexplained(robot, moved, links + step * unit, contacts) - before) / step
+        (_unexplained(robot, record, motion, links + step * unit, contacts) - before) / step
         for unit in np.eye(links.shape[1])
     ]
-    return np.stack(slopes, axis=-1), moved
+    return np.stack(slopes, axis=-1), record.along(motion)
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
     """Return how the link behind a gear of `robot` reacts, and what of the log it may explain."""
-    moved, links, contacts = _loads(robot, record, None)
-    left = _on_joints(robot, _unexplained(robot, moved, links, contacts))
-    response = moved.response_of(robot, joint)
+    motion, links, contacts = _loads(robot, record, None)
+    left = _on_joints(robot, _unexplained(robot, record, motion, links, contacts))
+    response = record.along(motion).response_of(robot, joint)
     return replace(response, load=links - contacts, unexplained=left[:, response.row])
 
 
@@ -165,16 +166,17 @@ def rubbing_responses(
 
 def _swinging(
     robot: Robot,
-    moved: Record,
+    record: Record,
+    motion: Motion,
     links: FloatArray,
     contacts: FloatArray,
     near: Deflections | None = None,
     straight: bool = False,
 ) -> LinkSwing:
     def unexplained(more: FloatArray) -> FloatArray:
-        return _on_joints(robot, _unexplained(robot, moved, links + more, contacts))
+        return _on_joints(robot, _unexplained(robot, record, motion, links + more, contacts))
 
-    return swing(robot, moved, unexplained, near, straight=straight)
+    return swing(robot, record.along(motion), unexplained, near, straight=straight)
 
 
 def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
@@ -187,10 +189,11 @@ def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
 
 
 def _unexplained(
-    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray
+    robot: Robot, record: Record, motion: Motion, links: FloatArray, contacts: FloatArray
 ) -> FloatArray:
-    delivered, slope = _delivered(robot, moved.motion, moved.torque)
-    return _in_one(robot, _rows(robot, moved, links, contacts, delivered), slope)
+    delivered, slope = _delivered(robot, motion, record.torque)
+    rows = _rows(robot, record.along(motion), links, contacts, delivered)
+    return _in_one(robot, rows, slope)
 
 
 def _in_one(robot: Robot, rows: _Rows, slope: FloatArray) -> FloatArray:
@@ -271,9 +274,17 @@ def drive_slopes(robot: Robot, records: Sequence[Record]) -> FloatArray:
     return np.concatenate(parts)
 
 
-def condensed_residual(robot: Robot, records: Sequence[Record]) -> FloatArray:
+def condensed_residual(
+    robot: Robot,
+    records: Sequence[Record],
+    swinging: Sequence[FloatArray | None] | None = None,
+    asked: Sequence[Asked | None] | None = None,
+) -> FloatArray:
     """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
-    return np.concatenate([record.condense(raw_residual(robot, record)) for record in records])
+    nothing = [None] * len(records)
+    each = zip(records, swinging or nothing, asked or nothing, strict=True)
+    raw = [(record, raw_residual(robot, record, held, known)) for record, held, known in each]
+    return np.concatenate([record.condense(values) for record, values in raw])
 
 
 def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
@@ -283,14 +294,17 @@ def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
 
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
-    gears, parts = robot.transmission, []
+    missing, needed = [], []
+    size = robot.transmission.size
     for record in records:
-        delivered, slope = _delivered(robot, record.motion_of(robot), record.torque)
-        lacking = raw_residual(robot, record)[:, : gears.size] * np.maximum(slope, _LEAST_GAIN)
-        need = delivered * np.abs(gears.gear_ratio) - lacking
-        both = np.stack([lacking, need], axis=2) * record.scale[:, : gears.size, None]
-        parts.append(record.condense_driven(both))
-    left, right = np.mean(np.concatenate(parts) ** 2, axis=0).T
+        motion, links, contacts = _loads(robot, record, None)
+        delivered, _ = _delivered(robot, motion, record.torque)
+        lacking, _, _ = _rows(robot, record.along(motion), links, contacts, delivered)
+        nothing = np.zeros((len(lacking), output_count(robot) - size))
+        missing.append(record.condense(np.concatenate([lacking, nothing], axis=1)))
+        need = delivered - lacking
+        needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
+    left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
     return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))
 
 
