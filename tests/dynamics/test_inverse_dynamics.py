@@ -94,13 +94,13 @@ def test_contact_forces_do_the_work_of_the_moving_contact() -> None:
 def test_a_ball_is_pushed_where_it_touches_the_ground() -> None:
     robot = load_robot("solo12")
     foot, radius = robot.contacts[0], 0.03
-    ball = replace(robot, contacts=(replace(foot, radius=radius), *robot.contacts[1:]))
+    ball = robot.with_contacts((replace(foot, radius=radius), *robot.contacts[1:]))
     q, force = random_motion(robot, 7, 1).position, {foot.name: np.array([[3.0, -2.0, 20.0]])}
     frame = robot.model.getFrameId(foot.frame)
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q[0])
     below = foot.offset - data.oMf[frame].rotation.T @ [0.0, 0.0, radius]
-    point = replace(robot, contacts=(replace(foot, offset=below), *robot.contacts[1:]))
+    point = robot.with_contacts((replace(foot, offset=below), *robot.contacts[1:]))
     np.testing.assert_allclose(
         dynamics.contact_torque(ball, q, force),
         dynamics.contact_torque(point, q, force),

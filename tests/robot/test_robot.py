@@ -4,6 +4,7 @@ import copy
 import pickle
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.dynamics import dissipative_equation, evaluate
-from wbc.effects import CoulombFriction, load_robot
+from wbc.effects import CoulombFriction, load_robot, save_robot
 from wbc.errors import RobotError, TransmissionError
 from wbc.identification import compare
 from wbc.measurement import Log
@@ -189,3 +190,14 @@ def test_the_usual_pose_stands_on_the_ground_within_its_feet(name: str) -> None:
     lower, upper = robot.model.lowerPositionLimit, robot.model.upperPositionLimit
     inside = (q >= lower - 1e-9) & (q <= upper + 1e-9)
     assert inside[robot.actuated_position].all()
+
+
+def test_other_balls_at_contacts_are_not_lost_in_a_file(tmp_path: Path) -> None:
+    """A saved robot had the radius of the file that it refers to."""
+    robot = load_robot("solo12")
+    balls = [replace(contact, radius=0.016) for contact in robot.contacts]
+    assert [c.radius for c in robot.with_contacts(balls).contacts] == 4 * [0.016]
+    with pytest.raises(RobotError, match="changed in code"):
+        save_robot(robot.with_contacts(balls), tmp_path / "balls.toml")
+    with pytest.raises(RobotError, match=r"keeps its contacts \(FL_foot, .*their order"):
+        robot.with_contacts(balls[::-1])

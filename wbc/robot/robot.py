@@ -37,8 +37,9 @@ class RobotSource:
     Attributes:
         name: a shipped robot's name or the path of its description.
         lossless: whether its gears were made perfect after loading.
-        changed: whether bodies, gears or gravity were changed in code after loading: then no saved
-            file can refer to it, but links still look and touch as the model file has them.
+        changed: whether bodies, gears, contacts or gravity were changed in code after loading: then
+            no saved file can refer to it, but links still look and touch as the model file has
+            them.
     """
 
     name: str
@@ -75,7 +76,7 @@ class Robot:
             behind them shows is compared.
         surface: how its links touch the ground where they may (`body_contacts`).
         before_effects: the robot to which the effects were added, None where there is none: no
-            effect was added, or bodies or gears were changed in code since.
+            effect was added, or bodies, gears or contacts were changed in code since.
     """
 
     name: str
@@ -322,8 +323,19 @@ class Robot:
         return frozen([joint in found for joint in gears.joints], np.bool_)
 
     def with_contacts(self, contacts: Iterable[ContactPoint]) -> Robot:
-        """Return the same robot with other balls or friction at its contacts, in their order."""
-        return self._with(contacts=tuple(contacts))
+        """Return the same robot with other offsets, balls or friction at its contacts.
+
+        Raises:
+            RobotError: other contacts, or in another order; `replace(robot, contacts=...)` has any.
+        """
+        changed = tuple(contacts)
+        if [(c.name, c.frame) for c in changed] != [(c.name, c.frame) for c in self.contacts]:
+            names = ", ".join(contact.name for contact in self.contacts) or "none"
+            raise RobotError(
+                f"'{self.name}' keeps its contacts ({names}), their order and their frames; use "
+                "dataclasses.replace(robot, contacts=...) for others."
+            )
+        return self._with(contacts=changed, source=self._changed_source(), before_effects=None)
 
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
         """Return the same robot with torque sensors behind the gears of these joints."""
@@ -409,7 +421,7 @@ class Robot:
         return None if self.source is None else replace(self.source, changed=True)
 
     def _with(self, **changes: Any) -> Robot:
-        """Return a copy with changes that leave names, joints and contacts as they are.
+        """Return a copy with changes that leave names, joints and frames of contacts as they are.
 
         Nothing is checked anew: a diagnosis makes some hundred thousand robots, and the checks took
         a tenth of its time.
