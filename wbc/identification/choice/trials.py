@@ -175,12 +175,9 @@ class Trials:
 
     def _keep(self, effects: tuple[Effect, ...], fit: Fit) -> None:
         self._fits[effects] = fit
-        while len(self._fits) > 1 and _size(self._fits.values()) > _KEPT:
-            del self._fits[next(iter(self._fits))]
-
-
-def _size(fits: Iterable[Fit]) -> int:
-    return sum(fit.jacobian.nbytes for fit in fits)
+        size = sum(kept.jacobian.nbytes for kept in self._fits.values())
+        while size > _KEPT and len(self._fits) > 1:
+            size -= self._fits.pop(next(iter(self._fits))).jacobian.nbytes
 
 
 def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:

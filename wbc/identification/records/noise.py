@@ -256,14 +256,9 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     return reported, _needed(record, torque, acceleration, sensed)
 
 
-def noise_of_links(record: Record, seed: int = 0) -> Callable[[pin.Model], FloatArray]:
-    """Return what links make of drawn noise of the motion: (rows, m + b) of a model.
-
-    Args:
-        record: one log.
-        seed: of what is drawn.
-    """
-    position, acceleration = _shaken(record, np.random.default_rng(seed))
+def noise_of_links(record: Record) -> Callable[[pin.Model], FloatArray]:
+    """Return what links make of noise of the motion, drawn once: (rows, m + b) of a model."""
+    position, acceleration = _shaken(record, np.random.default_rng(0))
     torque = _links_torque(record, position, acceleration)
     sensed = np.zeros((len(position), record.sensed.shape[1]))
     return lambda model: record.condense(_needed(record, torque(model), acceleration, sensed))
