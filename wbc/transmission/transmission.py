@@ -1,9 +1,10 @@
 """The transmission of a robot: reduction, topology, rotors and their efficiencies."""
+# ruff: noqa: RUF009 - the calls at the fields of a transmission make fields
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -35,43 +36,28 @@ class GearNumber(NamedTuple):
     rules: tuple[_Rule, ...]
 
 
-def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> GearNumber:
-    """Return a number that is positive, or not negative, where it is known."""
+def _told(unit: str, default: float | None, *rules: _Rule) -> Mapping[str, GearNumber]:
+    """Return what makes a field one of the numbers of a gear; arguments as of `GearNumber`."""
+    return {"number": GearNumber(unit, default, rules)}
+
+
+def _number(unit: str, default: float | None, *rules: _Rule) -> Any:
+    """Return the field of a number that may be left out."""
+    return field(default=None, metadata=_told(unit, default, *rules))
+
+
+def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> Any:
+    """Return the field of a number that is positive, or not negative, where it is known."""
     unknown = default is not None and np.isnan(default)
 
     def holds(x: FloatArray) -> NDArray[np.bool_]:
         return np.asarray((x >= 0.0 if zero else x > 0.0) | (np.isnan(x) & unknown))
 
     text = f"{'>=' if zero else '>'} 0{', or NaN where unknown' if unknown else ''}"
-    return GearNumber(unit, default, ((holds, text),))
+    return _number(unit, default, (holds, text))
 
 
 _NO_POWER = "at most 1 (above it a gear that its joint drives would create power)"
-GEAR_NUMBERS: Mapping[str, GearNumber] = {
-    "gear_ratio": GearNumber("1", None, ((lambda x: x != 0.0, "other than 0"),)),
-    "rotor_inertia": _above_zero("kg m^2", None, zero=True),
-    "forward_efficiency": GearNumber(
-        "1", 1.0, ((lambda x: x > 0.0, "> 0"), (lambda x: x <= 1.0, "<= 1"))
-    ),
-    "backward_efficiency": GearNumber("1", None, ((lambda x: x <= 1.0, _NO_POWER),)),
-    "rotor_coulomb_friction": _above_zero("N m", 0.0, zero=True),
-    "rotor_viscous_friction": _above_zero("N m s/rad", 0.0, zero=True),
-    "torque_limit": _above_zero("N m", np.inf),
-    "speed_limit": _above_zero("rad/s", np.inf),
-    "torque_constant": _above_zero("N m/A", np.nan),
-    "resistance": _above_zero("ohm", np.nan),
-    "position_gain": _above_zero("N m/rad", np.nan),
-    "velocity_gain": _above_zero("N m s/rad", 0.0, zero=True),
-    "duty_gain": _above_zero("1/rad", np.nan),
-    "supply_voltage": _above_zero("V", np.nan),
-    "target_delay": _above_zero("s", np.nan, zero=True),
-    "feedback_delay": _above_zero("s", np.nan, zero=True),
-    "velocity_lag": _above_zero("s", np.nan, zero=True),
-    "stiffness": _above_zero("N m/rad", np.inf),
-    "damping": _above_zero("N m s/rad", 0.0, zero=True),
-    "backlash": _above_zero("rad", 0.0, zero=True),
-}
-"""The fields of a transmission with one number per gear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,27 +101,29 @@ class Transmission:
     """
 
     joints: tuple[str, ...]
-    gear_ratio: FloatArray
-    rotor_inertia: FloatArray
+    gear_ratio: FloatArray = field(metadata=_told("1", None, (lambda x: x != 0.0, "other than 0")))
+    rotor_inertia: FloatArray = field(metadata=_told("kg m^2", None, (lambda x: x >= 0.0, ">= 0")))
     topology: FloatArray = None  # type: ignore[assignment]
-    forward_efficiency: FloatArray = None  # type: ignore[assignment]
-    backward_efficiency: FloatArray = None  # type: ignore[assignment]
-    rotor_coulomb_friction: FloatArray = None  # type: ignore[assignment]
-    rotor_viscous_friction: FloatArray = None  # type: ignore[assignment]
-    torque_limit: FloatArray = None  # type: ignore[assignment]
-    speed_limit: FloatArray = None  # type: ignore[assignment]
-    torque_constant: FloatArray = None  # type: ignore[assignment]
-    resistance: FloatArray = None  # type: ignore[assignment]
-    position_gain: FloatArray = None  # type: ignore[assignment]
-    velocity_gain: FloatArray = None  # type: ignore[assignment]
-    duty_gain: FloatArray = None  # type: ignore[assignment]
-    supply_voltage: FloatArray = None  # type: ignore[assignment]
-    target_delay: FloatArray = None  # type: ignore[assignment]
-    feedback_delay: FloatArray = None  # type: ignore[assignment]
-    velocity_lag: FloatArray = None  # type: ignore[assignment]
-    stiffness: FloatArray = None  # type: ignore[assignment]
-    damping: FloatArray = None  # type: ignore[assignment]
-    backlash: FloatArray = None  # type: ignore[assignment]
+    forward_efficiency: FloatArray = _number(
+        "1", 1.0, (lambda x: x > 0.0, "> 0"), (lambda x: x <= 1.0, "<= 1")
+    )
+    backward_efficiency: FloatArray = _number("1", None, (lambda x: x <= 1.0, _NO_POWER))
+    rotor_coulomb_friction: FloatArray = _above_zero("N m", 0.0, zero=True)
+    rotor_viscous_friction: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
+    torque_limit: FloatArray = _above_zero("N m", np.inf)
+    speed_limit: FloatArray = _above_zero("rad/s", np.inf)
+    torque_constant: FloatArray = _above_zero("N m/A", np.nan)
+    resistance: FloatArray = _above_zero("ohm", np.nan)
+    position_gain: FloatArray = _above_zero("N m/rad", np.nan)
+    velocity_gain: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
+    duty_gain: FloatArray = _above_zero("1/rad", np.nan)
+    supply_voltage: FloatArray = _above_zero("V", np.nan)
+    target_delay: FloatArray = _above_zero("s", np.nan, zero=True)
+    feedback_delay: FloatArray = _above_zero("s", np.nan, zero=True)
+    velocity_lag: FloatArray = _above_zero("s", np.nan, zero=True)
+    stiffness: FloatArray = _above_zero("N m/rad", np.inf)
+    damping: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
+    backlash: FloatArray = _above_zero("rad", 0.0, zero=True)
     housings: tuple[str, ...] = ()
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
@@ -268,3 +256,9 @@ class Transmission:
             rotor_coulomb_friction=zero,
             rotor_viscous_friction=zero,
         )
+
+
+GEAR_NUMBERS: Mapping[str, GearNumber] = {
+    one.name: one.metadata["number"] for one in fields(Transmission) if one.metadata
+}
+"""The fields of a transmission with one number per gear."""
