@@ -21,7 +21,8 @@ from wbc.cli import main
 from wbc.design.experiment import MotionLimits, design_experiment, random_paths
 from wbc.design.experiment.motions import LinkDistances
 from wbc.effects import load_robot
-from wbc.robot import Robot, collision_solids
+from wbc.robot import Robot
+from wbc.robot.body_contacts import collision_solids
 
 RATE, DURATION = 400, 1.5
 SPAN, SPEED, ACCELERATION = 0.8, 3.0, 40.0

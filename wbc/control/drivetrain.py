@@ -12,7 +12,7 @@ from wbc.control.kinematics import Kinematics
 from wbc.control.qp.gear_rows import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.settings import ControllerSettings, RestPolicy
-from wbc.dynamics import rotor_coupling
+from wbc.dynamics.equation import rotor_coupling
 from wbc.effects.tables import (
     effect_table,
     fill_commands,

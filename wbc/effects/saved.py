@@ -14,14 +14,8 @@ from wbc.effects.catalogue import effect_class
 from wbc.effects.gear_losses import SIDES
 from wbc.errors import RobotError, unknown_name
 from wbc.files import SCHEMA, write_text
-from wbc.robot import (
-    Effect,
-    Robot,
-    RobotDescription,
-    build_robot,
-    read_description,
-    with_gear_numbers,
-)
+from wbc.robot import Effect, Robot
+from wbc.robot.description import RobotDescription, build_robot, read_description, with_gear_numbers
 from wbc.robot.robot import RobotSource
 from wbc.robot.table import check_keys, number_in
 from wbc.transmission import DRIVE_TIMES

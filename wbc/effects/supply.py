@@ -10,17 +10,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import ScaledDrive, range_of
-from wbc.robot import (
-    Effect,
-    Evidence,
-    Motion,
-    Robot,
-    Screen,
-    SearchOffer,
-    Usual,
-    number,
-    usual_cost,
-)
+from wbc.robot import Effect, Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
+from wbc.robot.search import usual_cost
 
 _SAG_LEAVES = 0.1  # share of the torque that is left, however much power is drawn
 

@@ -12,7 +12,8 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.errors import SimulationError, unknown_name
 from wbc.mechanics.tree import Tree
-from wbc.robot import BodySurface, Hull, Robot, ground_box, hull_of
+from wbc.robot import BodySurface, Robot
+from wbc.robot.body_contacts import Hull, ground_box, hull_of
 from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, Terrain
 from wbc.sim.height_field import HeightField

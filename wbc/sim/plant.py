@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray, checked
 from wbc.compiled import OutVector, Vector, compiled, make_ready
 from wbc.errors import RobotError, SimulationError
-from wbc.robot import BodySurface, ContactPoint, Hull, Robot, body_surfaces
+from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
+from wbc.robot.body_contacts import Hull
 from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult

@@ -11,11 +11,13 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.dynamics import RotorCoupling, Workspace, rotor_coupling
+from wbc.dynamics import Workspace
+from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
 from wbc.mechanics.tree import Tree, tree_of
-from wbc.robot import Hull, Motion, Robot
+from wbc.robot import Motion, Robot
+from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import TOUCH, Barriers
 from wbc.sim.ground import FIELD, Terrain
 from wbc.sim.state import EffectMemory, SimState

@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.robot import Robot, placed_geometry
+from wbc.robot import Robot
+from wbc.robot.body_contacts import placed_geometry
 
 # three.js runs cylinders along y, everybody else along z. meshcat sends this matrix row by row
 # and three.js reads it column by column, so that what is written here is the transpose.

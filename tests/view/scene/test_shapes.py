@@ -9,7 +9,8 @@ import pytest
 
 import wbc
 from wbc.errors import RobotError
-from wbc.robot import Robot, placed_geometry
+from wbc.robot import Robot
+from wbc.robot.body_contacts import placed_geometry
 from wbc.robot.coordinates import joint_axis
 from wbc.sim.ground import Plane, Stairs, Terrain
 from wbc.view.ground import surface, terrain_slabs

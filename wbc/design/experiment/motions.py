@@ -12,7 +12,8 @@ from wbc.arrays import FloatArray
 from wbc.design.experiment.rivals import Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.measurement import Log, save_log
-from wbc.robot import Motion, Robot, collision_solids
+from wbc.robot import Motion, Robot
+from wbc.robot.body_contacts import collision_solids
 
 _RAMP = 0.1  # share of the duration over which the window opens, and closes
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import motor_torque, output_torque
+from wbc.dynamics.batch import motor_torque, output_torque
 from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.model.yielding import LinkSide, LinkSwing, deflects, some_deflect, swing
 from wbc.identification.records.record import Record, output_count

@@ -19,7 +19,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.dynamics import Workspace, contact_jacobians, level_normal
+from wbc.dynamics import Workspace
+from wbc.dynamics.batch import contact_jacobians, level_normal
 from wbc.errors import IdentificationError
 from wbc.identification.readings import moving_contact
 from wbc.measurement import Log

@@ -16,7 +16,8 @@ import pinocchio as pin
 from scipy.signal import welch
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.dynamics import contact_torque, inverse_dynamics
+from wbc.dynamics import contact_torque
+from wbc.dynamics.batch import inverse_dynamics
 from wbc.identification.records.record import Record, output_count
 from wbc.measurement import derivative, low_pass
 
