@@ -38,7 +38,7 @@ def is_real(value: Any) -> TypeGuard[float]:
 
 
 def reals(values: Any) -> FloatArray:
-    """Return a new array of floats of values that are real numbers.
+    """Return a new array (...) of floats of values (...) that are real numbers.
 
     NumPy alone would read text as numbers, drop imaginary parts, and ignore the mask of an array.
 

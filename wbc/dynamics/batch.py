@@ -25,7 +25,14 @@ def link_torque(robot: Robot, motion: Motion) -> FloatArray:
 def inverse_dynamics(
     model: pin.Model, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> FloatArray:
-    """Return H a + c (N, nv) [N m, N] of a model along q (N, nq), v and a (N, nv)."""
+    """Return H a + c (N, nv) [N m, N] of a model along a motion.
+
+    Args:
+        model: of the links, with its gravity.
+        position: q (N, nq).
+        velocity: v (N, nv).
+        acceleration: a (N, nv).
+    """
     # One call for the log: sample by sample, Python takes nine times as long as a leg's dynamics.
     columns = position.T, velocity.T, acceleration.T
     torque = pin.rneaInParallel(1, pin.ModelPool(model, 1), *columns)

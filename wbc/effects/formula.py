@@ -294,7 +294,11 @@ class CustomTorque(JointEffect):
         return cls(where, tuple(TorqueTerm.parse(text, number) for text, number in given))
 
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same formula with some coefficients changed."""
+        """Return the same formula with some coefficients changed.
+
+        Raises:
+            EffectError: a product that is no term of it, or a coefficient out of bounds.
+        """
         known = {term.text: term for term in self.terms}
         for name, value in values.items():
             if name not in known:

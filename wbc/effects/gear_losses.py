@@ -95,7 +95,11 @@ class TransmissionEfficiency(GearNumbers):
 
     @classmethod
     def wedge(cls, where: str, forward_efficiency: float) -> TransmissionEfficiency:
-        """Return the effect with the wedge's eta_b = 2 - 1/eta_f."""
+        """Return the effect with the wedge's eta_b = 2 - 1/eta_f.
+
+        Raises:
+            TransmissionError: eta_f outside (0, 1].
+        """
         return cls(where, forward_efficiency, float(wedge_backward_efficiency(forward_efficiency)))
 
 

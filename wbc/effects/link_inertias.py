@@ -310,7 +310,11 @@ class LinkInertias(RedrawnLinks):
         return {f"{body}.{own}": 0.0 for body in heavy_bodies(robot) for own in LOG_CHOLESKY}
 
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same with some numbers changed."""
+        """Return the same with some numbers changed.
+
+        Raises:
+            EffectError: a number that it does not have, or one out of bounds.
+        """
         known = self.values
         for name in values:
             if name not in known:

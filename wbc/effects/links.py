@@ -57,7 +57,11 @@ class PayloadMass(Effect):
         return int(frame.parentJoint), frame.placement.act(contact.offset)
 
     def change(self, robot: Robot) -> Robot:
-        """Return the robot that carries the mass."""
+        """Return the robot that carries the mass.
+
+        Raises:
+            EffectError: so much is taken away that no body is left that can exist.
+        """
         if self.mass == 0.0:
             return robot
         joint, point = self._place(robot)
@@ -118,7 +122,11 @@ class CenterOfMass(Effect):
         return heavy_bodies(robot)
 
     def change(self, robot: Robot) -> Robot:
-        """Return the robot with the centre of mass moved."""
+        """Return the robot with the centre of mass moved.
+
+        Raises:
+            EffectError: no body has its centre of mass there with this inertia about it.
+        """
         joint = robot.body_joint(self.where)
         before = robot.model.inertias[joint]
         center = before.lever + np.array([self.x, self.y, self.z])

@@ -75,7 +75,11 @@ class Bristles(JointEffect, ABC):
         return ()
 
     def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
-        """Return z, and what else is carried, at the end of a step."""
+        """Return z, and what else is carried, at the end of a step, (1 or 2, k).
+
+        Raises:
+            EffectError: a motion without memory.
+        """
         if motion.memory is None:
             raise EffectError(f"{self.name} at '{self.where}' has no state outside a simulation.")
         z = self._bent(robot, motion, motion.memory)

@@ -136,7 +136,7 @@ def leaps(time: FloatArray, positions: Sequence[FloatArray]) -> IntArray:
 
 
 def period(steps: FloatArray) -> FloatArray:
-    """Return the period by which each step of a position may start it again, 0 for none.
+    """Return the period (...) by which steps (...) of a position may start it again, 0 for none.
 
     The joint goes on moving meanwhile, so a step is only close to its period.
     """

@@ -390,7 +390,16 @@ def read_column_map(path: str | Path, gear_ratios: Mapping[str, float] | None = 
 def parse_column_map(
     table: Mapping[str, Any], path: str = "", gear_ratios: Mapping[str, float] | None = None
 ) -> ColumnMap:
-    """Return the map that a parsed TOML table states (see `read_column_map`)."""
+    """Return the map that a parsed TOML table states.
+
+    Args:
+        table: of the map.
+        path: of its file, for messages.
+        gear_ratios: N of joints, for entries that name a side of the gear and no ratio.
+
+    Raises:
+        LogError: an entry that does not fit; the message names the key.
+    """
     label = path or "column map"
     for key in table:
         if key not in SECTIONS:

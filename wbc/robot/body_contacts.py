@@ -307,6 +307,9 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
     """Return the collision solids of the robot's model file and its surface; empty without any.
 
     Meshes become their convex hulls.
+
+    Raises:
+        RobotError: a solid of the surface sits on a link that the robot does not have.
     """
     found = pin.GeometryModel()
     for item, frame, joint, placement in placed_geometry(robot, pin.GeometryType.COLLISION):

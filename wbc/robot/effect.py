@@ -275,7 +275,11 @@ class Effect(ABC):
         return f"{name} at {self.where}" + (f" ({numbers})" if numbers else "")
 
     def with_values(self, values: Mapping[str, float]) -> Self:
-        """Return the same effect with some parameters changed."""
+        """Return the same effect with some fields changed.
+
+        Raises:
+            EffectError: a field that it does not have, or a value out of bounds.
+        """
         known = {f.name for f in fields(self)}
         for name in values:
             if name not in known:

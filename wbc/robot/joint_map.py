@@ -94,6 +94,9 @@ class JointMap:
         Args:
             position, velocity: of all foreign joints [rad, rad/s].
             base: of a free-flyer; the neutral pose at rest when left out.
+
+        Raises:
+            RobotError: a base of a robot without a free-flyer.
         """
         robot = self.robot
         given, rates = np.asarray(position, dtype=np.float64), np.asarray(velocity, np.float64)

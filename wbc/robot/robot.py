@@ -220,7 +220,11 @@ class Robot:
         return tuple(self.body_of(joint) for joint in self.joints)
 
     def body_of(self, joint: str) -> str:
-        """Return the name of the link that `joint` moves (fixed links are part of it)."""
+        """Return the name of the link that `joint` moves (fixed links are part of it).
+
+        Raises:
+            RobotError: no such joint; the message lists those there are.
+        """
         number = self._joint_id(joint)
         for frame in self.model.frames:
             if frame.type == pin.FrameType.BODY and frame.parentJoint == number:
@@ -239,11 +243,11 @@ class Robot:
         return bodies.index(body) + 1
 
     def velocity_index(self, joint: str) -> int:
-        """Return the row of a joint's (first) velocity in v."""
+        """Return the row of a joint's (first) velocity in v; raises as `body_of`."""
         return int(self.model.joints[self._joint_id(joint)].idx_v)
 
     def position_index(self, joint: str) -> int:
-        """Return the row of a joint's (first) position in q."""
+        """Return the row of a joint's (first) position in q; raises as `body_of`."""
         return int(self.model.joints[self._joint_id(joint)].idx_q)
 
     def contact(self, name: str) -> ContactPoint:
@@ -338,7 +342,11 @@ class Robot:
         return self._with(contacts=changed, source=self._changed_source(), before_effects=None)
 
     def with_torque_sensors(self, joints: Iterable[str]) -> Robot:
-        """Return the same robot with torque sensors behind the gears of these joints."""
+        """Return the same robot with torque sensors behind the gears of these joints.
+
+        Raises:
+            TransmissionError: a joint that no gear drives.
+        """
         chosen = tuple(joints)
         before = self.before_effects
         return replace(
@@ -447,7 +455,7 @@ class Robot:
         return self.poses[wanted].copy()
 
     def configuration(self, **joints: float) -> FloatArray:
-        """Return the neutral configuration with some one-degree joints set by name.
+        """Return the neutral configuration (nq,) with some one-degree joints set by name.
 
         Raises:
             RobotError: no such joint.

@@ -103,7 +103,14 @@ class Quantity:
 def small_steps(
     kind: type[Effect], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
-    """Return the screen of a small step of every parameter that is no shape, none without any."""
+    """Return the screen of a small step of every parameter that is no shape, none without any.
+
+    Args:
+        kind: class of the effect.
+        robot: on which it may sit.
+        where: its place there.
+        evidence: what the logs say.
+    """
     null = kind.null_values(robot, where)
     steps: dict[str, float] = {}
     for parameter in kind.at(where, null).parameters:

@@ -22,7 +22,11 @@ def check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> No
 
 
 def table_in(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
-    """Return `entry` after checking that it is a table with known keys only."""
+    """Return `entry` after checking that it is a table with known keys only.
+
+    Raises:
+        RobotError: it is not.
+    """
     if not isinstance(entry, Mapping):
         raise RobotError(f"{place}: a table expected, got {entry!r}.")
     check_keys(entry, known, place)
@@ -30,7 +34,11 @@ def table_in(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
 
 
 def flag_in(table: Mapping[str, Any], key: str, place: str) -> bool:
-    """Return the true or false that a table holds, false where the key is left out."""
+    """Return the true or false that a table holds, false where the key is left out.
+
+    Raises:
+        RobotError: the table holds something else there.
+    """
     value = table.get(key, False)
     if not isinstance(value, bool):
         raise RobotError(f"{place}: {key}: true or false expected, got {value!r}.")
@@ -46,7 +54,7 @@ def number_in(entry: Any, unit: str, place: str) -> float:
 
 
 def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:
-    """Return the SI value of a number, or of a table {value, unit, source}.
+    """Return the SI values (...) of numbers, or of a table {value, unit, source} of them.
 
     Args:
         entry: what the TOML file holds.

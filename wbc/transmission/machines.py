@@ -160,13 +160,16 @@ class CompoundPlanetaryGear:
         return (1.0 + self.sun_ratio) / (1.0 - self.ring_ratio)
 
     def forward_efficiency(self, basic_efficiency: ArrayLike) -> FloatArray:
-        """Return eta_f for the share e of power that passes the planet, in (0, 1]."""
+        """Return eta_f (...) for the share e of power that passes the planet, in (0, 1]."""
         e = self._checked(basic_efficiency)
         through = (1.0 + e * self.sun_ratio) / (1.0 - e * self.ring_ratio)
         return np.asarray(through / self.reduction)
 
     def backward_efficiency(self, basic_efficiency: ArrayLike) -> FloatArray:
-        """Return eta_b for the share e that passes the planet; negative is self-locking."""
+        """Return eta_b (...) for the share e that passes the planet, in (0, 1].
+
+        At most zero is self-locking.
+        """
         e = self._checked(basic_efficiency)
         through = (1.0 - self.ring_ratio / e) / (1.0 + self.sun_ratio / e)
         return np.asarray(through * self.reduction)

@@ -93,6 +93,12 @@ def mesh_output(
     v > 0: T = min(eta_f t, t/eta_b);  v < 0: T = max(eta_f t, t/eta_b);  at v = 0 the mean of the
     two is returned (every value between them is possible).
 
+    Args:
+        input_torque: t [N m], any shape.
+        speed: output speed v [rad/s], same shape.
+        forward_efficiency: eta_f, broadcast over the last axis.
+        backward_efficiency: eta_b, likewise.
+
     Raises:
         TransmissionError: a self-locking gear (eta_b <= 0) that turns against its input torque,
             a state in which no output torque balances it.
@@ -127,7 +133,12 @@ def direction(mesh_power: ArrayLike, *, deadband: float = 0.0) -> FloatArray:
 def efficiency(
     directions: ArrayLike, forward_efficiency: ArrayLike, backward_efficiency: ArrayLike
 ) -> FloatArray:
-    """Return the diagonal of E_m: eta_f where forward, 1/eta_b where backward, 1 where stuck.
+    """Return the diagonal of E_m (...): eta_f where forward, 1/eta_b where backward, else 1.
+
+    Args:
+        directions: (...) of the power, +1 forward, -1 backward, 0 stuck.
+        forward_efficiency: eta_f, broadcast over the last axis.
+        backward_efficiency: eta_b, likewise.
 
     Raises:
         TransmissionError: backward through a self-locking gear, which has no finite 1/eta_b.
