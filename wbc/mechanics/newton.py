@@ -20,10 +20,11 @@ from wbc.mechanics.pieces import solve_pieces
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
-NEWTON, PROXIMAL, CONVEX, PASSIVE, UNSOLVED = range(5)
-"""What found a solution, that only a passive end was found, or nothing."""
+NEWTON, PROXIMAL, CONVEX, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(7)
+"""What found a solution, that only a passive end was found, nothing, or several; for RANGES and
+SEVERAL see `wbc.sim.step.self_locking`."""
 
-WAYS = ("newton", "proximal", "convex", "passive")
+WAYS = ("newton", "proximal", "convex", "ranges", "passive")
 """The same as words."""
 
 TOLERANCE = 1e-10
@@ -288,7 +289,7 @@ def solve_system(
         impulse: to write.
 
     Returns:
-        the number of linear systems solved, and NEWTON to UNSOLVED: PASSIVE ends miss some laws,
+        the number of linear systems solved, and what found them: PASSIVE ends miss some laws,
         and there is none where ground squeezes or nothing is a number.
     """
     size = len(start)

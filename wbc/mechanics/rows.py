@@ -33,7 +33,7 @@ class RowSystem(NamedTuple):
             and preload of the spring in series.
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
-        grips: (k,) friction impulse that contacts have whatever they press, see `end_passively`.
+        grips: (k,) friction impulse that contacts have whatever they press, see `solve_system`.
         tangents: d per contact.
     """
 

@@ -26,10 +26,9 @@ from wbc.sim.step.arrival import DRIFT
 from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
-from wbc.sim.step.impact import gaps_of, impact_in_rows
+from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
-from wbc.sim.step.part import part_in_rows
-from wbc.sim.step.program import NOT_POSITIVE, solve_rows
+from wbc.sim.step.program import NOT_POSITIVE
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
@@ -123,7 +122,7 @@ class Setup:
         springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0
-        others = map(self._address, (self._ask_rows, self._take_stages))
+        full = self._address(self._take_stages)
         forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
         return stored(
             tables.Opened(
@@ -133,7 +132,7 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*told, *forces, asked, *others))),
+                stored(tables.Forces._make((*told, *forces, asked, full))),
                 now,
                 ending,
                 hit,
@@ -192,20 +191,6 @@ class Setup:
             self.tell_forces(self.acts[stage], external)
         except BaseException as error:
             self._error, told.torque[:], told.outer[:] = error, np.nan, np.nan
-
-    def _ask_rows(self) -> None:
-        """Solve the rows of a stage with self-locking gears that have several solutions."""
-        plant, size, step = self.plant, self.drive.gears.size, float(self.plant.forces.length[0])
-        try:
-            if step > 0.0:
-                rows, system, _ = part_in_rows(plant, step, False)
-            else:
-                rows, system, _ = impact_in_rows(plant, False)
-                rows.start[:size] = plant.now.impulse[:size]
-            impulse, _, _ = solve_rows(system, rows.start, self.robot.transmission.joints)
-            plant.hit.impulse[: len(impulse)] = impulse
-        except BaseException as error:
-            self._error = self._error or error
 
     def _take_stages(self) -> None:
         """Keep stages of a step that has more of them than the loops have room for."""

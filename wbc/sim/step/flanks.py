@@ -2,17 +2,26 @@
 
 A gear is loose where it is compliant or has play: its motor output may leave the joint. What its
 flanks pass is a law of the speed between both at the end of a part (`flank_impulse`); near a speed
-it is a spring in series with the gear's row. Rounds move that speed until the law is met.
+it is a spring in series with the gear's row. Rounds move that speed until the law is met (Newton).
+
+One round is enough unless a flank is reached or let go within the part. Then Newton's method may
+repeat the same few guesses. The law of a flank is monotone, as all others are, so rounds that use
+the steepest slope on the way always come nearer. From the ninth round on such rounds alternate with
+Newton's, with the steepest slope met so far. Half of it is forgotten each time, or one steep place
+far off would make all that follow slow; where the rest is too little, the round goes too far and
+meets the slope between.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from wbc.compiled import OutDense, Row, compiled, inner
-from wbc.mechanics.newton import PASSIVE, UNSOLVED, solve_system, speeds_at
+from wbc.compiled import OutDense, OutRow, Row, inner
+from wbc.mechanics.linear import copy_to
 from wbc.mechanics.rows import RowSystem, own_speed
-from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.tables import Gears, Opened
 from wbc.transmission.flank_steps import flank_impulse
 
@@ -22,12 +31,34 @@ springs and soft flanks pass there [N m s]; its change per speed, zero where the
 what of the impulse is not the springs'; 1 where a gear holds on to its joint at all."""
 
 RELEASED, STEEPEST, TAKEN = range(3)
-"""Columns of rounds (m, 3): 1 where a rigid flank lets go; the steepest slope met so far; the
+"""Columns of turns (m, 5): 1 where a rigid flank lets go; the steepest slope met so far; the
 slope that the round takes."""
 
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
-_ROUNDS = 200
+_LEAST = 1e-300  # that misses its law by as little as this misses it
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
+
+
+class Rounds(NamedTuple):
+    """Memory for flanks in rounds: each (m, 5), or empty where no gear is loose.
+
+    Attributes:
+        near: that the round takes.
+        passed: where it ends.
+        safe: where the last round with the steepest slopes ended.
+        turns: RELEASED to TAKEN.
+    """
+
+    near: OutDense
+    passed: OutDense
+    safe: OutDense
+    turns: OutDense
+
+
+@inner
+def is_safe(turn: int) -> bool:
+    """Return whether a round takes the steepest slopes."""
+    return turn >= _NEWTON and turn % 2 == 0
 
 
 @inner
@@ -76,18 +107,21 @@ def take_hold(plant: Opened, relative: Row, step: float, end: Row, flanks: OutDe
 
 @inner
 def lean_on_flanks(
-    gears: Gears, safely: bool, near: OutDense, rounds: OutDense, laws: OutDense
+    plant: Opened, rows: PartRows, turn: int, rounds: Rounds, laws: OutDense
 ) -> None:
-    """Write the springs of a round into laws (m, 9): near flanks (m, 5), with `rounds` (m, 3)."""
+    """Write the springs of a round into laws (m, 9)."""
+    near, turns = rounds.near, rounds.turns
+    if turn == 0:
+        take_hold(plant, rows.relative, rows.step, rows.relative, near)
     for i in range(len(near)):
-        if not gears.yields[i]:
+        if not plant.gears.yields[i]:
             continue
-        own, soft = near[i], gears.stiffness[i] < np.inf
-        holds = own[HELD] * (1.0 - rounds[i, RELEASED]) > 0.0
+        own, soft = near[i], plant.gears.stiffness[i] < np.inf
+        holds = own[HELD] * (1.0 - turns[i, RELEASED]) > 0.0
         slope = own[SLOPE]
-        if safely and holds:
-            slope = max(slope, rounds[i, STEEPEST])
-        rounds[i, TAKEN] = slope
+        if is_safe(turn) and holds:
+            slope = max(slope, turns[i, STEEPEST])
+        turns[i, TAKEN] = slope
         stiff = slope if soft else np.inf
         laws[i, 7] = stiff if holds else 0.0
         laws[i, 8] = own[IMPULSE] - slope * own[END] if holds and soft else 0.0
@@ -95,91 +129,51 @@ def lean_on_flanks(
 
 @inner
 def misses_flanks(
-    plant: Opened, ways: Row, near: OutDense, passed: OutDense, impulse: Row, rounds: OutDense
-) -> tuple[bool, float]:
-    """Return whether all flanks are met, and the greatest change of speed of one that is not.
+    plant: Opened,
+    rows: PartRows,
+    system: RowSystem,
+    turn: int,
+    impulse: Row,
+    speed: Row,
+    rounds: Rounds,
+    end: OutRow,
+) -> float:
+    """Prepare the next round; return the greatest change of speed of a flank that is not met.
 
     Args:
         plant: with the gears.
-        ways: (m,) by which motor outputs have moved ahead of joints in the middle.
-        near: (m, 5) flanks that the round took.
-        passed: (m, 5) those where it ends.
-        impulse: (r,) where it ends.
-        rounds: (m, 3), whose first two columns are changed.
+        rows: of the part.
+        system: with the laws that the round took.
+        turn: number of the round.
+        impulse, speed: (r,) where it ends.
+        rounds: to change.
+        end: relative speeds (m,) of the motor outputs to write.
+
+    Returns:
+        zero where all are met.
     """
-    met, missed = True, 0.0
+    gears, near, passed, turns = plant.gears, rounds.near, rounds.passed, rounds.turns
+    missed, safely = 0.0, is_safe(turn)
     for i in range(len(near)):
-        if not plant.gears.yields[i]:
+        if gears.yields[i]:
+            end[i] = own_speed(system.laws[i], system.slope[i], impulse[i], speed[i]) - speed[i]
+    take_hold(plant, rows.relative, rows.step, end, passed)
+    for i in range(len(near)):
+        if not gears.yields[i]:
             continue
-        change, slope = passed[i, END] - near[i, END], rounds[i, TAKEN]
+        change, slope = passed[i, END] - near[i, END], turns[i, TAKEN]
         more = passed[i, IMPULSE] - near[i, IMPULSE]
         size = abs(passed[i, END]) + abs(near[i, END])
         good = abs(more - slope * change) <= _MET * (abs(passed[i, IMPULSE]) + slope * size)
-        place = plant.now.deflection[i] + ways[i]
-        if plant.gears.stiffness[i] == np.inf and np.sign(place) * impulse[i] < 0.0:
-            rounds[i, RELEASED], good = 1.0, False
-        met = met and good
-        missed = missed if good else max(missed, abs(change))
+        place = plant.now.deflection[i] + 0.5 * rows.step * rows.relative[i]
+        if gears.stiffness[i] == np.inf and np.sign(place) * impulse[i] < 0.0:
+            turns[i, RELEASED], good = 1.0, False
+        missed = missed if good else max(missed, abs(change), _LEAST)
+        turns[i, STEEPEST] *= 0.5 if safely else 1.0
         if change != 0.0:
-            rounds[i, STEEPEST] = max(rounds[i, STEEPEST], more / change)
-    return met, missed
-
-
-@compiled(inside=True)
-def solve_gripped(
-    plant: Opened, rows: PartRows, system: RowSystem, start: Row, tolerance: float, solved: Solved
-) -> tuple[int, int, float]:
-    """Solve the rows, and the flanks of loose gears by Newton's method on their law.
-
-    One round is enough unless a flank is reached or let go within the part. Then Newton's method
-    may repeat the same few guesses. The law of a flank is monotone, as all others are, so rounds
-    that use the steepest slope on the way always come nearer. From the ninth round on such rounds
-    alternate with Newton's, with the steepest slope met so far. Half of it is forgotten each time,
-    or one steep place far off would make all that follow slow; where the rest is too little, the
-    round goes too far and meets the slope between.
-
-    Args:
-        plant: with the gears, and how they start.
-        rows: of the part.
-        system: of the rows; springs of loose gears are put into its laws.
-        start: (r,) impulses to start from.
-        tolerance: largest accepted residual of a row.
-        solved: whose impulses, relative speeds at the end, and share of dampers are written.
-
-    Returns:
-        the number of linear systems solved, what `solve_system` says, and the speed by which
-        flanks miss their law: zero, but where the rounds end before they meet it (PASSIVE).
-    """
-    gears, impulse, end, laws = plant.gears, solved.impulse, solved.end, system.laws
-    if not gears.loose:
-        used, way = solve_system(system, start, tolerance, 1.0, impulse)
-        return used, way, 0.0
-    m, work, missed, step = len(gears.rows), 0, 0.0, rows.step
-    near, passed, safe = np.zeros((m, 5)), np.zeros((m, 5)), np.zeros((m, 5))
-    rounds, ways = np.zeros((m, 3)), 0.5 * step * rows.relative
-    speed, guess = np.empty(len(start)), start.copy()
-    take_hold(plant, rows.relative, step, rows.relative, near)
-    for turn in range(_ROUNDS):
-        safely = turn >= _NEWTON and turn % 2 == 0
-        lean_on_flanks(gears, safely, near, rounds, laws)
-        used, way = solve_system(system, guess, tolerance, 1.0, impulse)
-        work += used
-        if way == UNSOLVED:
-            return work, way, 0.0
-        guess[:] = impulse
-        speeds_at(system.delassus, system.free, impulse, speed)
-        for i in range(m):
-            end[i] = 0.0
-            if gears.yields[i]:
-                end[i] = own_speed(laws[i], system.slope[i], impulse[i], speed[i]) - speed[i]
-        take_hold(plant, rows.relative, step, end, passed)
+            turns[i, STEEPEST] = max(turns[i, STEEPEST], more / change)
+    for i in range(len(near)):
+        copy_to(rounds.safe[i] if turn > _NEWTON and not safely else passed[i], near[i])
         if safely:
-            rounds[:, STEEPEST] *= 0.5
-        met, missed = misses_flanks(plant, ways, near, passed, impulse, rounds)
-        solved.damped[:] = passed[:, DAMPED]
-        if met:
-            return work, way, 0.0
-        near[:] = safe if turn > _NEWTON and not safely else passed
-        if safely:
-            safe[:] = passed
-    return work, PASSIVE, max(missed, tolerance)
+            copy_to(passed[i], rounds.safe[i])
+    return missed

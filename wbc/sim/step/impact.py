@@ -20,7 +20,7 @@ from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where, world_pushes
-from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
+from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import REACH, RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
@@ -124,10 +124,13 @@ def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
 def impact_rows(plant: Opened, together: Flags) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
-    Their targets are still to be written.
+    Their targets are still to be written. Self-locking gears go on from what they carried before.
     """
     rows = rows_where(plant, together, 0, 0.0)
     impact_laws(plant.gears, rows.motor, rows.laws)
+    for i in range(len(rows.laws)):
+        if rows.laws[i, 4] < 0.0:
+            rows.start[i] = plant.now.impulse[i]
     return rows
 
 
@@ -186,15 +189,20 @@ def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
     found[CONTACT] = found[ENERGY] - kept - found[MESH]
 
 
+@inner
+def work_for(found: Row) -> float:
+    """Return the share of work for an impact with `Hit.found`, see `solve_system`."""
+    return 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
+
+
 @compiled(inside=True)
-def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Row) -> int:
+def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
 
     Args:
         plant: what moves, with its state.
         share: of the restitution.
         left, goes_on: see `settle`.
-        given: (r,) impulses where they are known already, else empty.
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
@@ -216,8 +224,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Ro
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
     system = part_system(rows, plant.obstacles.tangents)
-    work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
-    solved = solve_part(plant, rows, system, v, work, given)
+    solved = solve_part(plant, rows, system, v, work_for(found))
     found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
     found[WAY], found[LEFT] = solved.way, solved.missed
     copy_to(solved.impulse, hit.impulse)
@@ -235,19 +242,6 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool, given: Ro
             hit.closed[i] = (before[i] or hit.fresh[i]) and not parts
             row += 1
     return HIT
-
-
-@inner
-def strike(plant: Opened, share: float, left: float, goes_on: bool) -> tuple[int, bool]:
-    """Take an impact with a share of the restitution; return its kind, and if Python was asked.
-
-    Python is asked for the rows where self-locking gears leave several solutions.
-    """
-    kind = impact_at(plant, share, left, goes_on, plant.hit.impulse[:0])
-    asked = plant.hit.found[WAY] == UNDECIDED
-    if asked:
-        kind = impact_at(plant, share, left, goes_on, decided(plant))
-    return kind, asked
 
 
 @inner
@@ -282,24 +276,24 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
     plant.forces.length[0] = 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    kind, asked = strike(plant, 1.0, left, goes_on)
+    kind = impact_at(plant, 1.0, left, goes_on)
     if kind != HIT or found[SHARE] == 0.0 or not makes_energy(found):
         return kind
     used, lost_high = found[USED], found[CONTACT] if found[WAY] < UNSOLVED else np.nan
-    strike(plant, 0.0, left, goes_on)
+    impact_at(plant, 0.0, left, goes_on)
     used, lost_low = used + found[USED], found[CONTACT]
-    for _ in range(_TRIES if found[WAY] < UNSOLVED and not asked else 0):
+    for _ in range(_TRIES if found[WAY] < UNSOLVED else 0):
         share = 0.5 * (low + high)
         if lost_high < 0.0:
             share = low + (high - low) * lost_low / (lost_low - lost_high)
             share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
-        strike(plant, share, left, goes_on)
+        impact_at(plant, share, left, goes_on)
         used += found[USED]
         if makes_energy(found):
             high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
         else:
             low, lost_low = share, found[CONTACT]
-    strike(plant, low, left, goes_on)
+    impact_at(plant, low, left, goes_on)
     found[USED] += used
     return kind
 
@@ -318,6 +312,5 @@ def impact_in_rows(plant: Opened, solved: bool) -> tuple[PartRows, RowSystem, Ou
         rows.targets[i] = hit.aims[i]
     system = part_system(rows, plant.obstacles.tangents)
     if solved:
-        given = hit.impulse[: len(rows.start)]
-        solve_part(plant, rows, system, now.velocity, 1.0, given)
+        solve_part(plant, rows, system, now.velocity, work_for(hit.found))
     return rows, system, plant.placed.inertia.copy()

@@ -14,7 +14,7 @@ from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of, world_pushes
-from wbc.sim.step.solution import NO_INERTIA, UNDECIDED, decided, solve_part
+from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import HERTZ, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
@@ -106,23 +106,28 @@ def hold_or_land(plant: Opened, pushes: Row) -> int:
 
 
 @compiled(inside=True)
-def second_half(plant: Opened, given: Row, step: float) -> int:
-    """Do the second half of a part, whose memory stands in the middle.
+def part_of_step(plant: Opened, step: float) -> int:
+    """Do a part from the state of the plant.
+
+    Python is asked for what acts in the middle where loops do not know it.
 
     Args:
         plant: what moves, with the forces, the state at the start, and the barriers that may close
             within the part, `plant.end.kept`; the rest of `plant.end` is written.
-        given: (r,) row impulses where they are known already, else empty.
         step: h [s].
 
     Returns:
         SMOOTH or LANDED; ten and more where it failed, ten beyond what `Solved.way` says.
     """
     end = plant.end
+    to_middle(plant, 0.5 * step)
+    plant.forces.length[0] = step
+    if plant.forces.asked != 0:
+        ask(plant.forces.asked)
     rows, system = begin(plant, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
-    solved = solve_part(plant, rows, system, end.speed, 1.0, given)
+    solved = solve_part(plant, rows, system, end.speed, 1.0)
     keep(plant, rows, solved)
     if solved.way >= UNSOLVED:
         return 10 + solved.way
@@ -144,23 +149,6 @@ def second_half(plant: Opened, given: Row, step: float) -> int:
     if not 0.5 * step * turns <= TURN:
         keep_passive(plant, step)
     return hold_or_land(plant, pressed)
-
-
-@compiled(inside=True)
-def part_of_step(plant: Opened, step: float) -> int:
-    """Do a part of h [s] from the state of the plant; result as of `second_half`.
-
-    Python is asked for what acts in the middle where loops do not know it, and for the rows where
-    self-locking gears leave several solutions.
-    """
-    to_middle(plant, 0.5 * step)
-    plant.forces.length[0] = step
-    if plant.forces.asked != 0:
-        ask(plant.forces.asked)
-    result = second_half(plant, plant.now.impulse[:0], step)
-    if result == 10 + UNDECIDED:
-        result = second_half(plant, decided(plant), step)
-    return result
 
 
 @compiled(inside=True)
@@ -198,14 +186,10 @@ def part_in_rows(plant: Opened, step: float, solved: bool) -> tuple[PartRows, Ro
     """Return the rows of the part that starts now, their system, and H_l.
 
     Laws and free speeds are those without coupling and flanks, or those of the end of a part that
-    the memory holds `solved`, see `solve_part`; where no loop solved it, with its impulses.
+    the memory holds `solved`, see `solve_part`.
     """
-    end = plant.end
     to_middle(plant, 0.5 * step)
     rows, system = begin(plant, step)
     if solved:
-        given = rows.start[: 0 if end.work[0] > 0.0 else len(rows.start)].copy()
-        for i in range(len(given)):
-            given[i] = end.impulse[rows.places[i]]
-        solve_part(plant, rows, system, end.speed, 1.0, given)
+        solve_part(plant, rows, system, plant.end.speed, 1.0)
     return rows, system, plant.placed.inertia.copy()

@@ -69,7 +69,7 @@ class Solved(NamedTuple):
         end: (m,) relative speeds of the motor outputs.
         damped: (m,) what soft gears pass beside their springs [N m s].
         used: linear systems solved.
-        way: that found it; UNSOLVED or UNDECIDED where none did.
+        way: that found it; UNSOLVED or SEVERAL where none did.
         missed: speed by which a PASSIVE end misses the laws, else zero.
     """
 

@@ -20,7 +20,6 @@ flank that is only just reached) is as regular as a stiff one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,17 +29,17 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import (
+    SEVERAL,
     UNSOLVED,
     WAYS,
     distance,
     look_at,
-    solve_system,
     tolerance_of,
     velocity_after,
 )
 from wbc.mechanics.rows import RowSystem, system_of
 from wbc.sim.step.part_rows import PartRows
-from wbc.sim.step.self_locking import falling_rows, solve_in_ranges, undecided_rows
+from wbc.sim.step.self_locking import several, solve_rows
 
 NOT_POSITIVE = (
     "the inertia matrix of the links is not positive definite: some body without mass moves "
@@ -147,36 +146,13 @@ def solve_program(program: StepProgram, guess: FloatArray | None = None) -> Step
     """
     system, lower = program.system()
     start = np.zeros(len(system.free)) if guess is None else np.ascontiguousarray(guess)
-    impulse, used, method = solve_rows(system, start, ())
-    velocity = np.empty(len(program.free_velocity))
+    impulse, velocity = np.empty(len(start)), np.empty(len(program.free_velocity))
+    used, way = solve_rows(system, start, tolerance_of(system), 1.0, impulse)
+    if way >= UNSOLVED:
+        raise several(system, start, ()) if way == SEVERAL else unsolved(system, impulse)
     free = np.ascontiguousarray(program.free_velocity)
     velocity_after(system, lower, free, impulse, velocity)
-    return StepSolution(program, system, velocity, impulse, used, method)
-
-
-def solve_rows(
-    system: RowSystem, start: FloatArray, names: Sequence[str]
-) -> tuple[FloatArray, int, str]:
-    """Return row impulses (r,), the linear systems that they took, and the method.
-
-    Args:
-        system: of the rows.
-        start: (r,) impulses of the step before, or zeros.
-        names: of the dissipative rows, for messages; may be shorter.
-
-    Raises:
-        SimulationError: no solution was found, or a self-locking gear leaves several.
-    """
-    tolerance = tolerance_of(system)
-    if falling_rows(system.laws).any():
-        rows = undecided_rows(system)
-        if rows.size:
-            return *solve_in_ranges(system, rows, start, tolerance, names), "ranges"
-    impulse = np.empty(len(start))
-    used, way = solve_system(system, start, tolerance, 1.0, impulse)
-    if way == UNSOLVED:
-        raise unsolved(system, impulse)
-    return impulse, used, WAYS[way]
+    return StepSolution(program, system, velocity, impulse, used, WAYS[way])
 
 
 def unsolved(system: RowSystem, impulse: FloatArray) -> SimulationError:

@@ -7,234 +7,236 @@ direction, with T the impulse on the links and w the speed:
     fall    -b/|eta_b| <= T <= 0    M w = b + |eta_b| T: the harder it is driven back, the slower
     low     T <= -b/|eta_b|         w = 0: locked
 
-Where Lambda + diag(eta_b / M) is positive definite, Lambda being the compliance of the falling rows
-with all other rows held, the whole step is strictly monotone and has one solution. Otherwise each
-of these gears is held to one of the three ranges at a time: `high` and `low` are monotone laws,
-`fall` is a line that is eliminated. What solves the rest and lies in its ranges solves the step.
-Where the ranges of the step before still hold, the motion goes on there. Otherwise all are tried,
-and of several solutions the one is taken whose gears carry most nearly what they did. Without a
-step before, several solutions are refused.
+Where Lambda + diag(eta_b / M) is positive definite, with the compliance Lambda of all rows and the
+second term at the falling ones, the whole step is strictly monotone and has one solution, whichever
+of the other rows are rigid. Otherwise each of these gears is held to one of the three ranges at a
+time: `high` and `low` are monotone laws, `fall` is a line. What solves the rest and lies in its
+ranges solves the step. Where the ranges of the step before still hold, the motion goes on there.
+Otherwise all are tried, and of several solutions the one is taken whose gears carry most nearly
+what they did. Without a step before, several solutions are refused.
 
-A spring in series adds its compliance 1/s to Lambda's diagonal. With 1/s > |eta_b| / M the sum is
-positive definite whatever Lambda is: gears that yield that much have one solution in every step.
-Row i is written times hold = s Lambda_ii / (1 + s Lambda_ii), which no weak spring makes large.
+A gear that yields by more than |eta_b| / M has one solution in every step: none of those is held.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import FloatArray
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import FULL_STEPS, SHORTENED, distance, newton, proximal
+from wbc.mechanics.linear import factor_inertia
+from wbc.mechanics.newton import (
+    FULL_STEPS,
+    RANGES,
+    SEVERAL,
+    SHORTENED,
+    distance,
+    newton,
+    proximal,
+    solve_system,
+    tolerance_of,
+)
 from wbc.mechanics.rows import RowSystem
 
 _SLOWEST = 1e-9
 """[rad/s] below which two solutions count as one."""
 
 _MOST = 6
-"""Gears tried in all ranges: 3^6 solves take about a tenth of a second."""
+"""Gears tried in all ranges: 3^6 of them."""
 
 _SYSTEMS = 300  # linear systems of proximal rounds for one choice of ranges
+_APART = 1e4  # of the tolerance, from which on speeds are those of two solutions
 _HIGH, _FALL, _LOW = range(3)
 _NAMES = "driving", "driven back", "locked"
-_UP, _DOWN, _INERTIA, _BACKWARD, _FRICTION, _DAMPING, _STIFFNESS, _PRELOAD = 0, 1, 2, 4, 5, 6, 7, 8
 
 
-def falling_rows(laws: FloatArray) -> BoolArray:
-    """Return which rows (m,) have a falling branch (eta_b < 0).
+@inner
+def falls(law: Row) -> bool:
+    """Return whether a rigid row (9,) has a falling branch, see `RowSystem`.
 
     The branch of a gear that brings the impulse up runs from w = up/M down to rest.
     """
-    brought = np.maximum(laws[:, _UP], -laws[:, _DOWN])
-    return np.asarray((laws[:, _BACKWARD] < 0.0) & (brought > _SLOWEST * laws[:, _INERTIA]))
+    fast = max(law[0], -law[1]) > _SLOWEST * law[2]
+    return bool(law[4] < 0.0 and law[7] == np.inf and fast)
 
 
-def undecided_rows(system: RowSystem) -> IntArray:
+@compiled
+def undecided_rows(system: RowSystem) -> OutPlaces:
     """Return the falling rows (f,) if the step may have several solutions; none where it has one.
 
-    Any other row may be rigid in another solution (a gear that sticks, a point that holds), and a
-    rigid row lowers Lambda most: they are all taken out of it.
+    Any other row may be rigid in another solution (a gear that sticks, a point that holds): the
+    compliance of the falling rows counts with all of them held, but for their `spring`.
     """
-    laws = system.laws
-    rows = np.flatnonzero(falling_rows(laws))
-    rest = np.setdiff1d(np.arange(len(system.free)), rows)
-    hold = np.ones(len(system.free))
-    hold[: len(laws)] = _hold(system)
-    scaled = np.sqrt(hold)
-    yielding = scaled[:, None] * system.delassus * scaled
-    yielding[np.diag_indices(len(hold))] += (1.0 - hold) * _diagonal(system)
-    own = yielding[np.ix_(rows, rows)]
-    cross = yielding[np.ix_(rows, rest)]
-    held = yielding[np.ix_(rest, rest)]
-    own = own - cross @ np.linalg.pinv(held, hermitian=True, rcond=1e-10) @ cross.T
-    falling = hold[rows] * laws[rows, _BACKWARD] / laws[rows, _INERTIA]
-    margin = np.linalg.eigvalsh(own + np.diag(falling))
-    return rows if margin[0] <= 0.0 else rows[:0]
+    size, count, rows = len(system.free), 0, np.empty(len(system.laws), dtype=np.int64)
+    for i in range(len(system.laws)):
+        if falls(system.laws[i]):
+            rows[count], count = i, count + 1
+    if count == 0:
+        return rows[:0]
+    total = system.delassus.copy()
+    for i in range(size):
+        total[i, i] += system.spring[i]
+    for i in rows[:count]:
+        total[i, i] += system.laws[i, 4] / system.laws[i, 2]
+    return rows[: 0 if factor_inertia(total, np.empty((size, size))) else count]
 
 
-def _diagonal(system: RowSystem) -> FloatArray:
-    """Return the compliance (r,) of each row, made positive where a row moves nothing."""
-    return np.asarray(1e9 * system.spring)
+@compiled(counted=False)
+def range_of(law: Row, impulse: float) -> int:
+    """Return the range of a falling row (9,) at an impulse."""
+    up = law[0] > 0.0
+    along, brought = (impulse, law[0]) if up else (-impulse, -law[1])
+    if along + law[5] >= 0.0:
+        return _HIGH
+    return _LOW if along + law[5] < brought / law[4] else _FALL
 
 
-def _hold(system: RowSystem) -> FloatArray:
-    """Return s Lambda_ii / (1 + s Lambda_ii) (m,) of the elements: 1 where there is no spring."""
-    stiffness = system.laws[:, _STIFFNESS]
-    soft = np.isfinite(stiffness)
-    ratio = np.where(soft, stiffness, 0.0) * _diagonal(system)[: len(stiffness)]
-    return np.where(soft, ratio / (1.0 + ratio), 1.0)
+@inner
+def hold_to(law: OutRow, which: int) -> None:
+    """Change the law (9,) of a falling row so that it holds one range, and goes on beyond it."""
+    if which == _FALL:  # a spring that the row's speed winds up backwards
+        law[7] = law[2] / law[4] + law[6]
+        law[8] = law[0] / law[4] - law[5] if law[0] > 0.0 else law[1] / law[4] + law[5]
+    if which != _HIGH:
+        law[0], law[1] = -np.inf, np.inf
+    law[4] = 0.0
 
 
+@compiled(inside=True)
+def try_ranges(
+    system: RowSystem, held: RowSystem, start: Row, tolerance: float, impulse: OutRow
+) -> tuple[int, bool]:
+    """Write row impulses (r,) from a start; return linear systems, and if all laws are met.
+
+    Args:
+        system: of the step.
+        held: the same with falling rows held to ranges.
+        start: (r,).
+        tolerance: largest distance of a row from its law.
+        impulse: to write.
+    """
+    used = newton(held, start, 0.1 * tolerance, FULL_STEPS, SHORTENED, impulse)
+    if used < 0:
+        used = abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse)) - used
+    return used, distance(system, impulse) <= tolerance
+
+
+@inner
+def is_new(system: RowSystem, impulse: Row, found: Dense, tolerance: float) -> bool:
+    """Return whether the speeds of row impulses (r,) are not those of solutions (s, r)."""
+    for s in range(len(found)):
+        apart = 0.0
+        for i in range(len(impulse)):
+            change = 0.0
+            for j in range(len(impulse)):
+                change += system.delassus[i, j] * (impulse[j] - found[s, j])
+            apart = max(apart, abs(change))
+        if apart <= _APART * tolerance:
+            return False
+    return True
+
+
+@compiled
 def solve_in_ranges(
-    system: RowSystem, rows: IntArray, start: FloatArray, tolerance: float, names: Sequence[str]
-) -> tuple[FloatArray, int]:
-    """Return row impulses (r,) that solve the step, and the number of linear systems solved.
+    system: RowSystem, rows: Places, start: Row, tolerance: float, found: OutDense
+) -> tuple[int, int]:
+    """Write solutions (s, r) of a step, the first one that where its gears go on.
 
     Args:
         system: of the step.
         rows: (f,) its falling rows.
         start: row impulses (r,) of the step before, zeros for none.
         tolerance: largest distance of a row from its law.
-        names: of the dissipative rows; may be shorter.
+        found: to write.
 
-    Raises:
-        SimulationError: no solution, several without a step before, or too many gears to try.
+    Returns:
+        the number of linear systems solved, and that of solutions: one where the ranges of the step
+        before hold, none also where there are too many gears to try.
     """
+    f, used, count, nearest, known = len(rows), 0, 0, np.inf, np.any(start != 0.0)
+    laws, impulse, origins = system.laws.copy(), np.zeros(len(start)), np.zeros((3, len(start)))
+    held = RowSystem(
+        system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
+        laws, system.targets, system.frictions, system.grips, system.tangents,
+    )  # fmt: skip
+    origins[0] = start
+    for choice in range(-1 if known else 0, 3**f if f <= _MOST else 0):
+        rest = choice
+        for i in rows:
+            laws[i] = system.laws[i]
+            before = range_of(laws[i], start[i])
+            hold_to(laws[i], before if choice < 0 else rest % 3)
+            origins[1, i] = 0.0
+            if laws[i, 7] < 0.0:  # where the others carry nothing
+                alone = 1.0 + laws[i, 7] * system.delassus[i, i]
+                origins[1, i] = (laws[i, 8] - laws[i, 7] * system.free[i]) / alone
+            rest //= 3
+        for k in range(0 if known else 1, 3):
+            origins[2] = impulse
+            more, good = try_ranges(system, held, origins[k], tolerance, impulse)
+            used, moved, same = used + more, 0.0, True
+            for i in rows:
+                moved = max(moved, abs(impulse[i] - start[i]))
+                before = range_of(system.laws[i], start[i])
+                same = same and range_of(system.laws[i], impulse[i]) == before
+            if good and choice < 0 and same:
+                found[0] = impulse
+                return used, 1
+            if good and choice >= 0 and is_new(system, impulse, found[:count], tolerance):
+                slot = min(count, len(found) - 1)
+                at = 0 if moved < nearest else slot
+                found[slot] = found[at]
+                found[at], nearest, count = impulse, min(nearest, moved), count + 1
+    return used, count
+
+
+@compiled
+def solve_rows(
+    system: RowSystem, start: Row, tolerance: float, work: float, impulse: OutRow
+) -> tuple[int, int]:
+    """Write the row impulses (r,) as `solve_system` does, those of self-locking gears by ranges.
+
+    Returns:
+        what `solve_system` does, or RANGES, or SEVERAL where they are refused.
+    """
+    rows = undecided_rows(system)
+    if len(rows) == 0:
+        return solve_system(system, start, tolerance, work, impulse)
+    found = np.empty((2, len(start)))
+    used, count = solve_in_ranges(system, rows, start, tolerance, found)
+    impulse[:] = found[0]
+    return used, RANGES if count == 1 or (count and np.any(start != 0.0)) else SEVERAL
+
+
+def several(system: RowSystem, start: FloatArray, names: Sequence[str]) -> SimulationError:
+    """Return the error for rows of which self-locking gears leave several solutions, or none.
+
+    Args:
+        system: of the rows.
+        start: (r,) impulses of the step before, or zeros.
+        names: of the dissipative rows; may be shorter.
+    """
+    rows, found = undecided_rows(system), np.empty((27, len(start)))
     called = ", ".join(f"'{names[i]}'" if i < len(names) else f"row {i}" for i in rows.tolist())
-    used, before = 0, _ranges_of(system, rows, start)
-    if start.any():
-        for impulse, count in _candidates(system, rows, before, start, tolerance):
-            used += count
-            same = np.array_equal(_ranges_of(system, rows, impulse), before)
-            if same and distance(system, impulse) <= tolerance:
-                return impulse, used
     if len(rows) > _MOST:
-        raise SimulationError(
+        return SimulationError(
             f"{len(rows)} self-locking gears ({called}) turn at once against rotors so light that "
             f"their steps may have several solutions; no more than {_MOST} are tried. Give them "
             "more rotor inertia or backward efficiencies nearer to zero."
         )
-    found: list[tuple[FloatArray, FloatArray]] = []
-    apart = 1e4 * tolerance
-    for ranges in product((_HIGH, _FALL, _LOW), repeat=len(rows)):
-        for impulse, count in _candidates(system, rows, np.array(ranges), start, tolerance):
-            used += count
-            if distance(system, impulse) > tolerance:
-                continue
-            speed = system.delassus @ impulse
-            if all(np.abs(speed - other).max() > apart for _, other in found):
-                found.append((impulse, speed))
-    if found and (len(found) == 1 or start.any()):
-        moved = [np.abs(impulse[rows] - start[rows]).max() for impulse, _ in found]
-        return found[int(np.argmin(moved))][0], used
-    several = "no solution that could be found"
-    if found:
-        ways = [_ranges_of(system, rows, impulse) for impulse, _ in found]
-        told = "; ".join(", ".join(_NAMES[i] for i in way.tolist()) for way in ways)
-        several = f"{len(found)} solutions"
-        called = f"{called} ({told})"
-    yields = float((system.laws[rows, _INERTIA] / -system.laws[rows, _BACKWARD]).min())
-    raise SimulationError(
-        f"the step has {several} with the self-locking gears {called}: they turn against rotors "
-        "too light for what their gears lock. Let the gears yield, as real teeth do (`stiffness`): "
-        f"with stiffness dt^2 / 4 + damping dt below {yields:.3g} kg m^2 every step has one "
-        "solution. Or give them more rotor inertia, or backward efficiencies nearer to zero."
+    _, count = solve_in_ranges(system, rows, start, tolerance_of(system), found)
+    told = (
+        ", ".join(_NAMES[range_of(system.laws[i], one[i])] for i in rows) for one in found[:count]
     )
-
-
-def _forward(system: RowSystem, rows: IntArray) -> BoolArray:
-    """Return whether falling rows (f,) bring their impulse up."""
-    return np.asarray(system.laws[rows, _UP] > 0.0)
-
-
-def _ranges_of(system: RowSystem, rows: IntArray, impulse: FloatArray) -> IntArray:
-    """Return the ranges (f,) of the falling rows at row impulses (r,)."""
-    forward, laws = _forward(system, rows), system.laws[rows]
-    brought = np.where(forward, laws[:, _UP], -laws[:, _DOWN])
-    along = np.where(forward, impulse[rows], -impulse[rows]) + laws[:, _FRICTION]
-    locked = along < brought / laws[:, _BACKWARD]
-    return np.where(along >= 0.0, _HIGH, np.where(locked, _LOW, _FALL))
-
-
-def _candidates(
-    system: RowSystem, rows: IntArray, ranges: IntArray, start: FloatArray, tolerance: float
-) -> list[tuple[FloatArray, int]]:
-    """Return row impulses (r,) with the falling rows held to their ranges, and the work."""
-    inner, fixed, kept = _held_to(system, rows, ranges)
-    result = []
-    for origin in (np.ascontiguousarray(start[kept]), np.zeros(len(kept))):
-        part, used = np.empty(len(kept)), 1
-        if len(kept):
-            used = newton(inner, origin, 0.1 * tolerance, FULL_STEPS, SHORTENED, part)
-            if used < 0:
-                used = proximal(inner, origin, 0.1 * tolerance, _SYSTEMS, part) - used
-        if used > 0:
-            impulse = np.zeros(len(system.free))
-            impulse[kept] = part
-            if len(fixed):
-                impulse[fixed] = _on_the_line(system, fixed, kept, part)
-            result.append((impulse, used))
-        if not start[kept].any():
-            break
-    return result
-
-
-def _lines(system: RowSystem, fixed: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return L (f, f), hold (f,) and right (f,) of the `fixed` rows on their falling lines.
-
-    On its line a row obeys M w + eta_b (T + s f + B w) = b, s the direction, and its spring carries
-    T = p + stiffness (w - u). With w eliminated, and times hold: L T = right - hold u', where u' is
-    the speed u that the other rows leave it.
-    """
-    laws, forward = system.laws[fixed], _forward(system, fixed)
-    backward = laws[:, _BACKWARD]
-    brought = np.where(forward, laws[:, _UP], laws[:, _DOWN])
-    rub = np.where(forward, laws[:, _FRICTION], -laws[:, _FRICTION])
-    total = laws[:, _INERTIA] + backward * laws[:, _DAMPING]
-    slope, offset = backward / total, (brought - backward * rub) / total
-    hold = _hold(system)[fixed]
-    yields = (1.0 - hold) * _diagonal(system)[fixed]
-    lines = hold[:, None] * system.delassus[np.ix_(fixed, fixed)]
-    return lines + np.diag(yields + hold * slope), hold, hold * offset + yields * laws[:, _PRELOAD]
-
-
-def _on_the_line(
-    system: RowSystem, fixed: IntArray, kept: IntArray, part: FloatArray
-) -> FloatArray:
-    """Return T (f,) of the rows on their lines, for the impulses `part` of the others."""
-    lines, hold, right = _lines(system, fixed)
-    free = system.free[fixed] + system.delassus[np.ix_(fixed, kept)] @ part
-    return np.asarray(np.linalg.lstsq(lines, right - hold * free, rcond=None)[0])
-
-
-def _held_to(
-    system: RowSystem, rows: IntArray, ranges: IntArray
-) -> tuple[RowSystem, IntArray, IntArray]:
-    """Return the system of the remaining rows, the rows on their lines, and those that remain."""
-    high, low, fixed = (rows[ranges == kind] for kind in (_HIGH, _LOW, _FALL))
-    laws = system.laws.copy()
-    laws[np.concatenate((high, low)), _BACKWARD] = 0.0
-    laws[low, _UP], laws[low, _DOWN] = -np.inf, np.inf
-    kept = np.setdiff1d(np.arange(len(system.free)), fixed)
-    delassus, free = system.delassus[np.ix_(kept, kept)], system.free[kept]
-    if len(fixed):
-        lines, hold, right = _lines(system, fixed)
-        cross = system.delassus[np.ix_(fixed, kept)]
-        both = np.column_stack((hold[:, None] * cross, hold * system.free[fixed] - right))
-        through = np.linalg.lstsq(lines, both, rcond=None)[0]
-        delassus = delassus - cross.T @ through[:, :-1]
-        free = free - cross.T @ through[:, -1]
-    inner = system._replace(
-        half=np.ascontiguousarray(system.half[:, kept]),
-        ways=np.empty((0, 0)),
-        delassus=np.ascontiguousarray(delassus),
-        free=free,
-        spring=system.spring[kept],
-        slope=system.slope[kept],
-        laws=np.ascontiguousarray(laws[kept[kept < len(laws)]]),
+    ways = f" ({'; '.join(told)})" if count else ""
+    yields = float((system.laws[rows, 2] / -system.laws[rows, 4]).min())
+    return SimulationError(
+        f"the step has {f'{count} solutions' if count else 'no solution that could be found'} with "
+        f"the self-locking gears {called}{ways}: they turn against rotors too light for what their "
+        "gears lock. Let the gears yield, as real teeth do (`stiffness`): with "
+        f"stiffness dt^2 / 4 + damping dt below {yields:.3g} kg m^2 every step has one solution. "
+        "Or give them more rotor inertia, or backward efficiencies nearer to zero."
     )
-    return inner, fixed, kept

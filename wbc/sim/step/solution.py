@@ -19,10 +19,11 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import OutDense, OutRow, Row, ask, compiled, inner
-from wbc.mechanics.linear import add_times, dot, solve_inertia
+from wbc.compiled import Dense, OutRow, Row, compiled, inner
+from wbc.mechanics.linear import add_times, copy_to, dot, solve_inertia
 from wbc.mechanics.newton import (
     PASSIVE,
+    SEVERAL,
     UNSOLVED,
     distance,
     solve_system,
@@ -31,18 +32,17 @@ from wbc.mechanics.newton import (
     velocity_after,
 )
 from wbc.mechanics.rows import RowSystem
-from wbc.sim.step.flanks import solve_gripped
+from wbc.sim.step.flanks import DAMPED, Rounds, lean_on_flanks, misses_flanks
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
 
-UNDECIDED, NO_INERTIA = UNSOLVED + 1, UNSOLVED + 2
-"""Self-locking gears may have several solutions; H_l is not positive definite."""
+NO_INERTIA = SEVERAL + 1
+"""H_l is not positive definite."""
 
-_COUPLING_ROUNDS = 200
+_ROUNDS = 200
 _COUPLING_TOLERANCE = 1e-13
-_SLOWEST = 1e-9
-_CONTACT_ROUNDS = 60
 NEVER = -1e9
 """[m/s] lowest speed of a row that no contact holds."""
 _NEAR = 1e-5  # share of a depth below which a difference quotient is the slope in the middle
@@ -71,76 +71,35 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
     return share * force, share * slope + rate * force
 
 
-@compiled(inside=True)
-def solve_compliant(
-    plant: Opened, rows: PartRows, system: RowSystem, tolerance: float, solved: Solved
-) -> tuple[int, int, float]:
-    """Solve the rows of a part with compliant contacts.
-
-    Args:
-        plant: what moves.
-        rows, system, tolerance, solved: see `solve_gripped`.
-
-    Returns:
-        see `solve_gripped`.
-    """
-    depths, step, impulse = rows.depths, rows.step, solved.impulse
-    count, contacts = len(system.targets), len(depths)
-    first, work, m = count - contacts, 0, len(system.laws)
-    delassus, slope = system.delassus.copy(), system.slope.copy()
-    targets, speed, guess = system.targets.copy(), system.free.copy(), rows.start.copy()
-    softer = RowSystem(
-        system.half, np.empty((0, 0)), delassus, system.free, system.spring, slope,
-        system.laws, targets, system.frictions, system.grips, system.tangents,
-    )  # fmt: skip
-    for _ in range(_CONTACT_ROUNDS):
-        for c in range(contacts):
-            row = m + first + c
-            after = depths[c, 1] - 0.5 * step * speed[row]
-            force, rise = mean_force(plant, depths[c, 0], after, step)
-            stiff, push = 0.5 * step * step * rise, step * force
-            own = system.delassus[row, row]
-            give = 1.0 / stiff if stiff > 1e-12 / own else 0.0
-            delassus[row, row] = own + give
-            slope[row] = 1.0 / (own + give)
-            targets[first + c] = speed[row] + push * give if give > 0.0 else NEVER
-        used, way, missed = solve_gripped(plant, rows, softer, guess, tolerance, solved)
-        work += used
-        if way >= UNSOLVED:
-            return work, way, missed
-        guess[:] = impulse
-        speeds_at(system.delassus, system.free, impulse, speed)
-        off = 0.0
-        for c in range(contacts):
-            row = m + first + c
-            after = depths[c, 1] - 0.5 * step * speed[row]
-            force, _ = mean_force(plant, depths[c, 0], after, step)
-            off = max(off, abs(step * force - impulse[row]) * system.delassus[row, row])
-        if off <= tolerance:
-            return work, way, missed
-    return work, UNSOLVED, 0.0
+@inner
+def soften(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, softer: RowSystem) -> None:
+    """Write tangents of compliant contacts at row speeds (r,) into a copy of the system."""
+    count, step = len(system.targets), rows.step
+    for c in range(len(rows.depths)):
+        at = count - len(rows.depths) + c
+        row = len(system.laws) + at
+        after = rows.depths[c, 1] - 0.5 * step * speed[row]
+        force, rise = mean_force(plant, rows.depths[c, 0], after, step)
+        stiff, push = 0.5 * step * step * rise, step * force
+        own = system.delassus[row, row]
+        give = 1.0 / stiff if stiff > 1e-12 / own else 0.0
+        softer.delassus[row, row] = own + give
+        softer.slope[row] = 1.0 / (own + give)
+        softer.targets[at] = speed[row] + push * give if give > 0.0 else NEVER
 
 
 @inner
-def undecided(plant: Opened, laws: OutDense) -> bool:
-    """Return whether a rigid self-locking gear turns against its rotor's momentum."""
-    found = False
-    for i in range(len(plant.gears.rows)):
-        law = laws[i]
-        fast = max(law[0], -law[1]) > _SLOWEST * law[2]
-        found = found or (law[4] < 0.0 and fast)
-    return found and not plant.gears.loose and len(plant.gears.coupling) == 0
-
-
-@compiled(inside=True)
-def decided(plant: Opened) -> OutRow:
-    """Return the impulses (r,) that Python finds for rows with self-locking gears; none if none."""
-    impulse, count = plant.hit.impulse, 0
-    impulse[:] = np.nan
-    ask(plant.forces.undecided)
-    while count < len(impulse) and impulse[count] == impulse[count]:
-        count += 1
-    return impulse[:count]
+def misses_contacts(
+    plant: Opened, rows: PartRows, system: RowSystem, impulse: Row, speed: Row
+) -> float:
+    """Return by how much compliant contacts miss their law at most, as a speed."""
+    off = 0.0
+    for c in range(len(rows.depths)):
+        row = len(system.laws) + len(system.targets) - len(rows.depths) + c
+        after = rows.depths[c, 1] - 0.5 * rows.step * speed[row]
+        force, _ = mean_force(plant, rows.depths[c, 0], after, rows.step)
+        off = max(off, abs(rows.step * force - impulse[row]) * system.delassus[row, row])
+    return off
 
 
 @inner
@@ -150,7 +109,7 @@ def lag_coupling(
     system: RowSystem,
     speed: Row,
     last: Row,
-    laws: OutDense,
+    laws: Dense,
     shifted: OutRow,
 ) -> None:
     """Put the inertial coupling of rotors and housings at a last iterate into the rows.
@@ -200,10 +159,11 @@ def settles(after: Row, last: OutRow) -> float:
 
 
 @compiled(inside=True)
-def solve_part(
-    plant: Opened, rows: PartRows, system: RowSystem, speed: Row, work: float, given: Row
-) -> Solved:
+def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, work: float) -> Solved:
     """Return how the rows of a part end, with every row, flank and coupling on its law.
+
+    Rounds take flanks and compliant contacts as tangents, and coupling as it was in the last one,
+    until none of them changes.
 
     Args:
         plant: what moves.
@@ -211,43 +171,56 @@ def solve_part(
         system: of these rows; its laws and free speeds are those of the solution afterwards.
         speed: v (nv,) before.
         work: share of what `solve_system` may do in an impact.
-        given: (r,) the impulses where they are known already, else empty.
     """
-    size, n, m = len(rows.start), len(speed), len(plant.gears.rows)
-    room = Solved(np.zeros(size), np.zeros(size), np.empty(n), np.zeros(m), np.zeros(m), 0, 0, 0.0)
-    impulse, after, shifted, used, way = room.impulse, room.after, rows.free.copy(), 0, 0
-    tolerance, laws, last = tolerance_of(system), system.laws.copy(), speed.copy()
-    if len(given):
-        impulse[:] = given
-    elif undecided(plant, laws):
-        way = UNDECIDED
-    coupled, moved, short = len(plant.gears.coupling) > 0, 0.0, 0.0
-    for _ in range(_COUPLING_ROUNDS if way < UNSOLVED else 0):
+    size, n, m, gears = len(rows.start), len(speed), len(plant.gears.rows), plant.gears
+    coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
+    soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
+    tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system
+    impulse, row_speed, after = np.zeros(size), np.empty(size), np.empty(n)
+    room, end = np.zeros((4, m if loose else 0, 5)), np.zeros(m)
+    rounds = Rounds(room[0], room[1], room[2], room[3])
+    if coupled:
+        laws, shifted = laws.copy(), rows.free.copy()
+    if soft:
+        row_speed[:] = system.free
+        taken = RowSystem(
+            system.half, np.empty((0, 0)), system.delassus.copy(), system.free, system.spring,
+            system.slope.copy(), system.laws, system.targets.copy(), system.frictions,
+            system.grips, system.tangents,
+        )  # fmt: skip
+    for turn in range(_ROUNDS):
         if coupled:
             lag_coupling(plant, rows, system, speed, last, laws, shifted)
-        if len(given) == 0:
-            more = 0
-            if len(rows.depths):
-                more, way, short = solve_compliant(plant, rows, system, tolerance, room)
-            elif rows.step > 0.0:
-                start = rows.start
-                more, way, short = solve_gripped(plant, rows, system, start, tolerance, room)
-            else:
-                more, way = solve_system(system, rows.start, tolerance, work, impulse)
-            used += more
+        if soft:
+            soften(plant, rows, system, row_speed, taken)
+        if loose:
+            lean_on_flanks(plant, rows, turn, rounds, system.laws)
+        if coupled or gears.loose:
+            more, way = solve_system(taken, rows.start, tolerance, work, impulse)
+        else:
+            more, way = solve_rows(taken, rows.start, tolerance, work, impulse)
+        used, missed = used + more, 0.0
         velocity_after(system, rows.lower, shifted, impulse, after)
-        if not coupled or way >= UNSOLVED:
+        speeds_at(system.delassus, system.free, impulse, row_speed)
+        if way >= UNSOLVED or not (coupled or soft or loose):
             break
-        moved = settles(after, last)
-        if moved == 0.0:
+        copy_to(impulse, rows.start)
+        if loose:
+            missed = misses_flanks(plant, rows, system, turn, impulse, row_speed, rounds, end)
+        if soft:
+            off = misses_contacts(plant, rows, system, impulse, row_speed)
+            missed = max(missed, off if off > tolerance else 0.0)
+        if coupled:
+            missed = max(missed, settles(after, last))
+            copy_to(after, last)
+        if missed == 0.0:
             break
-        last[:] = after
-    rows.free[:] = shifted
-    speeds_at(system.delassus, system.free, impulse, room.speed)
     if way < UNSOLVED and not np.isfinite(np.sum(after)):
         way = UNSOLVED
-    if moved > 0.0 and way < UNSOLVED:  # the coupling did not settle
-        way, short = PASSIVE, max(short, moved)
+    if missed > 0.0 and way < UNSOLVED:  # the rounds end before all is settled
+        way, missed = PASSIVE, max(missed, tolerance)
     if way == PASSIVE:
-        short = max(short, distance(system, impulse))
-    return Solved(impulse, room.speed, after, room.end, room.damped, used, way, short)
+        missed = max(missed, distance(system, impulse))
+    rows.free[:] = shifted
+    damped = rounds.passed[:, DAMPED].copy()
+    return Solved(impulse, row_speed, after, end, damped, used, way, missed)

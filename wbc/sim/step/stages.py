@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import WAYS
+from wbc.mechanics.newton import SEVERAL, WAYS
 from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup, memory_before
@@ -21,6 +21,7 @@ from wbc.sim.step.course import IMPACT_FAILED, take_step
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
+from wbc.sim.step.self_locking import several
 from wbc.sim.step.solution import NEVER, NO_INERTIA
 from wbc.sim.step.tables import LENGTH, TIME
 
@@ -162,7 +163,6 @@ class Flow(Stage):
         rows, system, inertia = part_in_rows(setup.plant, self.step, True)
         used, way = end.work.astype(int).tolist()[:2]
         impulse = end.impulse[rows.places]
-        asked = used == 0 and len(impulse) > 0  # Python solved the rows
         if len(rows.depths):  # what compliant contacts meet is their aim
             met = slice(len(rows.targets) - len(rows.depths), None)
             normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
@@ -170,9 +170,7 @@ class Flow(Stage):
             rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
         setup.forget_losses()
         program = StepProgram.of(rows, system, inertia)
-        return StepSolution(
-            program, system, end.after, impulse, used, "ranges" if asked else WAYS[way]
-        )
+        return StepSolution(program, system, end.after, impulse, used, WAYS[way])
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -307,12 +305,16 @@ def _failure(setup: Setup, code: int) -> SimulationError:
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
         return blown_up(inertia, velocity)
     if code >= IMPACT_FAILED:
-        _, system, _ = impact.impact_in_rows(plant, False)
-        return unsolved(system, plant.hit.impulse[: int(plant.hit.found[impact.ROWS_OF])])
-    rows, system, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
-    if not np.isfinite(system.free).all():
-        return blown_up(inertia, velocity)
-    return unsolved(system, impulse[rows.places])
+        rows, system, _ = impact.impact_in_rows(plant, False)
+        found = plant.hit.impulse[: int(plant.hit.found[impact.ROWS_OF])]
+    else:
+        rows, system, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
+        found = impulse[rows.places]
+        if not np.isfinite(system.free).all():
+            return blown_up(inertia, velocity)
+    if code % 10 == SEVERAL:
+        return several(system, rows.start, setup.robot.transmission.joints)
+    return unsolved(system, found)
 
 
 def check_outside(setup: Setup, gap: FloatArray) -> None:

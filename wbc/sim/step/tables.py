@@ -163,8 +163,6 @@ class Forces(NamedTuple):
             what they remember; empty where no effect asks.
         asked: address of a function of Python that fills torque, outer and friction in the middle,
             and coupling and efficiencies of gears, also before an impact; else zero.
-        undecided: address of one that writes the impulses of rows with self-locking gears into
-            `Hit.impulse`; there are none where it fails.
         full: address of one that takes `Opened.stages`, which are all used.
     """
 
@@ -176,7 +174,6 @@ class Forces(NamedTuple):
     length: OutRow
     mesh: OutRow
     asked: int
-    undecided: int
     full: int
 
 
@@ -272,7 +269,7 @@ class Hit(NamedTuple):
     Attributes:
         after: v (nv,).
         pushes: as of `Ending`.
-        impulse: of the rows, one after the other, of a part's, too; more than there are.
+        impulse: of the rows, one after the other; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order.
         found: (8,) numbers MESH to LEFT of `impact`.
         fresh, together: (2 j + c,) barriers that are reached, and those that take part.
