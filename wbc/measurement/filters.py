@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -304,26 +305,39 @@ def align_velocity(log: Log) -> Log:
     Raises:
         LogError: a delay as long as the log.
     """
-    fits = {j: fit for j, fit in velocity_fits(log).items() if fit.correlation > 0.9}
-    shifts = [fit.delay for fit in fits.values() if not fit.filtered]
-    early, late = min([0.0, *shifts]), max([0.0, *shifts])
+    fits = velocity_fits(log).items()
+    own = {f"{joint}.velocity": fit for joint, fit in fits if fit.correlation > 0.9}
+    filtered = {name: fit.delay for name, fit in own.items() if fit.filtered}
+    if filtered:
+        slope = local_polynomial_operator(log.time, derivative=1)
+        held = {name: log.column(name) for name in filtered}
+        log = log.with_columns({n: v + filtered[n] * (slope @ v) for n, v in held.items()})
+    return shifted(log, {name: fit.delay for name, fit in own.items() if not fit.filtered})
+
+
+def shifted(log: Log, lags: Mapping[str, float]) -> Log:
+    """Return a log without the delays of some channels, x(t + lag).
+
+    Args:
+        log: the log.
+        lags: channel -> by how much it is late [s], negative where it is early.
+
+    Returns:
+        The rows for which every channel exists; the ends of the log are lost.
+
+    Raises:
+        LogError: a delay as long as the log.
+    """
+    if not lags:
+        return log
+    early, late = min([0.0, *lags.values()]), max([0.0, *lags.values()])
     if late - early >= 0.5 * log.duration:
         raise LogError(
             f"{log.source.label}: a delay of {max(late, -early):g} s is as long as the log."
         )
-    first, last = np.searchsorted(log.time, [log.time[0] - early, log.time[-1] - late + 1e-12])
-    kept = log[int(first) : int(last)]
-    return kept.with_columns(
-        {f"{joint}.velocity": _aligned(log, joint, fit, kept.time) for joint, fit in fits.items()}
-    )
-
-
-def _aligned(log: Log, joint: str, fit: VelocityFit, time: FloatArray) -> FloatArray:
-    velocity = log.column(f"{joint}.velocity")
-    if not fit.filtered:
-        return np.asarray(PchipInterpolator(log.time, velocity)(time + fit.delay))
-    slope = local_polynomial_operator(log.time, derivative=1) @ velocity
-    return np.asarray(np.interp(time, log.time, velocity + fit.delay * slope))
+    kept = log.between(log.time[0] - early, log.time[-1] - late + 1e-12)
+    columns = {name: PchipInterpolator(log.time, log.column(name)) for name in lags}
+    return kept.with_columns({name: own(kept.time + lags[name]) for name, own in columns.items()})
 
 
 def jumps(values: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -9,7 +9,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import LogError, unknown_name
@@ -21,7 +20,7 @@ from wbc.measurement.column_map import (
     parse_column_map,
     read_column_map,
 )
-from wbc.measurement.filters import align_velocity
+from wbc.measurement.filters import align_velocity, shifted
 from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.formats import digest, open_table
 from wbc.measurement.log import Log, LogSource
@@ -181,7 +180,9 @@ def _log(
     holes = _holes(unusable)
     told = {name: _hole(name, column, holes[name]) for name, column in unusable.items()}
     source = replace(source, notes=tuple(notes), unusable=told, holes=holes)
-    return _shifted(Log(time, columns, source), rules)
+    lags = {rule.target: rule.lag for rule in rules.rules if rule.lag and rule.target in columns}
+    log = shifted(Log(time, columns, source), lags)
+    return align_velocity(log) if rules.time.align_velocity else log
 
 
 def _bridged(time: FloatArray, values: FloatArray) -> FloatArray:
@@ -215,21 +216,6 @@ def _hole(target: str, values: FloatArray, missing: str) -> str:
         f"{values.size}). Repair the file, or "
         + say_so({"columns": {target: {"missing": missing}}}, what)
     )
-
-
-def _shifted(log: Log, rules: ColumnMap) -> Log:
-    """Return a log without the delays that a map states; rows without a value are left out."""
-    lags = {rule.target: rule.lag for rule in rules.rules if rule.lag and log.has(rule.target)}
-    if lags:
-        early, late = min(0.0, *lags.values()), max(0.0, *lags.values())
-        kept = log.between(log.time[0] - early, log.time[-1] - late + 1e-12)
-        log = kept.with_columns(
-            {
-                name: PchipInterpolator(log.time, log.column(name))(kept.time + lag)
-                for name, lag in lags.items()
-            }
-        )
-    return align_velocity(log) if rules.time.align_velocity else log
 
 
 def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> dict[str, IntArray]:
