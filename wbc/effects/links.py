@@ -52,9 +52,7 @@ class PayloadMass(Effect):
         if self.where in robot.bodies:
             joint = robot.body_joint(self.where)
             return joint, robot.model.inertias[joint].lever
-        contact = robot.contact(self.where)
-        frame = robot.model.frames[robot.model.getFrameId(contact.frame)]
-        return int(frame.parentJoint), frame.placement.act(contact.offset)
+        return robot.contact_place(robot.contact(self.where))
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot that carries the mass.
@@ -245,18 +243,8 @@ def reach(robot: Robot, joint: int) -> float:
         robot: as drawn.
         joint: of the model, which moves the link.
     """
-    model = robot.model
-    inertia = model.inertias[joint]
-    carried = [
-        model.jointPlacements[child].translation
-        for child in range(1, model.njoints)
-        if model.parents[child] == joint
-    ]
-    for contact in robot.contacts:
-        frame = model.frames[model.getFrameId(contact.frame)]
-        if frame.parentJoint == joint:
-            carried.append(frame.placement.act(np.asarray(contact.offset)))
-    sizes = [float(np.linalg.norm(point)) for point in (*carried, inertia.lever)]
+    inertia = robot.model.inertias[joint]
+    sizes = [float(np.linalg.norm(point)) for point in (*robot.ends(joint), inertia.lever)]
     if inertia.mass > 0.0:
         about_center = max(float(np.trace(inertia.inertia)), 0.0)  # of a point: 0, but for rounding
         sizes.append(2.0 * float(np.sqrt(0.5 * about_center / inertia.mass)))

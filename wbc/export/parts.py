@@ -71,11 +71,10 @@ def links(robot: Robot) -> Iterator[LinkEntry]:
 
 def points(robot: Robot) -> Iterator[tuple[ContactPoint, str, FloatArray]]:
     """Yield each contact point with its link ("" for the world) and its place (3,) in it."""
-    model, names = robot.model, ["", *robot.bodies]
+    names = ["", *robot.bodies]
     for contact in robot.contacts:
-        frame = model.frames[model.getFrameId(contact.frame)]
-        place = (frame.placement * contact.placement()).translation
-        yield contact, names[frame.parentJoint], place
+        joint, place = robot.contact_place(contact)
+        yield contact, names[joint], place
 
 
 def lumped(robot: Robot, found: JointNumbers, motors: ArrayLike = True) -> FloatArray:

@@ -127,16 +127,7 @@ def link_length(robot: Robot, body: str) -> float:
         RobotError: no such link.
         DynamicsError: nothing is mounted away from the link's joint.
     """
-    joint, model = robot.body_joint(body), robot.model
-    places = [
-        np.asarray(model.jointPlacements[child].translation)
-        for child in range(1, model.njoints)
-        if model.parents[child] == joint
-    ]
-    for contact in robot.contacts:
-        frame = model.frames[model.getFrameId(contact.frame)]
-        if frame.parentJoint == joint:
-            places.append(np.asarray((frame.placement * contact.placement()).translation))
+    places = robot.ends(robot.body_joint(body))
     length = max((float(np.linalg.norm(place)) for place in places), default=0.0)
     if length == 0.0:
         raise DynamicsError(

@@ -203,13 +203,9 @@ def body_surfaces(
 
 def _free_points(robot: Robot, item: Any, surface: BodySurface) -> tuple[FloatArray, float]:
     """Return the points (n, 3) of a solid that no contact stands for, on its joint, and radii."""
-    model = robot.model
     points, radius, thickness = _points(item, surface.depth)
-    known = []
-    for contact in robot.contacts:
-        carrier = model.frames[model.getFrameId(contact.frame)]
-        if carrier.parentJoint == item.parentJoint:
-            known.append(((carrier.placement * contact.placement()).translation, contact.radius))
+    placed = [(*robot.contact_place(contact), contact.radius) for contact in robot.contacts]
+    known = [(at, own) for carrier, at, own in placed if carrier == item.parentJoint]
     kept = [
         place
         for place in (item.placement.act(point) for point in points)

@@ -263,6 +263,24 @@ class Robot:
             unknown_name(f"contact of '{self.name}'", name, [c.name for c in self.contacts])
         )
 
+    def contact_place(self, contact: ContactPoint) -> tuple[int, FloatArray]:
+        """Return the joint that moves a contact point, 0 for the world, and its place (3,) [m]."""
+        frame = self.model.frames[self.model.getFrameId(contact.frame)]
+        return int(frame.parentJoint), np.asarray(frame.placement.act(contact.offset))
+
+    def ends(self, joint: int) -> list[FloatArray]:
+        """Return the places (3,) [m] on a link of the joints, then of the contacts that it carries.
+
+        Args:
+            joint: number of the joint that moves the link, 0 for the world. Places are in its axes.
+        """
+        model, contacts = self.model, map(self.contact_place, self.contacts)
+        return [
+            np.array(model.jointPlacements[other].translation)
+            for other in range(1, model.njoints)
+            if model.parents[other] == joint
+        ] + [place for carrier, place in contacts if carrier == joint]
+
     def with_effect(self, effect: Effect) -> Robot:
         """Return a new robot that has `effect` too.
 

@@ -172,13 +172,8 @@ def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
     A link on which nothing is far away is drawn as the uniform box of its mass and inertia.
     """
     model = robot.model
-    ends: dict[int, list[FloatArray]] = {joint: [] for joint in range(model.njoints)}
-    for joint in range(1, model.njoints):
-        ends[int(model.parents[joint])].append(np.asarray(model.jointPlacements[joint].translation))
-    for contact in robot.contacts:
-        frame = model.frames[model.getFrameId(contact.frame)]
-        ends[int(frame.parentJoint)].append(np.asarray(frame.placement.act(contact.offset)))
-    lengths = [float(np.linalg.norm(end)) for joint in ends for end in ends[joint]]
+    ends = [robot.ends(joint) for joint in range(model.njoints)]
+    lengths = [float(np.linalg.norm(end)) for each in ends for end in each]
     radius = 0.05 * max([length for length in lengths if length > 1e-9], default=0.5)
     shapes: list[LinkShape] = []
     for joint in range(1, model.njoints):
