@@ -87,19 +87,6 @@ _COPIED = 700
 into functions that call it."""
 
 
-def several(*fields: Any) -> Any:
-    """Return the type of a tuple of arrays and numbers, as a result."""
-    return types.Tuple([kind_of(field) for field in fields])
-
-
-def group(names: type[tuple[Any, ...]], *fields: Any) -> Any:
-    """Return the type of a NamedTuple of arrays and numbers, as an argument or a result."""
-    kinds = [kind_of(field) for field in fields]
-    if len(set(kinds)) == 1:
-        return types.NamedUniTuple(kinds[0], len(kinds), names)
-    return types.NamedTuple(kinds, names)
-
-
 def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
     """Return the entries of an array (n,) from `start` on as a matrix, without owning them.
 
@@ -222,12 +209,15 @@ def kind_of(declared: Any) -> Any:
     if get_origin(declared) is Annotated:
         return get_args(declared)[1]
     if get_origin(declared) is tuple:
-        return several(*get_args(declared))
+        return types.Tuple([kind_of(field) for field in get_args(declared)])
     if declared in _PLAIN:
         return _PLAIN[declared]
     if "structure" in vars(declared):
         return declared.structure.kind
-    return group(declared, *get_type_hints(declared, include_extras=True).values())
+    kinds = [kind_of(hint) for hint in get_type_hints(declared, include_extras=True).values()]
+    if len(set(kinds)) == 1:
+        return types.NamedUniTuple(kinds[0], len(kinds), declared)
+    return types.NamedTuple(kinds, declared)
 
 
 _PLAIN = {float: Number, int: Count, bool: Flag, type(None): Nothing}
