@@ -58,7 +58,7 @@ def plant(
 
 def build(values: Mapping[str, float]) -> tuple[Robot, DcDrive]:
     base = load_robot("xl330_pendulum")
-    gears = base.transmission.with_value("resistance", "shaft", values["resistance"])
+    gears = base.transmission.with_values("shaft", {"resistance": values["resistance"]})
     robot = base.with_transmission(gears).with_effect(CoulombFriction("shaft", values["coulomb"]))
     return robot, DcDrive(7.4, values["sag"])
 

@@ -90,11 +90,11 @@ def test_arrays_are_read_only_and_unshared() -> None:
 def test_a_changed_copy_leaves_the_original_and_forgets_its_derived_matrices() -> None:
     legs = gears()
     assert legs.distribution[0, 0] == 20.0
-    changed = legs.with_value("gear_ratio", "hip", 30.0)
+    changed = legs.with_values("hip", {"gear_ratio": 30.0})
     assert changed.distribution[0, 0] == 30.0
     assert legs.distribution[0, 0] == 20.0
     with pytest.raises(TransmissionError, match="Did you mean 'knee'"):
-        legs.with_value("gear_ratio", "kne", 1.0)
+        legs.with_values("kne", {"gear_ratio": 1.0})
 
 
 ETA_F, ETA_B = 0.8, 0.6

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, Self, final, get_args
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, with_gear
+from wbc.effects.joint_effect import GearNumbers, JointEffect
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import Flanks, wedge_backward_efficiency
 
@@ -142,7 +142,7 @@ class LoadFriction(JointEffect):
         own = TransmissionEfficiency.null_values(robot, self.where)
         own["forward_efficiency"] *= 1.0 - self.coefficient
         own["backward_efficiency"] /= 1.0 + self.coefficient
-        return with_gear(robot, self.where, own)
+        return robot.with_transmission(robot.transmission.with_values(self.where, own))
 
 
 _SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -132,20 +132,8 @@ class GearNumbers(JointEffect, ABC):
         """Return the robot with these numbers."""
         gears = robot.transmission
         ratio = abs(float(gears.gear_ratio[gears.index(self.where)]))
-        return with_gear(
-            robot,
-            self.where,
-            {name: getattr(self, own) / ratio**power for own, name, power in self.numbers},
-        )
-
-
-def with_gear(robot: Robot, joint: str, numbers: Mapping[str, float]) -> Robot:
-    """Return a robot with some numbers of one gear changed, by their names in the transmission."""
-    gears, gear = robot.transmission, robot.transmission.index(joint)
-    changes = {name: np.array(getattr(gears, name)) for name in numbers}
-    for name, value in numbers.items():
-        changes[name][gear] = value
-    return robot.with_transmission(gears.replace(**changes))
+        numbers = {name: getattr(self, own) / ratio**power for own, name, power in self.numbers}
+        return robot.with_transmission(gears.with_values(self.where, numbers))
 
 
 def range_of(values: Sequence[FloatArray | None], gear: int | IntArray) -> tuple[float, float]:

@@ -140,9 +140,9 @@ def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
     """
     changed = robot.transmission
     for joint, gear in _gear_tables(gears, (), path).items():
-        for key in gear:
-            value = _gear_number(gear, key, f"{path}: gear of '{joint}'")
-            changed = changed.with_value(_FIELDS.get(key, key), joint, value)
+        place = f"{path}: gear of '{joint}'"
+        numbers = {_FIELDS.get(key, key): _gear_number(gear, key, place) for key in gear}
+        changed = changed.with_values(joint, numbers)
     return robot.with_transmission(changed)
 
 

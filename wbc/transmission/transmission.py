@@ -234,11 +234,16 @@ class Transmission:
             copy._store(name, values)
         return copy
 
-    def with_value(self, name: str, joint: str, value: float) -> Transmission:
-        """Return a copy in which field `name` of one gear has `value`."""
-        values = np.array(getattr(self, name))
-        values[self.index(joint)] = value
-        return self.replace(**{name: values})
+    def with_values(self, joint: str, numbers: Mapping[str, float]) -> Transmission:
+        """Return a copy in which some numbers of one gear are changed, by their fields' names.
+
+        Raises:
+            TransmissionError: no such driven joint, or a number outside its range.
+        """
+        gear, changes = self.index(joint), {name: np.array(getattr(self, name)) for name in numbers}
+        for name, value in numbers.items():
+            changes[name][gear] = value
+        return self.replace(**changes)
 
     def flanks(self, joint: str) -> Flanks:
         """Return the law of one gear that winds up or has play."""
