@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 
 
@@ -65,3 +65,22 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     hint = f" Did you mean '{near[0]}'?" if near else ""
     listed = ", ".join(names) if names else "(none)"
     return f"Unknown {kind} '{name}'.{hint} There are: {listed}."
+
+
+def require_known(
+    error: type[WbcError], kind: str, name: str, known: Collection[str], place: str = ""
+) -> None:
+    """Raise an error unless a name exists; its message lists the names that do.
+
+    Args:
+        error: its class.
+        kind: what the name is of, such as "joint".
+        name: as it was given.
+        known: the names that there are.
+        place: file and key, or what else the message begins with; a colon follows it.
+
+    Raises:
+        WbcError: of that class.
+    """
+    if name not in known:
+        raise error((f"{place}: " if place else "") + unknown_name(kind, name, known))

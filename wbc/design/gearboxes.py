@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from wbc.errors import DesignError, unknown_name
+from wbc.errors import DesignError, require_known
 
 SHIPPED = Path(__file__).with_name("gearboxes.csv")
 _TEXTS = ("name", "kind", "source")
@@ -75,8 +75,7 @@ def choose_gearboxes(names: str, catalogue: Mapping[str, Gearbox]) -> tuple[Gear
         return tuple(box for box in catalogue.values() if box.forward_efficiency is not None)
     chosen = []
     for name in names.split(","):
-        if name.strip() not in catalogue:
-            raise DesignError(unknown_name("gearbox", name.strip(), catalogue))
+        require_known(DesignError, "gearbox", name.strip(), catalogue)
         chosen.append(catalogue[name.strip()])
     return tuple(chosen)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.design.study import Study, describe_columns
-from wbc.errors import DesignError, unknown_name
+from wbc.errors import DesignError, require_known
 from wbc.extras import needs
 from wbc.files import atomic_write
 from wbc.parallel import run_jobs
@@ -45,8 +45,7 @@ def parse_objective(text: str, columns: Sequence[str]) -> Objective:
         DesignError: text of another form, or no such column.
     """
     column, _, way = text.strip().partition(":")
-    if column not in columns:
-        raise DesignError(unknown_name("objective", column, columns))
+    require_known(DesignError, "objective", column, columns)
     if way not in ("max", "min"):
         raise DesignError(f"objective '{text}': use {column}:max or {column}:min.")
     return Objective(column, way == "max")

@@ -16,7 +16,7 @@ from wbc.effects import (
     sensing,
     supply,
 )
-from wbc.errors import EffectError, unknown_name
+from wbc.errors import EffectError, require_known
 from wbc.robot import Effect
 
 _CLASSES: tuple[type[Effect], ...] = (
@@ -67,6 +67,5 @@ def effect_class(name: str) -> type[Effect]:
     """
     # A formula is no cause that a diagnosis could consider, but files and robots hold it.
     known: dict[str, type[Effect]] = {**EFFECTS, formula.CustomTorque.name: formula.CustomTorque}
-    if name not in known:
-        raise EffectError(unknown_name("effect", name, known))
+    require_known(EffectError, "effect", name, known)
     return known[name]

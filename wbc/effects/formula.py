@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.errors import EffectError, unknown_name
+from wbc.errors import EffectError, require_known
 from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 QUANTITIES = ("q", "v", "a", "load", "gravity")
@@ -199,8 +199,7 @@ class TorqueTerm:
 
 
 def _quantity(robot: Robot, motion: Motion, quantity: str, joint: str) -> FloatArray:
-    if joint not in robot.single_joints:
-        raise EffectError(unknown_name("joint in a torque term", joint, robot.single_joints))
+    require_known(EffectError, "joint in a torque term", joint, robot.single_joints)
     row = robot.velocity_index(joint)
     if quantity == "q":
         return np.asarray(motion.position[..., robot.position_index(joint)])
@@ -301,8 +300,7 @@ class CustomTorque(JointEffect):
         """
         known = {term.text: term for term in self.terms}
         for name, value in values.items():
-            if name not in known:
-                raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+            require_known(EffectError, f"parameter of {self.name}", name, known)
             known[name] = replace(known[name], coefficient=float(value))
         return replace(self, terms=tuple(known.values()))
 
@@ -316,9 +314,8 @@ class CustomTorque(JointEffect):
         super().check_place(robot)
         for term in self.terms:
             for joint in term.joints:
-                if joint not in robot.single_joints:
-                    place = f"joint in '{term.text}' at '{self.where}'"
-                    raise EffectError(unknown_name(place, joint, robot.single_joints))
+                kind = f"joint in '{term.text}' at '{self.where}'"
+                require_known(EffectError, kind, joint, robot.single_joints)
             if robot.floating_size and any(f.quantity == "load" for f in term.factors):
                 raise EffectError(
                     f"the term '{term.text}' at '{self.where}' needs the load of a joint, which "

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
-from wbc.errors import EffectError, unknown_name
+from wbc.errors import EffectError, require_known
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 
@@ -285,8 +285,7 @@ class CoupledRotorNumber(GearNumbers, ABC):
         A robot keeps what its sensors showed when it is used without them.
         """
         joints = robot.transmission.joints
-        if self.where not in joints:
-            raise EffectError(unknown_name(f"place for {self.name}", self.where, joints))
+        require_known(EffectError, f"place for {self.name}", self.where, joints)
 
 
 @final

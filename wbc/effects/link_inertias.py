@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, frozen
-from wbc.errors import EffectError, unknown_name
+from wbc.errors import EffectError, require_known, unknown_name
 from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, SearchOffer
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
@@ -316,9 +316,8 @@ class LinkInertias(RedrawnLinks):
             EffectError: a number that it does not have, or one out of bounds.
         """
         known = self.values
-        for name in values:
-            if name not in known:
-                raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+        for name in values.keys() - known.keys():
+            raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
         changed = iter([float(value) for value in {**known, **values}.values()])
         links = tuple((body, tuple(islice(changed, _COUNT))) for body, _ in self.links)
         return type(self)(self.where, links)
@@ -328,8 +327,7 @@ class LinkInertias(RedrawnLinks):
         super().check_place(robot)
         bodies = heavy_bodies(robot)
         for body, _ in self.links:
-            if body not in bodies:
-                raise EffectError(unknown_name(f"body for {self.name}", body, bodies))
+            require_known(EffectError, f"body for {self.name}", body, bodies)
 
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """Return the numbers of all its bodies."""

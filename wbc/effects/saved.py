@@ -12,7 +12,7 @@ import tomli_w
 
 from wbc.effects.catalogue import effect_class
 from wbc.effects.gear_losses import SIDES
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 from wbc.files import SCHEMA, write_text
 from wbc.robot import Effect, Robot
 from wbc.robot.description import RobotDescription, build_robot, read_description, with_gear_numbers
@@ -105,8 +105,7 @@ def _with_constants(effect: Effect, entry: Mapping[str, Any], path: Path) -> Eff
     if "friction_side" in entry:  # as files had it before they held constants
         given["friction_side"] = entry["friction_side"]
     for name, value in given.items():
-        if name not in constants:
-            raise RobotError(f"{place}: " + unknown_name("constant", name, constants))
+        require_known(RobotError, "constant", name, constants, place)
         if type(value) is not type(constants[name]):
             kind = type(constants[name]).__name__
             raise RobotError(f"{place}: {name}: {value!r} stands where a {kind} is expected.")

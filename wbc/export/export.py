@@ -7,7 +7,7 @@ from pathlib import Path
 from textwrap import wrap
 from xml.etree import ElementTree as ET
 
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 from wbc.export.joint_numbers import joint_numbers
 from wbc.export.loss_numbers import TOLD, loss_module
 from wbc.export.mjcf import mjcf
@@ -62,8 +62,7 @@ def export_robot(robot: Robot, to: str) -> Exported:
         RobotError: another format, a joint of a kind that is not exported, or a self-locking gear
             for `mujoco`.
     """
-    if to not in FORMATS:
-        raise RobotError(unknown_name("format", to, FORMATS))
+    require_known(RobotError, "format", to, FORMATS)
     losses = loss_module(robot) if to == "mujoco" else None
     found = joint_numbers(robot, () if losses is None else TOLD)
     content, more = (urdf if to == "urdf" else mjcf)(robot, found)

@@ -50,7 +50,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
-from wbc.errors import LogError, unknown_name
+from wbc.errors import LogError, require_known
 from wbc.files import take_schema
 from wbc.measurement.findings import Mend
 from wbc.measurement.schema import (
@@ -233,8 +233,7 @@ def _section(table: Any, keys: Mapping[str, Key], place: str, example: str = "")
     if not isinstance(table, Mapping):
         raise LogError(f"{place}: a table is expected, such as {example}.")
     for key, value in table.items():
-        if key not in keys:
-            raise LogError(f"{place}: " + unknown_name("key", key, keys))
+        require_known(LogError, "key", key, keys, place)
         fits, expected = keys[key]
         if not fits(value):
             raise LogError(f"{place}.{key}: {expected}, got {value!r}.")
@@ -402,8 +401,7 @@ def parse_column_map(
     """
     label = path or "column map"
     for key in table:
-        if key not in SECTIONS:
-            raise LogError(f"{label}: " + unknown_name("section", key, SECTIONS))
+        require_known(LogError, "section", key, SECTIONS, label)
     columns = table.get("columns", {})
     if not isinstance(columns, Mapping):
         raise LogError(

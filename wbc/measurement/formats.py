@@ -18,7 +18,7 @@ from zlib import error as ZlibError  # noqa: N812
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import LogError, unknown_name
+from wbc.errors import LogError, require_known
 from wbc.extras import EXTRAS, needs
 from wbc.files import atomic_write
 from wbc.measurement.column_map import RowChoice
@@ -338,8 +338,7 @@ def _topic(bag: Any, path: Path, topic: str) -> str:
             + say_so({"rows": {"topic": topics[0]}}, "choose one, such as the first,")
         )
     chosen = topic or topics[0]
-    if chosen not in topics:
-        raise LogError(f"{path}: " + unknown_name("JointState topic", chosen, topics))
+    require_known(LogError, "JointState topic", chosen, topics, str(path))
     return chosen
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, frozen, remade
-from wbc.errors import LogError, unknown_name
+from wbc.errors import LogError, require_known, unknown_name
 from wbc.measurement.findings import say_so
 from wbc.measurement.names import unread
 from wbc.measurement.schema import (
@@ -152,8 +152,7 @@ class Log:
                 f"name, not {type(frame).__name__}; files are read with load_logs([...])."
             )
         names = [str(name) for name in held]
-        if TIME not in names:
-            raise LogError("log in memory: " + unknown_name("column", TIME, names))
+        require_known(LogError, "column", TIME, names, "log in memory")
         columns = {n: np.asarray(frame[n]) for n in names if n != TIME and is_column(n)}
         ignored = tuple(name for name in names if name != TIME and name not in columns)
         return cls(np.asarray(frame[TIME]), columns, source or LogSource(ignored=ignored))

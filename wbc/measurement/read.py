@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.errors import LogError, unknown_name
+from wbc.errors import LogError, require_known, unknown_name
 from wbc.measurement.clocks import GAP_STEPS, advancing, leaps, restarts
 from wbc.measurement.column_map import (
     ColumnMap,
@@ -386,8 +386,5 @@ def _require_columns(rules: ColumnMap, table: Table) -> None:
     needed += [("rows", key) for key in rules.rows.keys]
     needed += [("time", rules.time.source)] if rules.time.source else []
     for key, name in needed:
-        if name not in table.names:
-            raise LogError(
-                f"{rules.path or 'column map'}: {key}: "
-                + unknown_name(f"column of '{table.path}'", name, table.names)
-            )
+        place = f"{rules.path or 'column map'}: {key}"
+        require_known(LogError, f"column of '{table.path}'", name, table.names, place)

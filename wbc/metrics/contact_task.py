@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
-from wbc.errors import DynamicsError, RobotError, unknown_name
+from wbc.errors import DynamicsError, RobotError, require_known
 from wbc.metrics.designs import Designs, Stretching
 from wbc.robot import ContactPoint, Robot
 from wbc.transmission import Direction
@@ -224,9 +224,8 @@ def with_contact_at(robot: Robot, name: str) -> Robot:
     """
     if any(point.name == name for point in robot.contacts):
         return robot
-    if not robot.model.existFrame(name):
-        known = [point.name for point in robot.contacts]
-        known += [frame.name for frame in robot.model.frames]
-        raise RobotError(unknown_name(f"contact or frame of '{robot.name}'", name, known))
+    known = [point.name for point in robot.contacts]
+    known += [frame.name for frame in robot.model.frames]
+    require_known(RobotError, f"contact or frame of '{robot.name}'", name, known)
     point = ContactPoint(name=name, frame=name, offset=np.zeros(3))
     return replace(robot, contacts=(*robot.contacts, point))

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked, frozen
-from wbc.errors import DynamicsError, TransmissionError, unknown_name
+from wbc.errors import DynamicsError, TransmissionError, require_known
 from wbc.robot import Robot
 from wbc.transmission import GEAR_NUMBERS, wedge_backward_efficiency
 
@@ -197,8 +197,7 @@ def _scale_at(robot: Robot, frame: str, length_scale: FloatArray) -> float:
 def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
     m, found = robot.transmission.size, {}
     for name, values in gears.items():
-        if name not in GEAR_FIELDS:
-            raise DynamicsError(unknown_name("gear parameter", name, GEAR_FIELDS))
+        require_known(DynamicsError, "gear parameter", name, GEAR_FIELDS)
         array = np.asarray(values, dtype=np.float64)
         wide = np.repeat(array[:, None], m, axis=1) if array.ndim == 1 else array
         if wide.ndim != 2 or wide.shape[1] != m or np.isnan(wide).any():

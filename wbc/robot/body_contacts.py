@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 from wbc.robot.description import read_description
 from wbc.robot.library import find_model
 from wbc.robot.model import BodySurface, ContactPoint
@@ -176,8 +176,7 @@ def body_surfaces(
     surface = robot.surface if surface is None else surface
     links = surface.links
     for link in links or ():
-        if link not in robot.bodies:
-            raise RobotError(unknown_name(f"body of '{robot.name}'", link, robot.bodies))
+        require_known(RobotError, f"body of '{robot.name}'", link, robot.bodies)
     shapes = collision_solids(robot).geometryObjects
     if not len(shapes):
         raise RobotError(
@@ -315,9 +314,8 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
             shape = shape.convex or shape
         found.addGeometryObject(pin.GeometryObject(item.name, joint, frame, placement, shape))
     for solid in robot.surface.solids:
-        if not robot.model.existFrame(solid.link):
-            known = [one.name for one in robot.model.frames]
-            raise RobotError(unknown_name(f"frame of '{robot.name}'", solid.link, known))
+        known = [one.name for one in robot.model.frames]
+        require_known(RobotError, f"frame of '{robot.name}'", solid.link, known)
         frame = robot.model.getFrameId(solid.link)
         own = robot.model.frames[frame]
         at = own.parentJoint, frame, own.placement

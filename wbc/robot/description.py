@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, checked
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 from wbc.files import take_schema
 from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model import BodySurface, ContactPoint
@@ -274,8 +274,7 @@ def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
         if not isinstance(entry, Mapping):
             raise RobotError(f"{at}: a table of joints expected, got {entry!r}.")
         for joint, value in entry.items():
-            if joint not in known:
-                raise RobotError(f"{at}: " + unknown_name("joint", joint, known))
+            require_known(RobotError, "joint", joint, known, at)
             if joint in _BASE:
                 q[_BASE.index(joint)] = number_in(value, "m", f"{at}: {joint}")
                 continue

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import EffectError, unknown_name
+from wbc.errors import EffectError, require_known, unknown_name
 from wbc.robot.search import SearchOffer
 
 if TYPE_CHECKING:
@@ -281,17 +281,15 @@ class Effect(ABC):
             EffectError: a field that it does not have, or a value out of bounds.
         """
         known = {f.name for f in fields(self)}
-        for name in values:
-            if name not in known:
-                raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+        for name in values.keys() - known:
+            raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a place of this effect on `robot`."""
         places = self.places(robot)
-        if self.where not in places:
-            raise EffectError(unknown_name(f"place for {self.name}", self.where, places))
+        require_known(EffectError, f"place for {self.name}", self.where, places)
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot with a number of its bodies or gears changed (default: unchanged)."""

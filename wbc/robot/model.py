@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 from wbc.transmission import Transmission
 
 
@@ -157,9 +157,8 @@ def rotor_mounting(model: pin.Model, transmission: Transmission) -> RotorMountin
 
 
 def _joint_of(model: pin.Model, joint: str, link: str) -> int:
-    if not model.existBodyName(link):
-        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-        raise RobotError(f"housing of the motor of '{joint}': " + unknown_name("link", link, known))
+    known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+    require_known(RobotError, "link", link, known, f"housing of the motor of '{joint}'")
     return int(model.frames[model.getBodyId(link)].parentJoint)
 
 
@@ -178,13 +177,10 @@ def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint])
     names = [contact.name for contact in contacts]
     if len(set(names)) != len(names):
         raise RobotError(f"'{name}' has two contacts of one name: {', '.join(names)}.")
+    known = [frame.name for frame in model.frames]
     for contact in contacts:
-        if not model.existFrame(contact.frame):
-            known = [frame.name for frame in model.frames]
-            raise RobotError(
-                f"contact '{contact.name}': "
-                + unknown_name(f"frame of '{name}'", contact.frame, known)
-            )
+        place = f"contact '{contact.name}'"
+        require_known(RobotError, f"frame of '{name}'", contact.frame, known, place)
     if not _depth_first(model):
         raise RobotError(
             f"the joints of '{name}' are not in depth-first order: pinocchio's inertia "

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known, unknown_name
 
 _BASES = ("fixed", "free_flyer")
 _ENDLESS = 1e9  # limits where there are none, while a file is parsed that must state numbers
@@ -39,8 +39,7 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
     if lock:
         known = list(model.names)[1:]
         for joint in lock:
-            if joint not in known:
-                raise RobotError(f"{path}: lock: " + unknown_name("joint", joint, known))
+            require_known(RobotError, "joint", joint, known, f"{path}: lock")
         numbers = [model.getJointId(joint) for joint in lock]
         model = pin.buildReducedModel(model, numbers, pin.neutral(model))
     # Parser and reduction store the speed limit with the same sign on both sides.

@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known, unknown_name
 from wbc.robot.effect import Effect, Motion
 from wbc.robot.model import (
     BodySurface,
@@ -238,8 +238,7 @@ class Robot:
             RobotError: no such body.
         """
         bodies = self.bodies
-        if body not in bodies:
-            raise RobotError(unknown_name(f"body of '{self.name}'", body, bodies))
+        require_known(RobotError, f"body of '{self.name}'", body, bodies)
         return bodies.index(body) + 1
 
     def velocity_index(self, joint: str) -> int:
@@ -256,12 +255,9 @@ class Robot:
         Raises:
             RobotError: no such contact; the message lists those there are.
         """
-        for contact in self.contacts:
-            if contact.name == name:
-                return contact
-        raise RobotError(
-            unknown_name(f"contact of '{self.name}'", name, [c.name for c in self.contacts])
-        )
+        named = {contact.name: contact for contact in self.contacts}
+        require_known(RobotError, f"contact of '{self.name}'", name, named)
+        return named[name]
 
     def contact_place(self, contact: ContactPoint) -> tuple[int, FloatArray]:
         """Return the joint that moves a contact point, 0 for the world, and its place (3,) [m]."""
@@ -468,8 +464,7 @@ class Robot:
             RobotError: no such pose, or a robot without any.
         """
         wanted = next(iter(self.poses), "(usual)") if name is None else name
-        if wanted not in self.poses:
-            raise RobotError(unknown_name(f"pose of '{self.name}'", wanted, self.poses))
+        require_known(RobotError, f"pose of '{self.name}'", wanted, self.poses)
         return self.poses[wanted].copy()
 
     def configuration(self, **joints: float) -> FloatArray:

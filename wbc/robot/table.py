@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from math import pi
 from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import RobotError, unknown_name
+from wbc.errors import RobotError, require_known
 
 _NUMBER_KEYS = ("value", "unit", "source", "note", "low", "high")
 
 
-def check_keys(table: Mapping[str, Any], known: Iterable[str], place: str) -> None:
+def check_keys(table: Mapping[str, Any], known: Collection[str], place: str) -> None:
     """Raise RobotError at the first key of `table` that is not among those `known`."""
     for key in table:
-        if key not in known:
-            raise RobotError(f"{place}: " + unknown_name("key", key, known))
+        require_known(RobotError, "key", key, known, place)
 
 
-def table_in(entry: Any, known: Iterable[str], place: str) -> Mapping[str, Any]:
+def table_in(entry: Any, known: Collection[str], place: str) -> Mapping[str, Any]:
     """Return `entry` after checking that it is a table with known keys only.
 
     Raises:
@@ -77,8 +76,7 @@ def numbers_in(entry: Any, unit: str, place: str) -> FloatArray:
         array = np.asarray(given, dtype=np.float64)
     except ValueError as cause:
         raise RobotError(f"{place}: the rows of {given!r} differ in length.") from cause
-    if stated not in SI_UNITS:
-        raise RobotError(f"{place}: " + unknown_name("unit", stated, SI_UNITS))
+    require_known(RobotError, "unit", stated, SI_UNITS, place)
     dimension, factor = SI_UNITS[stated]
     if dimension != unit:
         raise RobotError(f"{place}: unit '{stated}' measures [{dimension}], expected [{unit}].")

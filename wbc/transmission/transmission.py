@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, checked, frozen, remade
-from wbc.errors import TransmissionError, unknown_name
+from wbc.errors import TransmissionError, require_known
 from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
 
@@ -216,8 +216,7 @@ class Transmission:
         Raises:
             TransmissionError: no such driven joint; the message lists those there are.
         """
-        if joint not in self.joints:
-            raise TransmissionError(unknown_name("driven joint", joint, self.joints))
+        require_known(TransmissionError, "driven joint", joint, self.joints)
         return self.joints.index(joint)
 
     def replace(self, **changes: Any) -> Transmission:
