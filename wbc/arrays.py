@@ -91,10 +91,15 @@ def checked(
     return array
 
 
-def remade(thing: Any) -> tuple[type, tuple[Any, ...]]:
-    """Return what makes a frozen dataclass anew, for its `__reduce__`.
+class Remade:
+    """Base of frozen dataclasses that are made anew where they are copied or unpickled.
 
-    Pickled as they are, its arrays would come back writable; the class makes them read-only.
+    Pickled as they are, their arrays would come back writable; the class makes them read-only.
     """
-    given = (getattr(thing, part.name) for part in fields(thing) if part.init)
-    return type(thing), tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in given)
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Return the class and what it was made of."""
+        thing: Any = self
+        given = (getattr(thing, part.name) for part in fields(thing) if part.init)
+        values = (dict(v) if isinstance(v, MappingProxyType) else v for v in given)
+        return type(self), tuple(values)

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.arrays import FloatArray, frozen, remade
+from wbc.arrays import FloatArray, Remade, frozen
 from wbc.errors import LogError, require_known, unknown_name
 from wbc.measurement.findings import say_so
 from wbc.measurement.names import unread
@@ -90,7 +90,7 @@ class Machine:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Log:
+class Log(Remade):
     """Channels of one run over one clock; their names are those of `wbc.measurement.schema`.
 
     Attributes:
@@ -112,10 +112,6 @@ class Log:
         more = f" and {len(self.names) - _NAMED} more" if len(self.names) > _NAMED else ""
         size = f"{self.time.size} rows in {self.duration:.4g} s"
         return f"Log({self.source.label}: {size}; {shown}{more})"
-
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Make it anew where it is copied or unpickled."""
-        return remade(self)
 
     def __post_init__(self) -> None:
         """Check every channel and make it read-only.

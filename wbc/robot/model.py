@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen, remade
+from wbc.arrays import FloatArray, IntArray, Remade, checked, frozen
 from wbc.errors import RobotError, require_known
 from wbc.transmission import Transmission
 
 
 @dataclass(frozen=True, eq=False)
-class ContactPoint:
+class ContactPoint(Remade):
     """A point fixed to a link that may touch the ground, or the centre of a ball that does.
 
     Attributes:
@@ -31,10 +31,6 @@ class ContactPoint:
     offset: FloatArray
     friction: float = 0.7
     radius: float = 0.0
-
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Make it anew where it is copied or unpickled."""
-        return remade(self)
 
     def __post_init__(self) -> None:
         """Check and freeze."""

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, checked, frozen, remade
+from wbc.arrays import BoolArray, FloatArray, IntArray, Remade, checked, frozen
 from wbc.errors import RobotError, require_known, unknown_name
 from wbc.robot.effect import Effect, Motion
 from wbc.robot.model import (
@@ -51,7 +51,7 @@ _NAMED = 6  # names of one kind that a line shows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robot:
+class Robot(Remade):
     """One robot model that controller, simulator and identification share.
 
     The pinocchio model holds the links only: its `armature`, `friction` and `damping` are zero and
@@ -96,10 +96,6 @@ class Robot:
     actuated: IntArray = field(init=False)
     actuated_position: IntArray = field(init=False)
     unactuated: IntArray = field(init=False)
-
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Make it anew where it is copied or unpickled."""
-        return remade(self)
 
     def __post_init__(self) -> None:
         """Resolve names to indices and check that everything refers to something."""

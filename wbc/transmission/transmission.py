@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.arrays import FloatArray, checked, frozen, remade
+from wbc.arrays import FloatArray, Remade, checked, frozen
 from wbc.errors import TransmissionError, require_known
 from wbc.transmission.flanks import Flanks
 from wbc.transmission.mesh import wedge_backward_efficiency
@@ -61,7 +61,7 @@ _NO_POWER = "at most 1 (above it a gear that its joint drives would create power
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission:
+class Transmission(Remade):
     """What stands between m rotors and m joints (Sim & Ramos, section III).
 
     dpsi = R dphi with R = diag(1/N), dq_m = D dpsi, and by duality a joint torque B tau_phi with
@@ -125,10 +125,6 @@ class Transmission:
     damping: FloatArray = _above_zero("N m s/rad", 0.0, zero=True)
     backlash: FloatArray = _above_zero("rad", 0.0, zero=True)
     housings: tuple[str, ...] = ()
-
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Make it anew where it is copied or unpickled."""
-        return remade(self)
 
     def __post_init__(self) -> None:
         """Fill defaults, check every array and freeze it."""
