@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
-from wbc.mechanics.linear import add_all, add_times, dot, rest_of_way
+from wbc.mechanics.linear import add_all, add_times, copy_to, dot, rest_of_way
 from wbc.mechanics.pieces import solve_pieces
 from wbc.mechanics.rows import RowSystem, pieces_at, products_of
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
@@ -130,11 +130,11 @@ def newton(
     size, merit = len(start), 0.0
     pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
-    impulse[:] = start
+    copy_to(start, impulse)
     first = before = look_at(system, impulse, speed, pieces, sliding)
     for iteration in range(1, whole + shortened + 1):
         if iteration == whole + 1:
-            impulse[:] = start
+            copy_to(start, impulse)
             look_at(system, impulse, speed, pieces, sliding)
             merit = merit_of(pieces)
         if not solve_pieces(system, pieces, sliding, impulse, aim):
@@ -147,7 +147,8 @@ def newton(
             if iteration <= whole or lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
                 break
             share *= 0.5
-        impulse[:], merit = trial, lower
+        merit = lower
+        copy_to(trial, impulse)
         if worst <= tolerance:
             return iteration
         lost = worst > _LOST * first and worst > 0.5 * before
@@ -188,17 +189,17 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
     systems.
     """
     used, compliance = 0, _FIRST
-    impulse[:] = start
+    copy_to(start, impulse)
     following = np.empty(len(start))
     for _ in range(_PROXIMAL_ROUNDS):
         soft = softened(system, compliance, impulse)
         count = newton(soft, impulse, tolerance, FULL_STEPS, SHORTENED, following)
         used += abs(count)
         if distance(system, following) <= tolerance:
-            impulse[:] = following
+            copy_to(following, impulse)
             return used
         if count > 0:
-            impulse[:] = following
+            copy_to(following, impulse)
             compliance = max(_HARDER * compliance, _HARDEST)
         else:
             compliance *= _SOFTER
@@ -228,7 +229,7 @@ def shift_cones(
     own, x, shift = np.empty(size), np.zeros(len(system.half)), np.zeros(len(system.frictions))
     about, speed, found = start.copy(), np.empty(size), np.empty(size)
     compliance_of(system, own)
-    if np.any(start != 0.0):
+    if dot(start, start) > 0.0:
         speeds_at(system.delassus, system.free, start, speed)
         slips(system, speed, shift)
         add_all(start, convex.ways, x)
@@ -237,10 +238,11 @@ def shift_cones(
         count = minimise(convex, own, about, shift, x, speed, found)
         used += count
         turned = slips(system, speed, shift)
-        about[:] = found
+        copy_to(found, about)
         off = distance(system, found)
         if off < least:
-            least, impulse[:] = off, found
+            least = off
+            copy_to(found, impulse)
         stalls += 1
         if least <= 0.5 * halved:
             halved, stalls = least, 0
@@ -252,7 +254,7 @@ def shift_cones(
             tries = newton(system, impulse, tolerance, _LAST_STEPS, 0, found)
             used += abs(tries)
             if tries > 0:
-                impulse[:] = found
+                copy_to(found, impulse)
                 return used, tolerance
         if count <= _FEW and firm < _TIMES + (2 if stalls > 1 else 0):
             firm += 1
@@ -263,7 +265,7 @@ def shift_cones(
         least, moved = distance(system, impulse), 0.0
         for i in range(size):
             moved = max(moved, own[i] * abs(impulse[i] - about[i]))
-        about[:] = impulse
+        copy_to(impulse, about)
         if moved <= _CLOSE * tolerance:
             break
     return used, least
@@ -318,7 +320,7 @@ def solve_system(
         system.spring, system.slope, laws, system.targets, frictions, grips, system.tangents,
     )  # fmt: skip
     most, least = int(work * _WORK / products_of(size, len(system.half))), np.inf
-    impulse[:] = start
+    copy_to(start, impulse)
     if shortened == 0:
         count, least = shift_cones(system, convex, start, tolerance, most, impulse)
         used += count
@@ -330,7 +332,7 @@ def solve_system(
         count = proximal(system, impulse, tolerance, most - used, found)
         used += abs(count)
         if count > 0:
-            impulse[:] = found
+            copy_to(found, impulse)
             return used, PROXIMAL
     if least <= _PASSABLE * tolerance:
         return used, PASSIVE
@@ -347,7 +349,8 @@ def solve_system(
             used += abs(count)
         if count < 0:
             break
-        passive, impulse[:] = PASSIVE, found
+        passive = PASSIVE
+        copy_to(found, impulse)
     return used, passive
 
 

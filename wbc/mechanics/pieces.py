@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
-from wbc.mechanics.linear import add_times, dot, factor, solve_factored
+from wbc.mechanics.linear import add_times, copy_to, dot, factor, solve_factored
 from wbc.mechanics.rows import RowSystem
 
 _ROUNDS = 3
@@ -162,7 +162,7 @@ def change_in_velocities(
         spread(weighted, flat, turned)
         for i in range(size):
             found[i, 0] += pushed[i, 0] - turned[i, 0]
-    change[:] = found[:, 0]
+    copy_to(found.reshape(-1), change)
     return True
 
 

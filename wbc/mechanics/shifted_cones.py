@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
-from wbc.mechanics.linear import add_all, add_times, dot, factor_inertia, solve_inertia
+from wbc.mechanics.linear import add_all, add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.rows import RowSystem, branch_of
 
 _COMPLIANCE = 1e-2
@@ -173,7 +173,7 @@ def minimise(
         stiffened(system, rise, down, total)
         if not factor_inertia(total, lower):
             return used
-        down[:] = step
+        copy_to(step, down)
         solve_inertia(lower, step)
         falls, square, along = -dot(down, step), dot(step, step), dot(x, step)
         for i in range(size):
@@ -198,12 +198,12 @@ def minimise(
             furthest = max(furthest, abs(x[j]))
             largest = max(largest, abs(step[j]))
         add_times(share, step, x)
-        speed[:] = trial
+        copy_to(trial, speed)
         met = share == 1.0  # a whole step among the same pieces is exact
         for i in range(size):
             for b in range(3):
                 met = met and there[i, b] == rise[i, b]
-        rise[:] = there
+        rise, there = there, rise
         if met or largest <= _SETTLED * (1.0 + furthest):
             break
     return used

@@ -154,7 +154,8 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
     for _ in range(_CORRECTIONS):
         if not shift_of(metric, matrix, pressed, missing, shift):
             return
-        last[:], gap_last[:] = q, gap
+        copy_to(q, last)
+        copy_to(gap, gap_last)
         moved_along(joints, last, shift, 1.0, q)
         place(joints, shapes, q, poses)
         gaps_at(plant, q, closed[:0], gap)
@@ -165,7 +166,8 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
                 off = max(off, abs(missing[row]) if pressed[row] else missing[row])
                 row += 1
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
-            q[:], gap[:] = last, gap_last
+            copy_to(last, q)
+            copy_to(gap_last, gap)
             place(joints, shapes, q, poses)
             return
         add_times(1.0, shift, moved)
@@ -234,7 +236,7 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
             if end.closed[i]:
                 end.depth[i] = max(-end.gap[i] - furthest, 0.0)
         take_back(plant, matrix, pressed, drift, furthest)
-    end.velocity[:] = end.after
+    copy_to(end.after, end.velocity)
     if len(plant.flight.bases):
         look(plant)
         set_momentum(plant, end.velocity)
@@ -254,7 +256,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
     joints, shapes, placed = plant.tree.joints, plant.tree.shapes, plant.placed
     n, size, d = len(stiff), len(gap), plant.obstacles.tangents
     near, here, start = np.empty(size, dtype=np.bool_), np.empty(size), q.copy()
-    metric, shift, last = np.empty((n, n)), np.empty(n), np.empty(len(q))
+    shift, last = np.empty(n), np.empty(len(q))
     plant.bounds[REACH] = AHEAD
     for turn in range(_TRIES):
         place(joints, shapes, q, placed.poses)
@@ -272,7 +274,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
         barrier_rows(plant, near, 0, matrix, axes, np.empty(touching, dtype=np.int64))
-        metric[:], most = placed.inertia, 0.0
+        metric, most = placed.inertia.copy(), 0.0
         for i in range(n):
             most = max(most, metric[i, i])
         for i in range(n):
@@ -282,10 +284,10 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
             if near[i]:
                 missing[row] = min(-here[i], _NEAR)
                 row += 1
-        last[:] = q
+        copy_to(q, last)
         free = np.zeros(count, dtype=np.bool_)
         if not shift_of(metric, matrix[:count], free, missing, shift):
             return False
         moved_along(joints, last, shift, 1.0, q)
-    q[:] = start
+    copy_to(start, q)
     return False

@@ -124,9 +124,11 @@ def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int
         if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
             return result, trial
         if least > 0.0:
-            early, gap_early[:] = trial, ahead
+            early = trial
+            copy_to(ahead, gap_early)
         else:
-            late, gap_late[:] = trial, ahead
+            late = trial
+            copy_to(ahead, gap_late)
     if early > 0.0:
         result = part_with_mesh(plant, early)
     for i in range(size):

@@ -231,7 +231,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     if solved.way >= UNSOLVED:
         return HIT
     book_impact(plant, rows, solved)
-    hit.after[:] = solved.after
+    copy_to(solved.after, hit.after)
     world_pushes(plant, rows, solved.impulse, hit.pushes)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)

@@ -27,7 +27,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.errors import SimulationError
-from wbc.mechanics.linear import factor_inertia
+from wbc.mechanics.linear import copy_to, dot, factor_inertia
 from wbc.mechanics.newton import (
     FULL_STEPS,
     RANGES,
@@ -156,17 +156,17 @@ def solve_in_ranges(
         the number of linear systems solved, and that of solutions: one where the ranges of the step
         before hold, none also where there are too many gears to try.
     """
-    f, used, count, nearest, known = len(rows), 0, 0, np.inf, np.any(start != 0.0)
+    f, used, count, nearest, known = len(rows), 0, 0, np.inf, dot(start, start) > 0.0
     laws, impulse, origins = system.laws.copy(), np.zeros(len(start)), np.zeros((3, len(start)))
     held = RowSystem(
         system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
         laws, system.targets, system.frictions, system.grips, system.tangents,
     )  # fmt: skip
-    origins[0] = start
+    copy_to(start, origins[0])
     for choice in range(-1 if known else 0, 3**f if f <= _MOST else 0):
         rest = choice
         for i in rows:
-            laws[i] = system.laws[i]
+            copy_to(system.laws[i], laws[i])
             before = range_of(laws[i], start[i])
             hold_to(laws[i], before if choice < 0 else rest % 3)
             origins[1, i] = 0.0
@@ -175,7 +175,7 @@ def solve_in_ranges(
                 origins[1, i] = (laws[i, 8] - laws[i, 7] * system.free[i]) / alone
             rest //= 3
         for k in range(0 if known else 1, 3):
-            origins[2] = impulse
+            copy_to(impulse, origins[2])
             more, good = try_ranges(system, held, origins[k], tolerance, impulse)
             used, moved, same = used + more, 0.0, True
             for i in rows:
@@ -183,13 +183,14 @@ def solve_in_ranges(
                 before = range_of(system.laws[i], start[i])
                 same = same and range_of(system.laws[i], impulse[i]) == before
             if good and choice < 0 and same:
-                found[0] = impulse
+                copy_to(impulse, found[0])
                 return used, 1
             if good and choice >= 0 and is_new(system, impulse, found[:count], tolerance):
                 slot = min(count, len(found) - 1)
                 at = 0 if moved < nearest else slot
-                found[slot] = found[at]
-                found[at], nearest, count = impulse, min(nearest, moved), count + 1
+                copy_to(found[at], found[slot])
+                copy_to(impulse, found[at])
+                nearest, count = min(nearest, moved), count + 1
     return used, count
 
 
@@ -207,8 +208,8 @@ def solve_rows(
         return solve_system(system, start, tolerance, work, impulse)
     found = np.empty((2, len(start)))
     used, count = solve_in_ranges(system, rows, start, tolerance, found)
-    impulse[:] = found[0]
-    return used, RANGES if count == 1 or (count and np.any(start != 0.0)) else SEVERAL
+    copy_to(found[0], impulse)
+    return used, RANGES if count == 1 or (count and dot(start, start) > 0.0) else SEVERAL
 
 
 def several(system: RowSystem, start: FloatArray, names: Sequence[str]) -> SimulationError:

@@ -182,7 +182,7 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
     if coupled:
         laws, shifted = laws.copy(), rows.free.copy()
     if soft:
-        row_speed[:] = system.free
+        copy_to(system.free, row_speed)
         taken = RowSystem(
             system.half, np.empty((0, 0)), system.delassus.copy(), system.free, system.spring,
             system.slope.copy(), system.laws, system.targets.copy(), system.frictions,
@@ -221,6 +221,6 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
         way, missed = PASSIVE, max(missed, tolerance)
     if way == PASSIVE:
         missed = max(missed, distance(system, impulse))
-    rows.free[:] = shifted
+    copy_to(shifted, rows.free)
     damped = rounds.passed[:, DAMPED].copy()
     return Solved(impulse, row_speed, after, end, damped, used, way, missed)
