@@ -34,7 +34,7 @@ class StepEvent:
             play, or more energy was stored at its end than it was given, or that was taken from
             speeds that no law bounds (`sim/step/books`). A shorter step mends it.
             "unsettled": the budget of work ended before all laws were met. Friction is that of the
-            impulses found so far, or flanks of gears or the coupling of rotors are not settled.
+            impulses found so far, or flanks, soft contacts or coupled rotors are not settled.
             "overlap": a barrier was overrun further than one step takes back, see `return_speed`.
             "sunk": a joint of a robot with a free base is under the ground, because its link has
             no contact there.
@@ -203,7 +203,7 @@ class StepResult:
             if missed > 0.0:
                 text = (
                     f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
-                    "friction, flanks of gears or the coupling of rotors met them; a shorter dt may"
+                    "friction, flanks, soft contacts or the coupling of rotors met them; a shorter dt may"
                 )
                 yield StepEvent("unsettled", time, missed, text)
 
