@@ -203,7 +203,7 @@ class StepResult:
             if missed > 0.0:
                 text = (
                     f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "
-                    "friction, flanks, soft contacts or the coupling of rotors met them; a shorter dt may"
+                    "friction, flanks, soft contacts or coupled rotors met them; a shorter dt may"
                 )
                 yield StepEvent("unsettled", time, missed, text)
 
