@@ -20,6 +20,7 @@ import numpy as np
 from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.solvers import INFINITE
+from wbc.mechanics.linear import copy_to
 from wbc.structures import Structure
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other
@@ -109,7 +110,7 @@ def _try_rows(
             return False
     for i in range(size):
         force[i] = left[i]
-    x[:] = free
+    copy_to(free, x)
     for i in range(size - 1, -1, -1):
         force[i] *= factor[i, i]
         for k in range(i):
@@ -147,7 +148,7 @@ def _meet_rows(
             missing -= G[i, j] * free[j]
         force[i], left[i] = 0.0, missing
         largest = max(largest, abs(missing))
-    x[:] = free
+    copy_to(free, x)
     allowed = max(_ROUNDING * tolerance, _DIGITS * largest) ** 2
     for _ in range(_SOLVES):
         # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
@@ -342,7 +343,7 @@ def settle(
         fresh = leaving < 0
         known = size - size % 2
         if fresh:
-            x[:] = trial
+            copy_to(trial, x)
             continue
         taken[active[leaving]] = 0
         known = min(known, base + leaving - (base + leaving) % 2)
