@@ -316,8 +316,8 @@ class LinkInertias(RedrawnLinks):
             EffectError: a number that it does not have, or one out of bounds.
         """
         known = self.values
-        for name in values.keys() - known.keys():
-            raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+        for name in values:
+            require_known(EffectError, f"parameter of {self.name}", name, known)
         changed = iter([float(value) for value in {**known, **values}.values()])
         links = tuple((body, tuple(islice(changed, _COUNT))) for body, _ in self.links)
         return type(self)(self.where, links)

@@ -313,8 +313,8 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
             shape.buildConvexRepresentation(False)
             shape = shape.convex or shape
         found.addGeometryObject(pin.GeometryObject(item.name, joint, frame, placement, shape))
+    known = [one.name for one in robot.model.frames]
     for solid in robot.surface.solids:
-        known = [one.name for one in robot.model.frames]
         require_known(RobotError, f"frame of '{robot.name}'", solid.link, known)
         frame = robot.model.getFrameId(solid.link)
         own = robot.model.frames[frame]

@@ -281,8 +281,8 @@ class Effect(ABC):
             EffectError: a field that it does not have, or a value out of bounds.
         """
         known = {f.name for f in fields(self)}
-        for name in values.keys() - known:
-            raise EffectError(unknown_name(f"parameter of {self.name}", name, known))
+        for name in values:
+            require_known(EffectError, f"parameter of {self.name}", name, known)
         changes: dict[str, Any] = dict(values)
         return replace(self, **changes)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray, Remade, checked, frozen
-from wbc.errors import RobotError, require_known
+from wbc.errors import RobotError, unknown_name
 from wbc.transmission import Transmission
 
 
@@ -153,8 +153,9 @@ def rotor_mounting(model: pin.Model, transmission: Transmission) -> RotorMountin
 
 
 def _joint_of(model: pin.Model, joint: str, link: str) -> int:
-    known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-    require_known(RobotError, "link", link, known, f"housing of the motor of '{joint}'")
+    if not model.existBodyName(link):
+        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+        raise RobotError(f"housing of the motor of '{joint}': " + unknown_name("link", link, known))
     return int(model.frames[model.getBodyId(link)].parentJoint)
 
 
@@ -173,10 +174,11 @@ def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint])
     names = [contact.name for contact in contacts]
     if len(set(names)) != len(names):
         raise RobotError(f"'{name}' has two contacts of one name: {', '.join(names)}.")
-    known = [frame.name for frame in model.frames]
     for contact in contacts:
-        place = f"contact '{contact.name}'"
-        require_known(RobotError, f"frame of '{name}'", contact.frame, known, place)
+        if not model.existFrame(contact.frame):  # a list of all frames for each robot takes time
+            known = [frame.name for frame in model.frames]
+            place = f"contact '{contact.name}': "
+            raise RobotError(place + unknown_name(f"frame of '{name}'", contact.frame, known))
     if not _depth_first(model):
         raise RobotError(
             f"the joints of '{name}' are not in depth-first order: pinocchio's inertia "

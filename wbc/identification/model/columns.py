@@ -518,7 +518,12 @@ class Columns:
                 else self._moved(at, [changes[k] for k in group], gears.issuperset(group))
                 for group in several
             ]
-            whole = self._condensed(at, moved)
+            whole = np.concatenate(
+                [
+                    record.condense(np.stack([own[log] for own in moved], axis=-1))
+                    for log, record in enumerate(at.records)
+                ]
+            )
             for place, group in enumerate(several):
                 for k in group:
                     outputs = alone.get(k, np.arange(whole.shape[1]))
@@ -569,14 +574,6 @@ class Columns:
         near = torques_of(swings_of(robot, at.records, at, straight=True))
         pairs = zip(at.records, near, strict=True)
         return [raw_residual(robot, record, torque) for record, torque in pairs]
-
-    def _condensed(self, at: Evaluation, several: Sequence[Sequence[FloatArray]]) -> FloatArray:
-        """Return the condensed columns (rows, m + b, n) of several changes, filtered together."""
-        parts = [
-            record.condense(np.stack([moved[log] for moved in several], axis=-1))
-            for log, record in enumerate(at.records)
-        ]
-        return np.concatenate(parts)
 
     def swings(self, at: Evaluation, own: Effect) -> bool:
         """Whether the parameters of an effect change how links swing behind their gears.

@@ -274,17 +274,9 @@ def drive_slopes(robot: Robot, records: Sequence[Record]) -> FloatArray:
     return np.concatenate(parts)
 
 
-def condensed_residual(
-    robot: Robot,
-    records: Sequence[Record],
-    swinging: Sequence[FloatArray | None] | None = None,
-    asked: Sequence[Asked | None] | None = None,
-) -> FloatArray:
+def condensed_residual(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return weighted, low-passed and thinned residuals of all records, (rows, m + b)."""
-    nothing = [None] * len(records)
-    each = zip(records, swinging or nothing, asked or nothing, strict=True)
-    raw = [(record, raw_residual(robot, record, held, known)) for record, held, known in each]
-    return np.concatenate([record.condense(values) for record, values in raw])
+    return np.concatenate([record.condense(raw_residual(robot, record)) for record in records])
 
 
 def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:

@@ -35,7 +35,7 @@ RELEASED, STEEPEST, TAKEN = range(3)
 slope that the round takes."""
 
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
-_LEAST = 1e-300  # that misses its law by as little as this misses it
+_LEAST = 1e-300  # what is written for a flank that misses its law by less: zero says that none does
 _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
