@@ -221,7 +221,7 @@ def _columns(problem: EstimationProblem) -> tuple[FloatArray, list[tuple[str, st
     effects = [_small(kind, robot, where) for kind in JOINTS for where in kind.places(robot)]
     slots = tuple((k, p) for k, effect in enumerate(effects) for p in effect.parameters)
     at = evaluate(robot, effects, records, problem.whitening)
-    joint = derivatives(problem.columns, at, slots, problem.whitening)
+    joint = derivatives(problem.columns, at, slots, problem.whitening, {})
     joint = joint / np.array([parameter.scale for _, parameter in slots])
     names = []
     for k, p in slots:

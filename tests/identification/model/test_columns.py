@@ -92,7 +92,7 @@ def test_derivatives_are_differences_of_the_residual_of_a_whole_robot(beside: li
     for causes in ([*plain, *beside], [*links, *plain[::-1], *beside]):
         at = evaluate(leg, causes, problem.records, problem.whitening)
         slots = tuple((k, p) for k, effect in enumerate(causes) for p in effect.parameters)
-        found = derivatives(problem.columns, at, slots, problem.whitening)
+        found = derivatives(problem.columns, at, slots, problem.whitening, {})
         for row, (k, parameter) in enumerate(slots):
             moved = with_changes(causes, {(k, parameter.name): 1e-4 * parameter.scale})
             after = evaluate(leg, moved, problem.records, problem.whitening)

@@ -24,7 +24,7 @@ from wbc.identification.choice.certainty import (
     unexplained,
 )
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key, weigh
+from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_fits, without_idle
 from wbc.identification.choice.trials import Trials
@@ -121,15 +121,10 @@ def best_without(trials: Trials, final: Hypothesis, doubted: set[Key]) -> Hypoth
     recorded arm five rotor inertias made up for drawings that were not believed.
     """
     rest = [h for h in trials.known if h.believable and doubted.isdisjoint(h.keys)]
-    fewer = trials.of([e for e in final.effects if e.key not in doubted])
+    fewer = trials.of([e for e in final.effects if e.key not in doubted], final)
     if fewer is not None and all(fewer is not h for h in rest):
         rest.append(fewer)
-    while True:
-        best = rest[int(weigh(trials.problem, rest).argmax())]
-        ended = trials.ended(best)
-        if ended is best:
-            return best
-        rest = [ended if h is best else h for h in rest]
+    return trials.best_of(rest)
 
 
 def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer:

@@ -46,6 +46,7 @@ class Hypothesis:
         squares: (B, outputs) mean squares of each block in the outputs' units, held out, or of the
             fit itself where they are larger: where it did not reach its end, it leaves more than a
             step further would leave held out.
+        whole: whether it is fitted to its end, with derivatives of its own.
     """
 
     effects: tuple[Effect, ...]
@@ -60,6 +61,7 @@ class Hypothesis:
     untold: tuple[float, ...] = ()
     contacts: float = 0.0
     squares: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    whole: bool = True
 
     @property
     def prior(self) -> float:
@@ -95,6 +97,11 @@ class Hypothesis:
     def keys(self) -> tuple[Key, ...]:
         """Names and places of the causes."""
         return tuple(effect.key for effect in self.effects)
+
+    def begun(self, effects: Sequence[Effect]) -> Offer:
+        """Return effects with the numbers that this hypothesis has for them."""
+        own = {effect.key: effect for effect in self.effects}
+        return tuple(own.get(effect.key, effect) for effect in effects)
 
     @property
     def swings(self) -> bool:

@@ -11,7 +11,7 @@ from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.gears import gears_beside, two_gears
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.proposals import Proposer
-from wbc.identification.choice.search import Search, best_of
+from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import OutOfTime, Trials
 from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationProblem
 from wbc.identification.model.intervals import DISTORTED
@@ -80,15 +80,15 @@ def find_causes(
             direct.path.append(plain)
             ends.append(direct.climb(plain))
         if gears := tuple(kind for kind in classes if deflects(kind)):
-            ends += _with_yielding_gears(direct, gears, best_of(direct, ends))
-        final = best_of(direct, ends)
+            ends += _with_yielding_gears(direct, gears, trials.best_of(ends))
+        final = trials.best_of(ends)
         _fit_nearest_rivals(direct.proposer, final)
     except OutOfTime:
         stopped = _OVER
     except KeyboardInterrupt:
         stopped = INTERRUPTED
     if stopped:
-        final = best_of(direct, direct.path)
+        final = trials.best_of(direct.path)
     return SearchResult(trials, final, stopped)
 
 

@@ -76,8 +76,9 @@ def plain_fits(
     for part in parts if links else parts[:_OF_JOINTS]:
         if more := tuple(own for own in part if isinstance(own, tuple(classes))):
             start = (*start, *more)
-            ahead = [(*fits[-1].effects, *more)] if fits else []
-            if tried := trials.all_of([start, *ahead]):
+            last = fits[-1] if fits else None
+            ahead = [trials.of((*last.effects, *more), last)] if last else []
+            if tried := [h for h in (trials.of(start), *ahead) if h is not None]:
                 fits.append(without_idle(trials, min(tried, key=lambda h: h.error)))
     return fits
 
@@ -105,4 +106,4 @@ def _falling(problem: EstimationProblem, own: Effect) -> Effect:
 
 def without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
     """Return a hypothesis without the causes that change nothing on these logs."""
-    return trials.of(trials.busy(h)) or h
+    return trials.ended(trials.of(trials.busy(trials.ended(h))) or h)

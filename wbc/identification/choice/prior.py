@@ -8,7 +8,6 @@ import numpy as np
 
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import bootstrap_steps
 from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, plays, yielding_gears
 from wbc.robot import Effect
@@ -20,6 +19,7 @@ _GAIN = 0.5  # standard deviation of the logarithm of delivered over reported to
 _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
 _BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
+_SURE = 2.33  # standard deviations: one in a hundred is beyond
 _AT_END = 3.0  # [nats] for one that lies there
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
@@ -79,10 +79,10 @@ def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
     costs = [0.0] * len(fit.effects)
     if not ends:
         return costs
-    steps = bootstrap_steps(fit, problem.blocks)
+    step, spread = fit.steps_of_blocks(problem.blocks)
     for row, (side, harmless) in ends.items():
         owner = fit.parameters[row][0]
-        if np.percentile(side * steps[:, row], 1.0) > 0.0:
+        if side * step[row] > _SURE * spread[row]:
             costs[owner] += _BEYOND
         elif not harmless:
             costs[owner] += _AT_END

@@ -118,7 +118,7 @@ class Proposer:
                 likely.append((gain, offer))
         if linear or h.swings or hopeless or not likely:
             return likely
-        rest = self.trials.of(fewer)
+        rest = self.trials.of(fewer, h)
         if rest is None:
             return []
         off = abs(moved.error(()) - rest.error)
@@ -142,7 +142,7 @@ class Proposer:
 
     def _beside_rest(self, h: Hypothesis, own: Effect, count: int) -> list[tuple[float, Offer]]:
         """Return the same as `instead`, screened beside the hypothesis fitted without the cause."""
-        rest = self.trials.of(without(h.effects, own))
+        rest = self.trials.of(without(h.effects, own), h)
         if rest is None:
             return []
         left, right = weigh(self.trials.problem, [rest, h])

@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.identification.choice.certainty import doubted_names
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key, Offer, left_to_gain, weigh, without
+from wbc.identification.choice.evidence import Hypothesis, Key, Offer, left_to_gain, without
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import LEAST_ASKED
 from wbc.identification.choice.proposals import MISSED, Proposer
@@ -39,15 +39,15 @@ _MASKING = 0.8  # of the error, below which a cause that is not believed may hid
 def _additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -> list[Hypothesis]:
     """Return hypotheses with a cause more, at one place or in all gears."""
     trials = proposer.trials
-    longer = trials.all_of(proposer.beside(h, _ADDED, exclude))
+    longer = trials.rivals_of(h, proposer.beside(h, _ADDED, exclude))
     # What no machine is likely to have at one joint must not hide what is there at others.
-    longer += trials.all_of(own for one in longer if (own := _likely(one, h)))
+    longer += trials.rivals_of(h, [own for one in longer if (own := _likely(one, h))])
     # Screens see a drive's causes only as the last to act.
     robot, record = trials.problem.robot, trials.problem.records[0]
     orders = [offer for one in longer for offer in _reordered(one, record, robot)]
     first = _placed_first(h, proposer.candidates, record, robot)
     kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
-    return [*longer, *trials.all_of(orders), *trials.all_of(kept)]
+    return [*longer, *trials.rivals_of(h, [*orders, *kept])]
 
 
 def _likely(longer: Hypothesis, h: Hypothesis) -> Offer:
@@ -83,7 +83,7 @@ def _drops(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
     likely = [own for own, (loss, gain) in each.items() if loss < MISSED * gain]
     likely.sort(key=lambda own: each[own][0] - each[own][1])
     for own in (*likely, *gears):
-        yield from trials.all_of([without(h.effects, *own)])
+        yield from trials.rivals_of(h, [without(h.effects, *own)])
 
 
 def _swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
@@ -94,7 +94,7 @@ def _swaps(proposer: Proposer, h: Hypothesis) -> Iterator[Hypothesis]:
 
 def _pairs(proposer: Proposer, h: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses with two causes more that may hide one another."""
-    return [] if h.swings else proposer.trials.all_of(proposer.pairs_beside(h, _PAIRS))
+    return [] if h.swings else proposer.trials.rivals_of(h, proposer.pairs_beside(h, _PAIRS))
 
 
 def _repeated(h: Hypothesis) -> list[str]:
@@ -214,7 +214,7 @@ class Search:
             self._tell(current, better)
             before = been.get(frozenset(better.keys))
             if before is not None and better.error > _AGAIN * before.error:
-                return best_of(self, list(been.values()))
+                return self.proposer.trials.best_of(list(been.values()))
             shorter = len(better.effects) < len(current.effects)
             current = better
             been[frozenset(current.keys)] = current
@@ -235,16 +235,16 @@ class Search:
 
     def best(self, pool: Iterable[Hypothesis], than: Hypothesis) -> Hypothesis | None:
         """Return the believable hypothesis with the most evidence, None where it is `than`."""
-        group = [than, *(h for h in pool if h is not than and h.believable)]
-        scores = weigh(self.proposer.trials.problem, group)
-        return None if scores.argmax() == 0 else group[int(scores.argmax())]
+        others = [h for h in pool if h is not than and h.believable]
+        best = self.proposer.trials.best_of([than, *others])
+        return None if best is than else best
 
     def _next(self, current: Hypothesis) -> Hypothesis | None:
         proposer = self.proposer
         best = f"best so far {current.error**0.5:.2f} noise floors"
         for fewer in _drops(proposer, current) if current.effects else ():
-            if self.best([fewer], current):
-                return fewer
+            if shorter := self.best([fewer], current):
+                return shorter
         room = left_to_gain(proposer.trials.problem, current) > LEAST_ASKED
         if room:
             self.report(f"trying one effect more ({best})")
@@ -256,8 +256,8 @@ class Search:
         if current.effects:
             self.report(f"trying others in the place of what was found ({best})")
             for other in _swaps(proposer, current):
-                if self.best([other], current):
-                    return other
+                if exchanged := self.best([other], current):
+                    return exchanged
         self.report(f"trying two effects more ({best})")
         return self._pair(current)
 
@@ -267,8 +267,8 @@ class Search:
         Each is weighed alone against the current hypothesis first: one that explains another joint
         must not say how many samples are independent at this one.
         """
-        pairs = _pairs(self.proposer, current)
-        return self.best([h for h in pairs if self.best([h], current)], current) if pairs else None
+        pairs = [self.best([h], current) for h in _pairs(self.proposer, current)]
+        return self.best([h for h in pairs if h is not None], current)
 
     def _addition(self, current: Hypothesis) -> Hypothesis | None:
         """Return the best hypothesis with a cause more, none of those that are left out.
@@ -294,9 +294,3 @@ class Search:
             f"- {name} at {where}" for name, where in before.keys if (name, where) not in after.keys
         ]
         self.report(f"{', '.join(added + gone)}: {after.error**0.5:.2f} noise floors")
-
-
-def best_of(search: Search, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
-    """Return the hypothesis with the most evidence of some."""
-    scores = weigh(search.proposer.trials.problem, hypotheses)
-    return hypotheses[int(scores.argmax())]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -48,7 +48,6 @@ class Trials:
     until: float = np.inf
     answering: bool = False
     failures: Counter[str] = field(default_factory=Counter)
-    _begun: set[tuple[Effect, ...]] = field(default_factory=set)
     _busy: dict[tuple[Effect, ...], tuple[Effect, ...]] = field(default_factory=dict)
     _known: dict[tuple[Effect, ...], Hypothesis | None] = field(default_factory=dict)
     _fits: dict[tuple[Effect, ...], Fit] = field(default_factory=dict)
@@ -70,15 +69,19 @@ class Trials:
             raise IdentificationError("the robot as given leaves what is not finite on these logs.")
         return found
 
-    def of(self, effects: Sequence[Effect]) -> Hypothesis | None:
+    def of(self, effects: Sequence[Effect], near: Hypothesis | None = None) -> Hypothesis | None:
         """Return the hypothesis fitted from these starts, None where that is impossible.
+
+        Args:
+            effects: start values.
+            near: a hypothesis whose numbers and derivatives serve where it has the same causes.
 
         Raises:
             OutOfTime: it is not known yet, and the search must end.
         """
-        start = tuple(effects)
+        start = tuple(effects) if near is None else near.begun(effects)
         if start not in self._known:
-            self._known[start] = self._fitted(start, ITERATIONS)
+            self._known[start] = self._fitted(start, ITERATIONS, near)
         return self._known[start]
 
     @property
@@ -95,14 +98,18 @@ class Trials:
         if time.monotonic() > self.until:
             raise OutOfTime
 
-    def _fitted(self, start: tuple[Effect, ...], iterations: int) -> Hypothesis | None:
+    def _fitted(
+        self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None = None
+    ) -> Hypothesis | None:
         try:
             self.ask()
-            fit = self.problem.fit(start, iterations, self.ask)
+            known = None if near is None else self.fit(near)
+            fit = self.problem.fit(start, iterations, self.ask, known)
             if fit.failed:
                 self.failures[fit.failed] += 1
                 return None
-            found = hypothesis_of(self.problem, fit)
+            ended = fit.whole and iterations == ITERATIONS
+            found = hypothesis_of(self.problem, fit, whole=ended)
         except IMPOSSIBLE:
             return None
         except OutOfTime:
@@ -112,7 +119,8 @@ class Trials:
         except Exception as error:  # whatever one effect does, the others are still tried
             self.failures[f"{type(error).__name__}: {error}"] += 1
             return None
-        self._keep(fit.effects, fit)
+        if found.whole:
+            self._keep(fit.effects, fit)
         return found
 
     def all_of(self, offers: Iterable[Sequence[Effect]]) -> list[Hypothesis]:
@@ -120,32 +128,50 @@ class Trials:
         return [found for found in map(self.of, offers) if found is not None]
 
     def rivals_of(self, h: Hypothesis, offers: Iterable[Sequence[Effect]]) -> list[Hypothesis]:
-        """Return the hypotheses fitted from these starts, without the impossible ones.
+        """Return hypotheses that may follow another one, without the impossible ones.
 
-        A fit ends after its first step where that leaves it far behind the hypothesis that it
-        competes with.
+        They begin with its numbers. A fit ends after its first step where that leaves it far behind
+        the other one.
         """
-        known = (self._rival_of(h, tuple(effects)) for effects in offers)
+        known = (self._rival_of(h, h.begun(effects)) for effects in offers)
         return [found for found in known if found is not None]
 
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:
         if start in self._known or h.swings or some_deflect(start):
-            return self.of(start)
-        begun = self._fitted(start, 1)
+            return self.of(start, h)
+        begun = self._fitted(start, 1, h)
         own, other = (0.0, 0.0) if begun is None else weigh(self.problem, [h, begun])
-        if begun is None or other < own - HOPELESS:
-            self._known[start] = begun
-            if begun is not None:
-                self._begun.add(begun.effects)
-            return begun
-        return self.of(start)
+        if begun is not None and other < own - HOPELESS:
+            # What it leaves is no noise yet: it does not say how many samples are independent.
+            begun = replace(begun, samples=h.samples)
+        elif begun is not None:
+            return self.of(start, h)
+        self._known[start] = begun
+        return begun
 
     def ended(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis that was tried, fitted to its end."""
-        if h.effects not in self._begun:
+        """Return a hypothesis that was tried, fitted to its end with derivatives of its own."""
+        if h.whole:
             return h
-        self._begun.discard(h.effects)
-        return self.of(h.effects) or h
+        found = self._known.get(h.effects)
+        if found is None or not found.whole:
+            found = self._fitted(h.effects, ITERATIONS) or replace(h, whole=True)
+            self._known[h.effects] = found
+        return found
+
+    def best_of(self, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+        """Return the hypothesis with the most evidence of some, fitted to its end.
+
+        One that nobody believes once it is fitted falls out, but for the first.
+        """
+        group = list(hypotheses)
+        while True:
+            best = int(weigh(self.problem, group).argmax())
+            ended = self.ended(group[best])
+            if ended is group[best]:
+                return ended
+            group[best] = ended
+            group = [h for k, h in enumerate(group) if h.believable or not k]
 
     def fit(self, hypothesis: Hypothesis) -> Fit:
         """Return the fit of a hypothesis, made again where it was let go.
@@ -180,8 +206,13 @@ class Trials:
             size -= self._fits.pop(next(iter(self._fits))).jacobian.nbytes
 
 
-def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
+def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -> Hypothesis:
     """Return what comparing a fit with others needs.
+
+    Args:
+        problem: the logs.
+        fit: to them.
+        whole: whether it is at its end.
 
     Raises:
         FloatingPointError: what it leaves is not finite.
@@ -212,4 +243,5 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit) -> Hypothesis:
         untold=tuple(untold.tolist()),
         contacts=problem.held_contacts(fit),
         squares=np.maximum(*both),
+        whole=whole,
     )

@@ -600,7 +600,7 @@ def derivatives(
     at: Evaluation,
     slots: Slots,
     whitening: FloatArray,
-    known: FloatArray | None = None,
+    known: Mapping[int, FloatArray],
 ) -> FloatArray:
     """Return the change (rows, outputs, p) of the residual per scale of each parameter.
 
@@ -609,19 +609,15 @@ def derivatives(
         at: where.
         slots: the p parameters as (number of effect, parameter).
         whitening: (outputs, judged outputs) by which residuals are multiplied.
-        known: (rows, outputs, p) derivatives nearby. Those by parameters that change how links
-            swing are taken from it, so that nothing is simulated.
+        known: (rows, outputs) derivatives nearby, by the number of the parameter; they are taken.
     """
     if not slots:
         return np.zeros((*at.residual.shape, 0))
     # One column after the other: each is written, and read again, as a whole.
     result = np.zeros((len(slots), *at.residual.shape))
-    waiting = set(range(len(slots)))
-    if known is not None:
-        taken = {row for row in waiting if columns.swings(at, at.effects[slots[row][0]])}
-        for row in taken:
-            result[row] = known[:, :, row]
-        waiting -= taken
+    for row, nearby in known.items():
+        result[row] = nearby
+    waiting = set(range(len(slots))) - known.keys()
     for way in (1.0, -1.0):
         rows = sorted(waiting)
         steps = {row: _step(at, *slots[row], way) for row in rows}

@@ -174,6 +174,7 @@ class EstimationProblem:
         effects: Sequence[Effect],
         iterations: int = ITERATIONS,
         ask: Callable[[], None] = lambda: None,
+        near: Fit | None = None,
     ) -> Fit:
         """Return the robot with these effects, parameters fitted to all records.
 
@@ -181,10 +182,12 @@ class EstimationProblem:
             effects: start values.
             iterations: at most this many Gauss-Newton steps.
             ask: called before each of them; what it raises ends the fit.
+            near: as of `refine`.
         """
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
-            return refine(self.columns, sided, self.whitening, steps, self.white_samples, ask)
+            samples = self.white_samples
+            return refine(self.columns, sided, self.whitening, steps, samples, ask, near)
 
         return _best_sides(self.robot, effects, self.records[0].motion, fit, iterations)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -187,7 +187,7 @@ def beside_others(information: FloatArray, rows: Sequence[int]) -> FloatArray:
 ITERATIONS = 12
 _CONVERGED = 1e-4
 _CONVERGED_ROUGH = 3e-3  # a bouncing link has no smooth error to follow further
-_TRUSTED = 0.25  # error of a promised gain up to which links that swing keep their derivatives
+_TRUSTED = 0.25  # error of a promised gain up to which derivatives from nearby are kept
 _STRAIGHT = 1e-2  # share of a step's change in which it may miss what its derivatives promised
 _SINGULAR = 1e-9  # of the largest eigenvalue: leaves seven digits of a step
 _KNOWS_NOTHING = 1e-2  # share of the information of all rows
@@ -207,6 +207,7 @@ class Fit:
         parameters: the p fitted parameters as (number of effect, parameter).
         usual: rows of what is usual, which are fitted beside those of the records.
         settled: whether more steps would gain nothing.
+        whole: whether no derivative was taken from another fit.
         failed: why the robot cannot have these effects on these records, empty if it can; then all
             of the residual is infinite, so that the model loses every comparison.
     """
@@ -218,6 +219,7 @@ class Fit:
     parameters: tuple[tuple[int, Parameter], ...]
     usual: UsualRows
     settled: bool = True
+    whole: bool = True
     failed: str = ""
 
     @property
@@ -304,6 +306,25 @@ class Fit:
         """
         return self._solved(*self.sums(rows))
 
+    def steps_of_blocks(self, blocks: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the Gauss-Newton step (p,) and its standard deviation (p,) over blocks.
+
+        To first order, of blocks of rows (rows,) drawn with replacement.
+        """
+        known, size = scaled(self.known)
+        solved = np.linalg.inv(known)
+        along = np.einsum("rop,ro->p", self.jacobian, self.residual / self.usual.noise)
+        along += self.usual.jacobian.T @ self.usual.residual
+        step = -(solved @ (along / size)) / size
+        # Each block pulls by what it has left at the end of that step.
+        left = (self.residual + change_along(self.jacobian, step)) / self.usual.noise
+        pulls = np.einsum("rop,ro->rp", self.jacobian, left)
+        _, index = np.unique(blocks, return_inverse=True)
+        each = np.stack([np.bincount(index, column) for column in pulls.T], axis=1)
+        moved = (each / size) @ solved / size
+        spread = np.sqrt(len(moved)) * np.std(moved, axis=0, ddof=min(len(moved) - 1, 1))
+        return np.asarray(step), np.asarray(spread)
+
     def sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations (p, p) and (p,) of a choice of rows."""
         a = self.usual.weighted(self.jacobian[rows])
@@ -345,8 +366,12 @@ def refine(
     iterations: int,
     samples: FloatArray,
     ask: Callable[[], None] = lambda: None,
+    near: Fit | None = None,
 ) -> Fit:
     """Fit all parameters of `effects` added to a robot.
+
+    Derivatives are kept from one step to the next, and taken from another fit, as long as the steps
+    that they say do what they promise.
 
     Args:
         columns: of the robot that lacks them, on the logs.
@@ -357,6 +382,7 @@ def refine(
             it says how much the logs weigh beside that.
         ask: called before what is left and its derivatives are worked out, each time; what it
             raises ends the fit.
+        near: another fit on these records, of which derivatives are taken.
 
     Raises:
         EffectError: the robot has no place for one of the effects.
@@ -370,7 +396,7 @@ def refine(
         """Return the same once more where links bounce: how windows begin settles in steps."""
         return evaluate(robot, at.effects, records, whitening, at) if loose(at.effects) else at
 
-    def slopes(at: Evaluation, known: FloatArray | None = None) -> FloatArray:
+    def slopes(at: Evaluation, known: Mapping[int, FloatArray]) -> FloatArray:
         ask()
         return derivatives(columns, at, slots, whitening, known)
 
@@ -380,49 +406,58 @@ def refine(
     except DynamicsError as error:
         return _failed(robot.with_effects(*effects), effects, slots, records, whitening, str(error))
     at = again(at)
-    jacobian = slopes(at)
+    known = {} if near is None else _shared(near, effects, slots)
+    taken = frozenset(known)  # parameters whose derivatives another fit says
+    jacobian = slopes(at, known)
     least = _CONVERGED_ROUGH if loose(effects) else _CONVERGED
-    fresh = True  # whether the links that swing were differentiated here
     ended = not slots
     for _ in range(iterations if slots else 0):
         usual = _usual(at, slots, samples)
         step = _bounded_step(at.effects, slots, jacobian, at.residual, usual)
         found = _line_search(robot, at, slots, step, whitening, usual, ask)
         if found is None:
-            if fresh:
+            if not known:
                 ended = True
                 break
-            at = again(at)
-            jacobian = slopes(at)
-            fresh = True
+            at, known, taken = again(at), {}, frozenset()
+            jacobian = slopes(at, known)
             continue
         moved, length = found
         before = _cost(at, usual)
         gain = (before - _cost(moved, usual)) / before
         settled = gain < least or length * float(np.max(np.abs(step))) < _CONVERGED
         change = change_along(jacobian, length * step)
-        if not swings and _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change):
+        straight = _norm(moved.residual - at.residual - change) < _STRAIGHT * _norm(change)
+        if (straight and not swings) or (settled and (taken or not swings)):
             # Nothing bends on this way: the derivatives hold at its end, too.
             at = moved
             if settled:
                 ended = True
                 break
             continue
-        trusted = fresh
-        if swings:
-            promised = float(np.sum((at.residual + change) ** 2))
-            trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
-        at = moved
-        known = jacobian if trusted else None
-        at = at if trusted else again(at)
+        promised = float(np.sum((at.residual + change) ** 2))
+        trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+        trusted |= bool(taken) and not swings
+        fresh, at = not known, moved
+        if trusted:
+            kept = {row for row, (k, _) in enumerate(slots) if columns.swings(at, at.effects[k])}
+            known = {row: jacobian[:, :, row] for row in kept | taken}
+        else:
+            at, known, taken = again(at), {}, frozenset()
         jacobian = slopes(at, known)
         if settled and (trusted or fresh):
             ended = True
             break
-        fresh = not trusted or not swings
     whole = robot.with_effects(*at.effects)
     usual = _usual(at, slots, samples)
-    return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended)
+    return Fit(whole, at.effects, at.residual, jacobian, slots, usual, ended, not taken)
+
+
+def _shared(near: Fit, effects: Sequence[Effect], slots: Slots) -> dict[int, FloatArray]:
+    """Return the derivatives of a fit by those parameters that it has, too."""
+    own = {(near.effects[k].key, p.name): row for row, (k, p) in enumerate(near.parameters)}
+    names = [(effects[k].key, parameter.name) for k, parameter in slots]
+    return {row: near.jacobian[:, :, own[name]] for row, name in enumerate(names) if name in own}
 
 
 def _usual(at: Evaluation, slots: Slots, samples: FloatArray) -> UsualRows:
@@ -472,11 +507,9 @@ def _bounded_step(
     usual: UsualRows,
 ) -> FloatArray:
     """Return the Gauss-Newton step with parameters at a bound held when pushed against it."""
-    a, r = jacobian.reshape(-1, len(slots)), residual.ravel()
-    if usual.residual.size:
-        a = np.concatenate([usual.weighted(jacobian), usual.jacobian])
-        r = np.concatenate([(residual * usual.weights).ravel(), usual.residual])
-    gram, moment = a.T @ a, -(a.T @ r)
+    a = usual.weighted(jacobian)
+    gram = a.T @ a + usual.jacobian.T @ usual.jacobian
+    moment = -(a.T @ (residual * usual.weights).ravel() + usual.jacobian.T @ usual.residual)
     values = np.array([effects[k].values[p.name] for k, p in slots])
     low = np.array([p.low for _, p in slots])
     high = np.array([p.high for _, p in slots])
@@ -485,7 +518,7 @@ def _bounded_step(
     for _ in range(len(slots) + 1):
         step = np.zeros(len(slots))
         if free.any():
-            step[free] = _least_squares(a, -r, free, gram, moment)
+            step[free] = _least_squares(gram[np.ix_(free, free)], moment[free])
         blocked = free & (((values <= low) & (step < 0.0)) | ((values >= high) & (step > 0.0)))
         if not blocked.any():
             break
@@ -521,27 +554,13 @@ def _line_search(
     return None
 
 
-def _least_squares(
-    a: FloatArray, b: FloatArray, free: BoolArray, gram: FloatArray, moment: FloatArray
-) -> FloatArray:
-    """Return the least-squares solution with columns scaled and weak directions left alone.
-
-    Args:
-        a: (rows, p).
-        b: (rows,).
-        free: (p,) which columns are used.
-        gram: a' a.
-        moment: a' b.
-    """
-    norm = np.sqrt(np.diagonal(gram)[free])
+def _least_squares(gram: FloatArray, moment: FloatArray) -> FloatArray:
+    """Return the solution (p,) of normal equations, weak directions and idle columns left alone."""
+    norm = np.sqrt(np.diagonal(gram))
     felt = norm > 1e-7 * norm.max(initial=0.0)
-    solution = np.zeros(norm.size)
-    chosen, size = np.flatnonzero(free)[felt], norm[felt]
-    scaled = gram[np.ix_(chosen, chosen)] / np.outer(size, size)
-    # Normal equations lose twice the digits: close to singular the rows themselves are solved.
-    spread = np.linalg.eigvalsh(scaled)
-    if spread.size and spread[0] > _SINGULAR * spread[-1]:
-        solution[felt] = np.linalg.solve(scaled, moment[chosen] / size) / size
-    else:
-        solution[felt] = np.linalg.lstsq(a[:, chosen] / size, b, rcond=1e-8)[0] / size
+    solution, size = np.zeros(norm.size), norm[felt]
+    spread, directions = np.linalg.eigh(gram[np.ix_(felt, felt)] / np.outer(size, size))
+    told = spread > _SINGULAR * spread[-1:]
+    along = directions[:, told].T @ (moment[felt] / size)
+    solution[felt] = directions[:, told] @ (along / spread[told]) / size
     return solution
