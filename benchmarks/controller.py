@@ -109,8 +109,8 @@ def compare(robot, states, rounds, messages, only_peers=False):
     if not only_peers:
         ours |= {
             "conservative": controller(robot.lossless()),
-            "dissipative, proxsuite every tick": controller(robot, **always),
-            "dissipative, daqp every tick": controller(robot, solver="daqp", **always),
+            "dissipative, proxsuite every tick": controller(robot, solver="proxqp", **always),
+            "dissipative, daqp every tick": controller(robot, **always),
         }
     times = {key: [] for key in ours}
     with tempfile.TemporaryDirectory() as folder:

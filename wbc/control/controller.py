@@ -99,6 +99,7 @@ class Controller:
         bound = tuple(self._contacts.values())
         self._fallback = Fallback(robot, self._drivetrain, settings, bound)
         efforts = [task for task in self.tasks if isinstance(task, Effort)]
+        weights = [effort.weights(robot) for effort in efforts]
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(robot, names, weighed, tuple(self._contacts))
         stops, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
@@ -115,9 +116,7 @@ class Controller:
             joints=self._joints,
             collision=self._collision,
             settings=settings,
-            efforts=np.array([e.weights(robot) for e in efforts]).reshape(
-                -1, self._drivetrain.size
-            ),
+            efforts=np.array(weights).reshape(-1, self._drivetrain.size),
             effort_kinds=np.array([e.kind for e in efforts]).reshape(-1, 2),
             stacks=self._stacks,
         )
@@ -247,14 +246,15 @@ class Controller:
         if self._drivetrain.learns:
             leads_to = motion.velocity + answer.dt * answer.acceleration
             self._drivetrain.remember(leads_to, contacts)
-        (status, message), drive = answer.verdict, answer.row(DRIVE)
+        status, drive, late = answer.verdict[0], answer.row(DRIVE), dict[str, str]()
         if self._drivetrain.differs:
             drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
         elapsed, deadline = perf_counter() - start, self.settings.deadline
         if deadline is not None and elapsed > deadline:
-            status, message = Status.LATE, f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
+            status = Status.LATE
+            late["message"] = f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
         return Command(
-            rotor_torque=drive, status=status, message=message, tick_time=elapsed, prospect=answer
+            rotor_torque=drive, status=status, tick_time=elapsed, prospect=answer, **late
         )
 
     def _refused(

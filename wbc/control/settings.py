@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.control.inputs import State, TickInputError, check_step
 from wbc.control.qp.solvers import SOLVERS, WarmStart
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError, require_known
 
 
 class RestPolicy(Enum):
@@ -192,8 +192,7 @@ class ControllerSettings:
             check_step(self.time_step)
         except TickInputError as cause:
             raise ControlError(f"setting time_step: {cause}") from cause
-        if self.solver not in SOLVERS:
-            raise ControlError(unknown_name("QP solver", self.solver, SOLVERS))
+        require_known(ControlError, "QP solver", self.solver, SOLVERS)
         positive = ("tolerance", "max_iterations", "acceleration_weight")
         for name in positive:
             if not getattr(self, name) > 0:

@@ -30,6 +30,7 @@ FEW = 8
 """Steps that are worth a try where the bounds that bind are all but known."""
 UNSETTLED = -1
 """What `settle` returns where it finds no solution."""
+_FALLS = 1e-9  # change of a push from which it counts
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
 STEPS = 32
 """Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin."""
@@ -53,6 +54,7 @@ SOLVER = Structure(
     scaled=(OutDense, "k", "n"),
     system=(OutDense, "k", "k"),
     left=(OutRow, "k"),
+    missing=(OutRow, "k"),
 )
 """A program that keeps its structure, a diagonal D and rows, and memory for its solution.
 
@@ -89,10 +91,19 @@ def _factorise(solver: SolverMemory, first: int, known: int, size: int) -> bool:
 def _try_rows(
     solver: SolverMemory, first: int, known: int, base: int, size: int, x: OutRow
 ) -> bool:
-    """Do as `_meet_rows` does without a check, for a step of `settle`; the same arguments.
+    """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force.
 
-    The half solution L^-1 (right - G free) of the rows that are known stands in `left`. A bound,
-    below row `base`, that the other rows all but decide is none to solve with.
+    The half solution L^-1 (right - G free) of the rows that are known stands in `left`.
+
+    Args:
+        solver: a SOLVER.
+        first, size: which of its rows are G.
+        known: rows, an even number, that the last call had as well.
+        base: from which row on one that the others all but decide is none to solve with.
+        x: result (n,).
+
+    Returns:
+        whether the rows are independent.
     """
     G, right, free, force = solver.rows[first:], solver.right[first:], solver.free, solver.force
     left, scaled, factor, n = solver.left, solver.scaled, solver.system, len(x)
@@ -102,10 +113,11 @@ def _try_rows(
         half, whole = right[i], solver.softness[first + i]
         for j in range(n):
             half -= G[i, j] * free[j]
-            whole += scaled[i, j] * G[i, j]
         for k in range(i):
             half -= factor[i, k] * left[k]
         left[i] = half * factor[i, i]
+        for j in range(n if i >= base else 0):
+            whole += scaled[i, j] * G[i, j]
         if i >= base and whole * factor[i, i] ** 2 > 1.0 / _DECIDED:
             return False
     for i in range(size):
@@ -124,49 +136,35 @@ def _try_rows(
 def _meet_rows(
     solver: SolverMemory, first: int, known: int, size: int, tolerance: float, x: OutRow
 ) -> bool:
-    """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force, and check it.
-
-    Args:
-        solver: a SOLVER.
-        first, size: which of its rows are G.
-        known: rows, an even number, of which `scaled` and `system` know from an earlier call.
-        tolerance: how far beyond its bound a row may be.
-        x: result (n,).
+    """Do as `_try_rows`, and correct x (n,) until the rows are met.
 
     Returns:
         whether the rows are met; they are not where they depend on one another.
     """
-    G, right, softness = solver.rows[first:], solver.right[first:], solver.softness[first:]
-    free, force, left = solver.free, solver.force, solver.left
-    scaled, system, n = solver.scaled, solver.system, len(x)
-    if not _factorise(solver, first, known, size):
+    if not _try_rows(solver, first, known, size, size, x):
         return False
-    largest = 0.0
+    G, right, softness = solver.rows[first:], solver.right[first:], solver.softness[first:]
+    force, missing, scaled, largest = solver.force, solver.missing, solver.scaled, 0.0
     for i in range(size):
-        missing = right[i]
-        for j in range(n):
-            missing -= G[i, j] * free[j]
-        force[i], left[i] = 0.0, missing
-        largest = max(largest, abs(missing))
-    copy_to(free, x)
+        largest = max(largest, abs(right[i]))
     allowed = max(_ROUNDING * tolerance, _DIGITS * largest) ** 2
     for _ in range(_SOLVES):
-        # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
-        # would leave 1e-16 of the largest, which is a thousand times what the rows may miss
-        substitute(system, size, left)
-        for i in range(size):
-            force[i] += left[i]
-            for j in range(n):
-                x[j] += scaled[i, j] * left[i]
         total = 0.0
         for i in range(size):
-            missing = right[i] - softness[i] * force[i]
-            for j in range(n):
-                missing -= G[i, j] * x[j]
-            left[i] = missing
-            total += missing * missing
+            left = right[i] - softness[i] * force[i]
+            for j in range(len(x)):
+                left -= G[i, j] * x[j]
+            missing[i] = left
+            total += left * left
         if total <= allowed:
             return True
+        # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
+        # would leave 1e-16 of the largest, which is a thousand times what the rows may miss
+        substitute(solver.system, size, missing)
+        for i in range(size):
+            force[i] += missing[i]
+            for j in range(len(x)):
+                x[j] += scaled[i, j] * missing[i]
     return False
 
 
@@ -227,25 +225,39 @@ def _most_violated(
 
 
 @compiled
-def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow) -> int:
-    """Move all pushes towards those of the system with the last row, until one reaches zero.
+def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) -> int:
+    """Change all pushes until one reaches zero.
+
+    They move towards those of the system with the last row. Where the others decide that row, it
+    pushes more and more, and they give back what it takes of each motion: nothing moves.
 
     Args:
         solver: a SOLVER as `_try_rows` leaves it.
         base, size: which rows of G are bounds, the last one the row that enters.
         push: how hard every bound pushes (>= size - base,); result.
+        met: what `_try_rows` returned.
 
     Returns:
         which bound pushes no more, -1 where none stops the others.
     """
-    force, taken, active = solver.force, solver.taken, solver.active
-    leaving, share = -1, 1.0
-    for k in range(size - base - 1):
-        reached = -force[base + k] * taken[active[k]]
-        if reached < 0.0 and push[k] < share * (push[k] - reached):
-            leaving, share = k, push[k] / (push[k] - reached)
+    factor, change, taken, active = solver.system, solver.force, solver.taken, solver.active
+    if not met:
+        side, last = taken[active[size - base - 1]], size - 1
+        for i in range(size):
+            change[i] = factor[last, i] * side if i < last else -side
+        for i in range(last - 1, -1, -1):
+            change[i] *= factor[i, i]
+            for k in range(i):
+                change[k] -= factor[i, k] * change[i]
+    leaving, share = -1, 1.0 if met else np.inf
     for k in range(size - base):
-        push[k] += share * (-force[base + k] * taken[active[k]] - push[k])
+        change[base + k] *= -taken[active[k]]
+        change[base + k] -= push[k] if met else 0.0
+        falls = -change[base + k] if solver.give[active[k]] == 0.0 else 0.0
+        if falls > _FALLS and push[k] < share * falls:
+            leaving, share = k, push[k] / falls
+    for k in range(size - base if share < np.inf else 0):
+        push[k] += share * change[base + k]
     return leaving
 
 
@@ -281,7 +293,8 @@ def _begin(
         for k in range(size - base):
             push[k] = max(-solver.force[base + k] * taken[active[k]], 0.0)
             # to drop what hardly pulls as well would drop and take some rows in turns
-            if -solver.force[base + k] * taken[active[k]] < -tolerance:
+            pull = solver.force[base + k] * taken[active[k]]
+            if pull > tolerance and solver.give[active[k]] == 0.0:
                 taken[active[k]], pulls = 0, True
     return size
 
@@ -302,7 +315,8 @@ def settle(
     is taken, and its multiplier grows from zero: the multipliers of the others change in a straight
     line to those of the system with it. The first one that reaches zero on the way is dropped, and
     the way goes on without it. Every step raises the least cost that the bounds met so far allow,
-    so that no set of them comes back. A bound that the others all but decide ends the try.
+    so that no set of them comes back. Where the others all but decide the bound, nothing moves
+    until one of them is dropped.
 
     Args:
         solver: a SOLVER.
@@ -321,7 +335,7 @@ def settle(
         solver.free[j] = solver.inverse[j] * solver.pull[j]
     push = np.zeros(len(taken))
     size = _begin(solver, first, base, bounds, tolerance, push, x)
-    known, fresh, exact = 0, True, True
+    fresh, exact = True, True
     if size < 0:
         return UNSETTLED
     trial = np.empty(len(x))
@@ -334,14 +348,15 @@ def settle(
                 break
             if step == steps or first + size == len(solver.right):
                 break
-            known = 0 if exact else size - size % 2
+            known = size - size % 2
             taken[row], active[size - base], push[size - base] = side, row, 0.0
             size, exact = _place_bound(solver, first, size, row), False
-        if not _try_rows(solver, first, known, base, size, trial):
-            break
-        leaving = _go_on(solver, base, size, push)
+        met = _try_rows(solver, first, known, base, size, trial)
+        leaving = _go_on(solver, base, size, push, met)
         fresh = leaving < 0
-        known = size - size % 2
+        if fresh and not met:
+            break
+        known = size - size % 2 if met else known
         if fresh:
             copy_to(trial, x)
             continue

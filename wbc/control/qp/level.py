@@ -28,6 +28,7 @@ from wbc.control.tick import (
     MOVED,
     OUTPUT,
     SIGMA,
+    TOLERANCE,
     TOO_LARGE,
     TRIES,
     TURNING,
@@ -47,7 +48,6 @@ _ROWS = {
     "expected_speed": TURNING,
     "certainty": SIGMA,
 }
-_NOTHING_PASSED: tuple[Mapping[str, float], str] = {}, ""
 
 
 class PendingTick(NamedTuple):
@@ -78,7 +78,7 @@ class SolvedLevel(NamedTuple):
         verdict: how usable it is.
         solve_time, rounds, iterations: what it took, as in `Command`.
         dt: time until the next tick [s].
-        passed: limit -> by how much it is passed, as it could not be kept.
+        excess: `Program.excess` where limits may be passed, else None.
         hard: how many hard rows the program has, where the block holds the solution.
         refused: None, as in every `Command` of a solution.
     """
@@ -92,12 +92,23 @@ class SolvedLevel(NamedTuple):
     rounds: int = 1
     iterations: int = 0
     refused: None = None
-    passed: Mapping[str, float] = _NOTHING_PASSED[0]
+    excess: FloatArray | None = None
     hard: int = 0
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
         return np.asarray(self.level.program.gear_rows(self.block)[number])
+
+    @property
+    def passed(self) -> Mapping[str, float]:
+        """The limits that are passed, and by how much."""
+        return {} if self.excess is None else self.level.program.told(self.excess)[0]
+
+    @property
+    def message(self) -> str:
+        """What is in the way."""
+        told = "" if self.excess is None else self.level.program.told(self.excess)[1]
+        return f"{told} {self.verdict[1]}".strip()
 
     @property
     def acceleration(self) -> FloatArray:
@@ -222,7 +233,7 @@ class Level:
         if limited and above.found is not None:
             self._search.start(sigma, None)
             self._search.place(above.found.decided, above.row(OUTPUT))
-        reach = REACH * memory.numbers[3]
+        reach = REACH * memory.numbers[TOLERANCE]
         left = int(hold(memory, lock, x, limited, program.unlocked, reach))
         if left < 0:
             extend_by_bounds(lock)
@@ -240,19 +251,15 @@ class Level:
             decided = decided if above.found is None else above.found.decided
         elif ended == LIMITED_TORQUE:  # as it would be without limits
             output = gears[OUTPUT].copy()
-        search, (passed, told) = self._search, _NOTHING_PASSED
+        search, excess = self._search, None
         search.start(gears[SIGMA], passing)
-        gives = above is None and program.joint.start < program.bounds
-        found = search.solve(output, decided, brief=gives)
-        if gives and found.solution.status is not QPStatus.SOLVED and search.affords:
-            with program.limits_as_tasks():
-                found = search.first(output, decided)
-            if found.solution.status is QPStatus.SOLVED:
-                passed, told = program.passed(found.solution)
-        status, message = _judged(found, program)
-        if not status.usable:
+        found = search.solve(output, decided)
+        if found.solution.status in (QPStatus.EASED, QPStatus.UNFINISHED):
+            excess = program.excess(found.solution)
+        verdict = _judged(found, program)
+        if not verdict[0].usable:
             search.place(found.decided, output)
-            return Refusal((status, message), found, self)
+            return Refusal(verdict, found, self)
         self._decided, solution = found.decided, found.solution
         block[program.at.x] = solution.x
         finish(program.memory, asked.dt, block)
@@ -260,9 +267,8 @@ class Level:
         self._saturated = bool(
             pushes.max(initial=0.0) > _BINDS or pushes.min(initial=0.0) < -_BINDS
         )
-        verdict = status, f"{told} {message}".strip()
         took = found.solve_time, asked.dt, found.rounds, found.iterations
-        return SolvedLevel(self, block, found, verdict, *took, None, passed)
+        return SolvedLevel(self, block, found, verdict, *took, None, excess)
 
     def expecting(self, last: FloatArray) -> FloatArray:
         """Return the block of the last tick for the next one, after this one had no solution.
@@ -285,10 +291,12 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
     """Return how usable a solution is, and what is in its way."""
     solution = found.solution
     finite = bool(np.isfinite(solution.x).all()) and len(solution.x) == program.n
-    if solution.status is QPStatus.SOLVED:
+    if solution.status in (QPStatus.SOLVED, QPStatus.EASED, QPStatus.UNFINISHED):
         if not finite:
             return Status.FAILED, "the solver returned values that are not finite."
-        if found.settled:
+        if solution.status is QPStatus.UNFINISHED:
+            return Status.INACCURATE, f"no better motion within {found.iterations} units of work."
+        if found.settled or solution.status is QPStatus.EASED:
             return _SOLVED
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
@@ -310,8 +318,9 @@ def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusa
         if isinstance(deeper, Refusal) and deeper.complaint is not None:
             message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
             return answer._replace(verdict=(Status.INACCURATE, message))
-        if answer.passed and isinstance(deeper, SolvedLevel):
-            deeper = deeper._replace(verdict=answer.verdict, passed=answer.passed)
+        given = answer.excess is not None or answer.verdict is not _SOLVED
+        if given and isinstance(deeper, SolvedLevel):
+            deeper = deeper._replace(verdict=answer.verdict, excess=answer.excess)
         answer = deeper
     return answer
 

@@ -18,7 +18,7 @@ from wbc.control.qp.gear_rows import (
 )
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program
-from wbc.control.qp.solvers import SOLVERS, QPSolution, QPStatus, solve
+from wbc.control.qp.solvers import QPSolution, QPStatus, solve, solve_in_turn
 from wbc.control.tick import (
     COST,
     FIRST,
@@ -26,6 +26,7 @@ from wbc.control.tick import (
     HARD,
     SCALE,
     SMALL,
+    TOLERANCE,
     ProgramMemory,
     place_directed_rows,
     place_efforts,
@@ -167,10 +168,11 @@ class DirectionSearch:
         """
         settings, m = program.recipe.settings, program.memory.gears.driven.shape[0]
         self._program, self._guesses = program, guesses
-        self._names, self._tolerance = SOLVERS[settings.solver], settings.tolerance
-        self._most = settings.max_iterations
-        self.output, self._share = np.empty(m), np.empty(m)
-        self._beyond, self._sides = np.empty(m, np.bool_), np.empty(m, np.int_)
+        self._solver, self._tolerance = settings.solver, settings.tolerance
+        self._most, self._gives = settings.max_iterations, False
+        self._least = 10.0 * settings.tolerance  # push from which a bound binds
+        self.output, self._beyond, self._sides = np.empty(m), np.empty(m, bool), np.empty(m, int)
+        self._written = self.output, np.empty(m), self._beyond
         self._limited = np.isin(np.arange(m), program.gears)
         self._passing: FloatArray | None = None
 
@@ -181,8 +183,9 @@ class DirectionSearch:
             sigma: certainty of the gears (m,).
             passing: x (n,) of the level above, which bounds let pass; None where there is none.
         """
-        memory, self._passing = self._program.memory, passing
-        jacobian, scale = memory.contacts.rows.jacobian, self._program.force_scale
+        program, memory, self._passing = self._program, self._program.memory, passing
+        self._gives = passing is None and program.joint.start < program.bounds
+        jacobian, scale = memory.contacts.rows.jacobian, program.force_scale
         place_slopes(memory.gears, sigma, memory.slopes[1], memory.slopes[0])
         place_map(memory.gears, jacobian, scale, memory.map, memory.output_bias)
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
@@ -194,37 +197,25 @@ class DirectionSearch:
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:
-            slack = REACH * memory.numbers[3]
+            slack = REACH * memory.numbers[TOLERANCE]
             let_pass(memory, program.lock, self._passing, slack, 0, program.torque.stop)
 
-    @property
-    def affords(self) -> bool:
-        """Whether another program may be begun."""
-        return self._may_begin(self._most)
-
     def _may_begin(self, most: float) -> bool:
-        return self.rounds == 0 or self.iterations + _PROGRAM < most
+        """Whether another program may be begun."""
+        return self.rounds == 0 or self.iterations + _PROGRAM + _GUESS < most
 
-    def first(self, output: FloatArray, decided: IntArray) -> DirectedSolution:
-        """Return what the program in the directions of some torques (m,) comes to."""
-        guess = self._all_decided(output, decided)
-        self.place(guess, output)
-        return self._found(self._solved(), guess, settled=True)
-
-    def solve(
-        self, output: FloatArray, decided: IntArray, *, brief: bool = False
-    ) -> DirectedSolution:
+    def solve(self, output: FloatArray, decided: IntArray) -> DirectedSolution:
         """Return the best solution over all directions, or the best within the work.
 
         Args:
             output: T (m,) whose signs the efforts begin with, and the directions.
             decided: (m,) 1 or -1 for the sign of T of gears that are decided, else 0.
-            brief: whether the first program without a solution is an answer.
         """
         slopes = self._program.memory.slopes
         for _ in range(GUESSES):
-            found = self._branch(output, decided, brief)
-            if not (self._program.has_efforts and found.settled and self.affords):
+            found = self._branch(output, decided)
+            more = self._program.has_efforts and self._may_begin(self._most)
+            if not (more and found.settled):
                 break
             differs = ((self.output > 0.0) != (output > 0.0)) & (slopes[0] != slopes[1])
             if not (differs & (np.abs(self.output) > SMALL)).any():
@@ -232,15 +223,13 @@ class DirectionSearch:
             output = self.output.copy()
         return found
 
-    def _all_decided(self, output: FloatArray, decided: IntArray) -> IntArray:
-        """Return `decided`, and for the other gears that have a limit the signs of torques (m,)."""
-        return np.where(self._limited & (decided == 0), np.where(output > 0.0, 1, -1), decided)
-
-    def _branch(self, output: FloatArray, decided: IntArray, brief: bool) -> DirectedSolution:
+    def _branch(self, output: FloatArray, decided: IntArray) -> DirectedSolution:
         """Return the solution of least cost with the efforts of some torques (m,)."""
         memory, most, lowest = self._program.memory, 1.0 * self._most, np.inf
         taken, sides, start = memory.solver.taken, self._sides, memory.solver.taken.copy()
-        guess, nodes = self._all_decided(output, decided), [(-np.inf, decided, start)]
+        open_ones = self._limited & (decided == 0)
+        guess = np.where(open_ones, np.where(output > 0.0, 1, -1), decided)
+        nodes = [(-np.inf, decided, start)]
         if (guess != decided).any():
             nodes.append((-np.inf, guess, start))
         best: tuple[QPSolution, IntArray] | None = None
@@ -255,11 +244,10 @@ class DirectionSearch:
             solution = self._solved()
             if solution.status is not QPStatus.SOLVED:
                 refused = (solution, node) if refused[0] is NOTHING else refused
-                if brief:
+                if self._gives:  # limits give way before directions are searched
                     nodes = []
                 continue
-            written = self.output, self._share, self._beyond
-            cost, some_beyond = weigh(memory, solution.x, node, *written)
+            cost, some_beyond = weigh(memory, solution.x, node, *self._written)
             if cost >= lowest:
                 continue
             if some_beyond:
@@ -286,43 +274,81 @@ class DirectionSearch:
 
     def _found(self, solution: QPSolution, decided: IntArray, *, settled: bool) -> DirectedSolution:
         if solution.status is QPStatus.SOLVED:
-            written = self.output, self._share, self._beyond
-            weigh(self._program.memory, solution.x, decided, *written)
+            weigh(self._program.memory, solution.x, decided, *self._written)
         took = self.rounds, self.iterations, self._spent
         return DirectedSolution(solution, decided, settled, *took)
 
     def _solved(self) -> QPSolution:
         """Return the solution of the program as it stands, or one that is not SOLVED.
 
-        From bounds that bound another solution, where there are some; else the first that a solver
-        finds. What a solver finds is solved once more from the rows that bind in it: to the last
-        digits.
+        From bounds that bound another solution, where there are some; else by a solver.
         """
         start, found, solver = perf_counter(), NOTHING, self._program.memory.solver
         self.rounds += 1
         if self._guesses and solver.taken.any():
-            found = self._guessed()
-        if found is NOTHING:
+            found = self._guessed(FEW)
+        if found is NOTHING and (self._solver == "proxqp" or not self._guesses):
             self.iterations += _PROGRAM
-            problem = self._program.dense()
-            for name in self._names:
-                most = max(self._most - self.iterations - _GUESS, 1)
-                found = solve(name, problem, tolerance=self._tolerance, most=most)
-                self.iterations += found.iterations
-                # alone ProxQP calls programs infeasible that leave hardly any room
-                sure = name == "daqp" and found.status is QPStatus.INFEASIBLE
-                if found.status is QPStatus.SOLVED or sure:
-                    break
-            gives = bool(solver.give.any())
-            if found.status is QPStatus.SOLVED and (self._guesses or gives):
-                least = 10.0 * self._tolerance
-                take_pushing(found.z, self._program.wanted, least, solver.taken)
-                exact = self._guessed(STEPS if gives else FEW)
-                found = exact if exact.status is QPStatus.SOLVED else found
+            most, problem = max(self._most - self.iterations - _GUESS, 1), self._program.dense()
+            found = solve(self._solver, problem, tolerance=self._tolerance, most=most)
+            self.iterations += found.iterations
+            if found.status is QPStatus.SOLVED:
+                found = self._refined(found, FEW)
+        # alone ProxQP calls programs infeasible that leave hardly any room
+        unsolved = found.status is not QPStatus.SOLVED
+        if unsolved and (found is NOTHING or self._may_begin(self._most)):
+            found = self._in_turn()
         self._spent += perf_counter() - start
         return found
 
-    def _guessed(self, steps: int = FEW) -> QPSolution:
+    def _in_turn(self) -> QPSolution:
+        """Return the solution by daqp, or where limits give way the motion that comes nearest.
+
+        The bounds that bind are found with even costs, and limits that ask for motion as tasks: at
+        first without limits of joints and distances, then with those that ask for none, then with
+        all. From these begins the program with the costs as they are. Where not all can be kept,
+        the last motion found is the answer.
+        """
+        program, solver = self._program, self._program.memory.solver
+        with program.limits_as_tasks():
+            found = self._asked(program.bounds_in_turn())
+            last = found.pop()
+            if last.status is not QPStatus.SOLVED:
+                if not (self._gives and found):
+                    return last
+                if len(found) == 2:  # limits that ask for no motion can be kept
+                    solver.give[program.wanted == 0] = 0.0
+                known = last.status is QPStatus.INFEASIBLE
+                eased = self._refined(found[-1], STEPS)
+                return eased._replace(status=QPStatus.EASED if known else QPStatus.UNFINISHED)
+        exact = self._refined(last, STEPS)
+        if exact is last and self._may_begin(self._most):
+            take_pushing(last.z, program.wanted, self._least, solver.taken)
+            best = self._asked([(solver.lower, solver.upper)], solver.taken)[0]
+            exact = self._refined(best, FEW) if best.status is QPStatus.SOLVED else last
+        return last._replace(status=QPStatus.UNFINISHED) if exact is last else exact
+
+    def _asked(
+        self, bounds: list[tuple[FloatArray, FloatArray]], start: IntArray | None = None
+    ) -> list[QPSolution]:
+        """Return what daqp says of the program as it stands, see `solve_in_turn`."""
+        self.iterations, problem = self.iterations + _PROGRAM, self._program.dense()
+        # each may take one iteration more than it is allowed
+        most = self._most - self.iterations - _GUESS - len(bounds)
+        found = solve_in_turn(problem, bounds, tolerance=self._tolerance, most=most, start=start)
+        self.iterations += sum(one.iterations for one in found)
+        return found
+
+    def _refined(self, found: QPSolution, steps: int) -> QPSolution:
+        """Return the solution from the bounds that push in one, to the last digits if possible."""
+        solver = self._program.memory.solver
+        if not (self._guesses or solver.give.any()):
+            return found
+        take_pushing(found.z, self._program.wanted, self._least, solver.taken)
+        exact = self._guessed(steps)
+        return found if exact is NOTHING else exact
+
+    def _guessed(self, steps: int) -> QPSolution:
         """Return the solution from the rows taken as binding, NOTHING where they lead to none."""
         program, memory = self._program, self._program.memory
         solver, counts = memory.solver, memory.counts

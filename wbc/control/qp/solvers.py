@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from math import isqrt
 from pathlib import Path
@@ -12,7 +13,7 @@ import daqp
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -63,6 +64,8 @@ class QPStatus(Enum):
     """How solving ended."""
 
     SOLVED = "solved"
+    EASED = "eased"  # no point keeps all bounds: the best where some of them give way
+    UNFINISHED = "unfinished"  # the work ended at a point that can be used, but is not the best
     INFEASIBLE = "infeasible"
     ITERATION_LIMIT = "iteration limit"
     FAILED = "failed"
@@ -106,10 +109,10 @@ _PROXQP = {
     proxqp.PROXQP_PRIMAL_INFEASIBLE: QPStatus.INFEASIBLE,
     proxqp.PROXQP_MAX_ITER_REACHED: QPStatus.ITERATION_LIMIT,
 }
-_EQUALITY = 5
+_EQUALITY, _UPPER, _LOWER = 5, 1, 3
 _DAQP = {1: QPStatus.SOLVED, -1: QPStatus.INFEASIBLE, -4: QPStatus.ITERATION_LIMIT}
-SOLVERS = {"proxqp": ("proxqp", "daqp"), "daqp": ("daqp",)}
-"""The solvers to ask one after the other: the one named, and daqp behind ProxQP.
+SOLVERS = ("daqp", "proxqp")
+"""The solvers that can be asked; daqp is behind ProxQP.
 
 ProxQP finds nothing where daqp does not: of 200 hostile ticks of Talos daqp failed in ten, and
 ProxQP took 10 ms each to say the same.
@@ -128,17 +131,8 @@ class WarmStart(Enum):
     SOLVER = "solver"
 
 
-def solve(
-    name: str,
-    problem: QPProblem,
-    *,
-    tolerance: float,
-    most: int,
-) -> QPSolution:
+def solve(name: str, problem: QPProblem, *, tolerance: float, most: int) -> QPSolution:
     """Return the solution of a program whose numbers are finite and bounds ordered, from nothing.
-
-    daqp rounds as its memory happens to lie. Started from bounds of another program, it may end
-    with other bounds then, so that ticks would not repeat.
 
     Args:
         name: "proxqp" or "daqp".
@@ -146,8 +140,10 @@ def solve(
         tolerance: absolute, on residuals.
         most: iterations, inner and outer ones together.
     """
-    ask = _solve_daqp if name == "daqp" else _solve_proxqp
-    return ask(problem, tolerance, most)
+    if name == "proxqp":
+        return _solve_proxqp(problem, tolerance, most)
+    bounds = [(problem.lower, problem.upper)]
+    return solve_in_turn(problem, bounds, tolerance=tolerance, most=most)[-1]
 
 
 def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
@@ -174,18 +170,44 @@ def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution
     return QPSolution(x, y, z, _PROXQP.get(info.status, QPStatus.FAILED), int(info.iter))
 
 
-def _solve_daqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
-    """Solve with daqp (Arnstrom, Bemporad & Axehill 2022), which needs a positive definite H.
+def solve_in_turn(
+    problem: QPProblem,
+    bounds: Sequence[tuple[FloatArray, FloatArray]],
+    *,
+    tolerance: float,
+    most: int,
+    start: IntArray | None = None,
+) -> list[QPSolution]:
+    """Return the solutions of a program with ever tighter bounds, up to the first without one.
 
-    It finishes in a number of steps that grows with the constraints that bind, and says at once
-    when none can be met.
+    By daqp (Arnstrom, Bemporad & Axehill 2022), which needs a positive definite H. It finishes in a
+    number of steps that grows with the constraints that bind, and says at once when none can be
+    met. Each solution begins with the bounds that bind in the one before.
+
+    Args:
+        problem: the program; its own bounds are not read.
+        bounds: lower and upper ones (n_in,), at least one pair.
+        tolerance: absolute, on residuals.
+        most: iterations of all solutions together.
+        start: (n_in,) 1 and -1 for upper and lower bounds that the first one begins with.
     """
-    H, g, A, b, C, lower, upper = problem
-    sense = np.zeros(len(b) + len(lower), dtype=np.int32)
-    sense[: len(b)] = _EQUALITY
-    rows, low = np.concatenate([A, C]), np.concatenate([b, lower])
-    high = np.concatenate([b, upper])
-    limits = {"primal_tol": tolerance, "dual_tol": tolerance, "iter_limit": most}
-    x, _, flag, info = daqp.solve(H, g, rows, high, low, sense, **limits)
-    y, z = info["lam"][: len(b)], info["lam"][len(b) :]
-    return QPSolution(x, y, z, _DAQP.get(flag, QPStatus.FAILED), info["iterations"])
+    H, g, A, b, C, _, _ = problem
+    sense = np.full(len(b) + len(C), _EQUALITY, dtype=np.int32)
+    sense[len(b) :] = 0 if start is None else np.choose(start, (0, _UPPER, _LOWER), mode="wrap")
+    model, rows, found = daqp.Model(), np.concatenate([A, C]), list[QPSolution]()
+    # rows that are equalities are eliminated: half the time of an iteration
+    limits = {"primal_tol": tolerance, "dual_tol": tolerance, "eq_reduction": 1}
+    for lower, upper in bounds:
+        low, high = np.concatenate([b, lower]), np.concatenate([b, upper])
+        model.settings = limits | {"iter_limit": max(most, 1)}
+        if found:
+            model.update(blower=low, bupper=high)
+        elif model.setup(H, g, rows, high, low, sense)[0] < 0:
+            return [QPSolution(np.zeros(len(g)), b, lower, QPStatus.FAILED, 0)]
+        x, _, flag, info = model.solve()
+        y, z = info["lam"][: len(b)], info["lam"][len(b) :]
+        status, most = _DAQP.get(flag, QPStatus.FAILED), most - info["iterations"]
+        found.append(QPSolution(x, y, z, status, info["iterations"]))
+        if status is not QPStatus.SOLVED:
+            break
+    return found

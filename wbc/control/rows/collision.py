@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.arrays import frozen
 from wbc.control.kinematics import Kinematics, frame_number
 from wbc.control.tree import place_distances
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError, require_known
 
 _FLAT = 1e-9  # thickness over size; coal's hull of a mesh with none (4e-17) ends the process
 
@@ -80,8 +80,7 @@ class CollisionLimit:
         if len(set(names)) < len(names):
             raise ControlError(f"two shapes have one name: {', '.join(names)}.")
         for name in (name for pair in self.pairs for name in pair):
-            if name not in names:
-                raise ControlError(unknown_name("shape", name, names))
+            require_known(ControlError, "shape", name, names)
         if not 0.0 <= self.margin < self.influence or not 0.0 < self.rate < np.inf:
             raise ControlError(
                 "a collision limit needs 0 <= margin < influence [m] and a rate > 0 1/s, got "

@@ -266,7 +266,6 @@ class SurfaceContact(Contact):
         number, name = robot.model.getFrameId(points[0].frame), f"middle of {self.name}"
         parent = robot.model.frames[number]
         placement = parent.placement * pin.SE3(np.eye(3), middle)
-        kind = pin.FrameType.OP_FRAME
         return BoundContact(
             contact=self,
             cone=frozen(matrix),
@@ -276,7 +275,7 @@ class SurfaceContact(Contact):
             size=6,
             state_rows=StateRows(RowKind.OWN, name, slice(0, 6)),
             corners=offsets - middle,
-            frames=(pin.Frame(name, parent.parentJoint, number, placement, kind),),
+            frames=(pin.Frame(name, parent.parentJoint, number, placement, pin.OP_FRAME),),
         )
 
 

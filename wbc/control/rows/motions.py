@@ -158,10 +158,6 @@ class FramePoseTask(FrameTask):
     world axes.
     """
 
-    def rows(self) -> slice:
-        """Return all six rows."""
-        return slice(0, 6)
-
     def value(self, kinematics: Kinematics) -> pin.SE3:
         """Return the placement, world from frame."""
         place = self.evaluated(kinematics).places[0]
@@ -196,10 +192,7 @@ class FrameDistanceTask(StateTask):
     frame: str
     other: str
     kind: ClassVar[RowKind] = RowKind.DISTANCE
-
-    def rows(self) -> slice:
-        """Return the one row."""
-        return slice(0, 1)
+    own_rows: ClassVar[slice] = slice(0, 1)
 
     @property
     def state_rows(self) -> StateRows:
@@ -248,16 +241,13 @@ class CapturePointTask(StateTask):
     acceleration_limit: float = 9.81
     height: float
     kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
+    own_rows: ClassVar[slice] = slice(0, 2)
 
     def __post_init__(self) -> None:
         """Check the height."""
         super().__post_init__()
         if not 0.0 < self.height < np.inf:
             raise ControlError(f"task '{self.name}': height must be > 0 m, got {self.height}.")
-
-    def rows(self) -> slice:
-        """Return x and y."""
-        return slice(0, 2)
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return xi (2,) [m]."""
@@ -272,7 +262,7 @@ class CapturePointTask(StateTask):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MomentumTask(AxesTask):
+class MomentumTask(StateTask):
     """Rows of the momentum about the centre of mass; subclasses are final and choose them.
 
     The value is itself a rate, so the task wants
@@ -296,7 +286,7 @@ class MomentumTask(AxesTask):
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinearMomentumTask(MomentumTask):
+class LinearMomentumTask(MomentumTask, AxesTask):
     """Linear momentum of the whole robot along some world axes [kg m/s]."""
 
     name: str = "linear_momentum"
@@ -304,7 +294,7 @@ class LinearMomentumTask(MomentumTask):
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AngularMomentumTask(MomentumTask):
+class AngularMomentumTask(MomentumTask, AxesTask):
     """Angular momentum about the centre of mass along some world axes [N m s]."""
 
     name: str = "angular_momentum"
@@ -317,7 +307,3 @@ class CentroidalMomentumTask(MomentumTask):
     """The whole momentum about the centre of mass, linear over angular [kg m/s, N m s]."""
 
     name: str = "centroidal_momentum"
-
-    def rows(self) -> slice:
-        """Return all six rows."""
-        return slice(0, 6)

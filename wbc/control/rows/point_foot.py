@@ -150,16 +150,13 @@ class PointFootBalanceTask(StateTask):
     frame: str
     bandwidth: float | None = None
     kind: ClassVar[RowKind] = RowKind.BALANCE
+    own_rows: ClassVar[slice] = slice(0, 1)
 
     def __post_init__(self) -> None:
         """Check the bandwidth."""
         super().__post_init__()
         if self.bandwidth is not None and not self.bandwidth > 0.0:
             raise ControlError(f"task '{self.name}': bandwidth must be > 0 1/s.")
-
-    def rows(self) -> slice:
-        """Return x."""
-        return slice(0, 1)
 
     @property
     def state_rows(self) -> StateRows:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import final
 
-from wbc.errors import ControlError, unknown_name
+from wbc.errors import ControlError, require_known
 
 
 @final
@@ -59,8 +59,7 @@ class ContactRamp:
             ControlError: a contact that there is not.
         """
         for name in wanted:
-            if name not in self._share:
-                raise ControlError(unknown_name("contact", name, self._share))
+            require_known(ControlError, "contact", name, self._share)
         given = wanted if isinstance(wanted, Mapping) else dict.fromkeys(wanted, inf)
         fall, rise = (inf, inf) if at_once else (dt * self._fall, dt * self._rise)
         ceilings = {}
@@ -120,6 +119,5 @@ class ContactSchedule:
         return None if phase < self.duty else (phase - self.duty) / (1.0 - self.duty)
 
     def _phase(self, contact: str, time: float) -> float:
-        if contact not in self.offsets:
-            raise ControlError(unknown_name("contact", contact, self.offsets))
+        require_known(ControlError, "contact", contact, self.offsets)
         return (time / self.period - self.offsets[contact]) % 1.0

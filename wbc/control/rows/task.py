@@ -137,18 +137,20 @@ class StateTask(Task):
 
     Attributes:
         kind: what the rows are of.
+        own_rows: which of the six it has.
     """
 
     kind: ClassVar[RowKind]
+    own_rows: ClassVar[slice] = slice(0, 6)
 
     def __post_init__(self) -> None:
         """Check the rows."""
         super().__post_init__()
         self.rows()
 
-    @abstractmethod
     def rows(self) -> slice:
         """Return which of the six rows, linear over angular, the task has."""
+        return self.own_rows
 
     @property
     def state_rows(self) -> StateRows:
