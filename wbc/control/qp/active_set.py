@@ -33,7 +33,11 @@ UNSETTLED = -1
 _FALLS = 1e-9  # change of a push from which it counts
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
 STEPS = 32
-"""Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin."""
+"""Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin.
+
+With 16, 24, 32 and 48 the median hostile tick of Solo12 takes 270, 211, 197 and 178 us, the worst
+one of Talos 1.16, 1.17, 1.25 and 1.40 ms.
+"""
 
 SOLVER = Structure(
     "Solver",

@@ -39,7 +39,6 @@ from wbc.control.tick import (
 from wbc.robot import Motion
 
 _BINDS = 1e-6
-_BROKEN = 1e-4
 _FEW = 4
 _SOLVED: Complaint = (Status.SOLVED, "")
 _ROWS = {
@@ -302,8 +301,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
         beyond = program.beyond(solution.x)[: program.joint.start] if finite else np.zeros(1)
-        known = beyond.max(initial=0.0) > _BROKEN
-        broken = program.labels[int(np.argmax(beyond))] if known else "a constraint"
+        broken = program.labels[int(np.argmax(beyond))] if beyond.any() else "a constraint"
         return Status.INFEASIBLE, f"{broken} cannot be kept beside the others; see explain()."
     return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."
 

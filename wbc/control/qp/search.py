@@ -35,7 +35,10 @@ from wbc.control.tick import (
 # What it takes to write a program out and to begin it, and to try bounds that may bind, in
 # iterations of daqp.
 _PROGRAM, _GUESS = 70, 30
-_SEARCHED = 0.5  # share of the work up to which a better solution than the first is looked for
+# Share of the work up to which a better solution than the first is looked for. With all of it 12 of
+# 155 hostile ticks of Solo12 would move better, and 11 of 77 of Talos, and the 99th percentile of
+# Solo12 would be 740 us in place of 450.
+_SEARCHED = 0.5
 _ACTIVE = 1e-6
 _EMPTY = np.zeros(0)
 NOTHING = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.FAILED, 0)
