@@ -6,6 +6,27 @@ on_speed du + on_impulse dp = missing, with the row's natural residual beside it
 `slope` through (speed, impulse) meets a monotone law in one point, and the residual is how far away
 that is, as a speed; zero exactly at a solution. For contacts it is Alart and Curnier's map, the
 normal projected onto the half line, the tangents onto the disc of radius mu p_n.
+
+Over a step a dissipative row (a gear, dry friction, or both in one row) with speed w after the step
+carries an impulse T (on the links, along the row). With s = sgn(w) and the gear's share
+T_g = T + s f + B w of the impulse:
+
+    w > 0:  M w + k T_g = up        k = 1/eta_f where s T_g > 0 (motor drives), eta_b otherwise
+    w < 0:  M w + k T_g = down
+    w = 0:  T anywhere between the two branches
+
+M is the reflected rotor inertia (plus the step's viscous share), up and down the impulse that the
+rotor brings along: motor impulse plus M w_before, less or plus the rotor's Coulomb impulse. For
+eta_f eta_b <= 1 the graph T(w) is non-increasing: a step is a convex program. Friction of a joint
+alone is the same law with M = up = down = 0 and both efficiencies one.
+
+A spring in series, T = p + s (w - W v), leaves a law of the same kind between T and u = W v. With
+s = 0 it is T = p: it is written so that a spring that hardly changes its impulse (a short step, a
+flank that is only just reached) is as regular as a stiff one.
+
+Limits and normals push but never pull: 0 <= p_n, u_n >= target, p_n (u_n - target) = 0. A contact's
+tangential impulse obeys Coulomb's law: |p_t| <= mu p_n, and where the point slides,
+p_t = -mu p_n u_t / |u_t|.
 """
 
 from __future__ import annotations

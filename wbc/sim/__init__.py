@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Recorder, Simulation, simulate
     from wbc.sim.state import SimState
-    from wbc.sim.step.program import StepProgram, StepSolution, solve_program
     from wbc.sim.step.stages import Impact
 
 __all__ = [
@@ -48,18 +47,15 @@ __all__ = [
     "Sphere",
     "Stairs",
     "StepEvent",
-    "StepProgram",
     "StepResult",
-    "StepSolution",
     "Terrain",
     "Together",
     "TorqueLag",
     "simulate",
-    "solve_program",
     "with_wrong_efficiencies",
 ]
 
-_HOMES = "state", "ground", "height_field", "sensors", "result", "step.program"
+_HOMES = "state", "ground", "height_field", "sensors", "result"
 _LOOPS = "plant", "simulation", "closed_loop"
 """From light to heavy: a name comes from the first that has it."""
 

@@ -16,7 +16,6 @@ from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.program import StepSolution
 from wbc.sim.step.stages import Course, Flow, Impact
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
@@ -225,9 +224,9 @@ class StepResult:
         return surveyed(self.setup, self.state)
 
     @property
-    def solutions(self) -> tuple[StepSolution, ...]:
-        """Of the step programs, one per part of the step."""
-        return tuple(part.solution for part in self.parts)
+    def solutions(self) -> tuple[Flow, ...]:
+        """The parts, which know the `method` that solved them and its `iterations`."""
+        return self.parts
 
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:

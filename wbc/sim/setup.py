@@ -28,7 +28,6 @@ from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
-from wbc.sim.step.program import NOT_POSITIVE
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
@@ -87,7 +86,10 @@ class Setup:
         self.space = Workspace(robot)
         inertia = pin.crba(self.space.model, self.space.data, robot.neutral())
         if lapack.dpotrf(inertia)[1] != 0:
-            raise SimulationError(f"'{robot.name}': {NOT_POSITIVE}")
+            raise SimulationError(
+                f"'{robot.name}': the inertia matrix of the links is not positive definite: some "
+                "body without mass moves freely. Give every moving body a mass."
+            )
         self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
         self.barriers = Barriers(robot, terrain, self.space, self.tree, hulls)
         self.effects = PlantEffects.of(robot)
@@ -114,7 +116,7 @@ class Setup:
         end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv
         now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 4)
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
-        hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 8, *[size] * 3)
+        hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 6, *[size] * 2)
         width = len(now.words) + max(len(ending.words), len(hit.words))
         laws = self.effects.table
         told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
@@ -216,11 +218,6 @@ class Setup:
         if external is not None or self._pushed:
             self.plant.forces.outer[:] = 0.0 if external is None else external
             self._pushed = external is not None
-
-    def recall(self, stage: FloatArray, memory: tables.Ending | tables.Hit) -> None:
-        """Let the loops know again what they held at the end of a stage of a step."""
-        now, start = self.plant.now, len(self.plant.now.words)
-        now.words[:], memory.words[:] = stage[:start], stage[start : start + len(memory.words)]
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""

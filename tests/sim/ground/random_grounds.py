@@ -89,32 +89,13 @@ def _with_stops(rng: np.random.Generator, robot: Robot, q: np.ndarray) -> Robot:
     return replace(robot, model=model)
 
 
-def made_by_rows(result: sim.StepResult) -> float:
-    """Return the most that contacts, stops and gears of a part made at frozen H, over its energy.
-
-    The links' and the rotors' kinetic energy after the rows have acted, less that with which they
-    would have gone on without any row. Computed from each part's program alone. What soft gears
-    pass counts as a force on the links; what their springs and meshes make is an event of the step.
-    """
-    worst = -np.inf
-    drive = result.setup.drive
-    reflected, stiffness = drive.gears.reflected_inertia, drive.gears.stiffness
-    for part in result.parts:
-        solution, velocity, m = part.solution, part.solution.velocity, len(drive.rows)
-        program = solution.program
-        inertia, firm = program.inertia, ~np.isfinite(stiffness)
-        push = np.where(firm, 0.0, solution.impulse[:m])
-        free = program.free_velocity + np.linalg.solve(inertia, program.rows[:m].T @ push)
-        rotor = (
-            drive.motion(part.start)[1] + drive.gears.gear_ratio * part.rotor_impulse / reflected
-        )
-        before = 0.5 * free @ inertia @ free + 0.5 * (reflected * rotor**2)[firm].sum()
-        after = 0.5 * velocity @ inertia @ velocity
-        after += 0.5 * (reflected * part.state.motor_velocity**2)[firm].sum()
-        worst = max(worst, (after - before) / (1e-3 + before))
-    turning = (drive.rows.T * reflected * ~drive.loose) @ drive.rows
+def made_by_impacts(result: sim.StepResult) -> float:
+    """Return the most that an impact made of the kinetic energy of links and rotors, as a share."""
+    worst, robot, drive = -np.inf, result.setup.robot, result.setup.drive
+    turning = (drive.rows.T * drive.gears.reflected_inertia * ~drive.loose) @ drive.rows
     for impact in result.impacts:
-        inertia = impact.solution.program.inertia + turning
+        links = pin.crba(robot.model, robot.model.createData(), impact.state.position)
+        inertia = np.triu(links) + np.triu(links, 1).T + turning
         before, after = (0.5 * v @ inertia @ v for v in (impact.before, impact.after))
         worst = max(worst, (after - before) / (1e-3 + before))
     return float(worst)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sim.step.programs import Program, solve_program
 from wbc.errors import SimulationError
-from wbc.sim import StepProgram, solve_program
 
 CORPORA = {
     "legs": ((4, 13), (0, 5), (1, 5), 1.5),
@@ -25,7 +25,7 @@ HARD = {
 }
 
 
-def random_step(corpus: str, seed: int) -> StepProgram:
+def random_step(corpus: str, seed: int) -> Program:
     sizes, gears, contacts, steepest = (CORPORA | _MANY)[corpus]
     rng = np.random.default_rng(seed)
     n, m, k = (int(rng.integers(*span)) for span in (sizes, gears, contacts))
@@ -41,7 +41,7 @@ def random_step(corpus: str, seed: int) -> StepProgram:
     laws = np.column_stack((*laws, rng.uniform(0.0, 0.2, m), zero, zero + np.inf, zero))
     rows = np.concatenate((rows, rng.normal(size=(k, n)), rng.normal(size=(2 * k, n))))
     mu = rng.uniform(0.1, steepest, k)
-    return StepProgram(inertia, 2.0 * rng.normal(size=n), rows, laws, np.zeros(k), mu, 2)
+    return Program(inertia, 2.0 * rng.normal(size=n), rows, laws, np.zeros(k), mu, 2)
 
 
 def mesh_output(given: float, speed: float, forward: float, backward: float) -> float:
@@ -49,7 +49,7 @@ def mesh_output(given: float, speed: float, forward: float, backward: float) -> 
     return forward * given if given * speed > 0.0 else given / backward
 
 
-def worst_violation(program: StepProgram, velocity: np.ndarray, impulse: np.ndarray) -> float:
+def worst_violation(program: Program, velocity: np.ndarray, impulse: np.ndarray) -> float:
     """How far (v, p) is from the momentum balance, the mesh law and Coulomb's law."""
     m, k = len(program.laws), len(program.frictions)
     balance = program.inertia @ (velocity - program.free_velocity) - program.rows.T @ impulse
@@ -119,5 +119,5 @@ def test_a_contact_that_opens_does_not_pull_beside_a_barrier_that_is_kept() -> N
     """
     rows, free = np.eye(3), np.array([0.1, 8e-4, 1.0])
     rows[2], targets, before = [0.0, -0.6, 0.8], np.array([-1e7, 0.0, 0.0]), np.eye(3)[2]
-    program = StepProgram(np.eye(3), free, rows, np.zeros((0, 9)), targets, np.zeros(2), 0)
+    program = Program(np.eye(3), free, rows, np.zeros((0, 9)), targets, np.zeros(2), 0)
     assert solve_program(program, before).impulse.min() >= 0.0

@@ -61,10 +61,8 @@ def test_a_squat_on_light_rotors_goes_on_where_steps_have_several_solutions(
         result = plant.step(state, control(state), 1e-3)
         state = result.state
         assert not [event for event in result.events if event.kind == "energy"]
-        for solution in result.solutions:
-            scale = 1.0 + np.abs(solution.speed).max()
-            assert solution.residuals.max() < 1e-7 * scale
-            asked += solution.method == "ranges"
+        assert result.unsettled == 0
+        asked += sum(part.method == "ranges" for part in result.parts)
     assert asked > 10
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from tests.sim.step.programs import Program, solve_program
 from wbc.errors import SimulationError
-from wbc.sim import StepProgram, solve_program
 
 COUNTS = {1: 300, 2: 400, 3: 300, 4: 200, 5: 40, 6: 8}
 
@@ -103,7 +103,7 @@ def _contact_holds(case, i, kind, impulse, speed, scale):
 
 def random_step(
     rng: np.random.Generator, gears: int, contacts: int = 0, locking: bool = False
-) -> tuple[StepProgram, Case]:
+) -> tuple[Program, Case]:
     """Return a random robot at a random moment.
 
     Gear ratios up to 160 spread N^2 I_r over five decades; half of the gears start at rest, some
@@ -132,7 +132,7 @@ def random_step(
     mu = rng.uniform(0.0, 1.2, contacts)
     case = Case(Lambda, rows @ free_velocity, brought, coulomb, reflected, eta_f, eta_b, mu)
     targets = np.zeros(contacts)
-    return StepProgram(inertia, free_velocity, rows, laws_of(case), targets, mu, 1), case
+    return Program(inertia, free_velocity, rows, laws_of(case), targets, mu, 1), case
 
 
 def laws_of(case: Case) -> np.ndarray:
@@ -176,7 +176,7 @@ def test_contacts_with_friction_find_a_solution_of_coulombs_law(gears: int, cont
 
 def _light_and_locking(
     rng: np.random.Generator, gears: int, contacts: int = 0
-) -> tuple[StepProgram, Case]:
+) -> tuple[Program, Case]:
     """Return a step whose rotors may be too light for what their gears lock."""
     program, case = random_step(rng, gears, contacts)
     reflected = 10.0 ** rng.uniform(-2.0, 1.0, gears)

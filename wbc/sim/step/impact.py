@@ -25,10 +25,9 @@ from wbc.sim.step.tables import REACH, RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
-MESH, CONTACT, USED, ROWS_OF, SHARE, ENERGY, WAY, LEFT = range(8)
-"""Numbers of an impact: losses of gears and contacts [J], linear systems solved, rows, share of the
-restitution, the kinetic energy before [J], what `Solved.way` says, and the speed by which a passive
-end misses the laws."""
+MESH, CONTACT, SHARE, ENERGY, WAY, LEFT = range(6)
+"""Numbers of an impact: losses of gears and contacts [J], share of the restitution, the kinetic
+energy before [J], what `Solved.way` says, and the speed by which a passive end misses the laws."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _ROUNDING = 1e-9
@@ -144,8 +143,7 @@ def reaches(plant: Opened, goes_on: bool) -> bool:
     gaps_of(plant, plant.now.position, gap)
     for i in range(len(before)):
         hit.fresh[i] = not before[i] and gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
-        hit.together[i] = before[i] or hit.fresh[i] or (goes_on and plant.now.kept[i])
-        hit.closed[i] = hit.together[i]
+        hit.closed[i] = before[i] or hit.fresh[i] or (goes_on and plant.now.kept[i])
         found = found or (hit.closed[i] and not before[i])
     return found
 
@@ -189,12 +187,6 @@ def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
     found[CONTACT] = found[ENERGY] - kept - found[MESH]
 
 
-@inner
-def work_for(found: Row) -> float:
-    """Return the share of work for an impact with `Hit.found`, see `solve_system`."""
-    return 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
-
-
 @compiled(inside=True)
 def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
@@ -224,8 +216,8 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
     system = part_system(rows, plant.obstacles.tangents)
-    solved = solve_part(plant, rows, system, v, work_for(found))
-    found[USED], found[ROWS_OF] = solved.used, len(solved.impulse)
+    work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
+    solved = solve_part(plant, rows, system, v, work)
     found[WAY], found[LEFT] = solved.way, solved.missed
     copy_to(solved.impulse, hit.impulse)
     if solved.way >= UNSOLVED:
@@ -272,45 +264,34 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
     Returns:
         APART, RESTING or HIT, see `impact_at`.
     """
-    found, high, low, used = plant.hit.found, 1.0, 0.0, 0.0
+    found, high, low = plant.hit.found, 1.0, 0.0
     plant.forces.length[0] = 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
     kind = impact_at(plant, 1.0, left, goes_on)
     if kind != HIT or found[SHARE] == 0.0 or not makes_energy(found):
         return kind
-    used, lost_high = found[USED], found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+    lost_high = found[CONTACT] if found[WAY] < UNSOLVED else np.nan
     impact_at(plant, 0.0, left, goes_on)
-    used, lost_low = used + found[USED], found[CONTACT]
+    lost_low = found[CONTACT]
     for _ in range(_TRIES if found[WAY] < UNSOLVED else 0):
         share = 0.5 * (low + high)
         if lost_high < 0.0:
             share = low + (high - low) * lost_low / (lost_low - lost_high)
             share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
         impact_at(plant, share, left, goes_on)
-        used += found[USED]
         if makes_energy(found):
             high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
         else:
             low, lost_low = share, found[CONTACT]
     impact_at(plant, low, left, goes_on)
-    found[USED] += used
     return kind
 
 
 @compiled
-def impact_in_rows(plant: Opened, solved: bool) -> tuple[PartRows, RowSystem, OutDense]:
-    """Return the rows of the impact that the memory holds, at its aims, their system, and H_l.
-
-    Laws and free speeds are those without coupling, or those of its end where it holds it `solved`.
-    """
-    now, hit = plant.now, plant.hit
-    gaps_of(plant, now.position, np.empty(len(hit.together)))
-    weigh(plant)
-    rows = impact_rows(plant, hit.together)
+def impact_in_rows(plant: Opened) -> tuple[PartRows, RowSystem]:
+    """Return the rows of the impact that has just failed, without coupling, and their system."""
+    rows = impact_rows(plant, plant.hit.closed)
     for i in range(len(rows.targets)):
-        rows.targets[i] = hit.aims[i]
-    system = part_system(rows, plant.obstacles.tangents)
-    if solved:
-        solve_part(plant, rows, system, now.velocity, work_for(hit.found))
-    return rows, system, plant.placed.inertia.copy()
+        rows.targets[i] = plant.hit.aims[i]
+    return rows, part_system(rows, plant.obstacles.tangents)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import OutDense, Row, ask, compiled, inner
+from wbc.compiled import Row, ask, compiled, inner
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.mechanics.rows import RowSystem
@@ -182,14 +182,6 @@ def part_with_mesh(plant: Opened, step: float) -> int:
 
 
 @compiled
-def part_in_rows(plant: Opened, step: float, solved: bool) -> tuple[PartRows, RowSystem, OutDense]:
-    """Return the rows of the part that starts now, their system, and H_l.
-
-    Laws and free speeds are those without coupling and flanks, or those of the end of a part that
-    the memory holds `solved`, see `solve_part`.
-    """
-    to_middle(plant, 0.5 * step)
-    rows, system = begin(plant, step)
-    if solved:
-        solve_part(plant, rows, system, plant.end.speed, 1.0)
-    return rows, system, plant.placed.inertia.copy()
+def part_in_rows(plant: Opened, step: float) -> tuple[PartRows, RowSystem]:
+    """Return the rows of the part that has just failed, without coupling, and their system."""
+    return begin(plant, step)

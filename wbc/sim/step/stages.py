@@ -10,7 +10,8 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import SEVERAL, WAYS
+from wbc.mechanics.newton import SEVERAL, WAYS, distance, tolerance_of
+from wbc.mechanics.rows import RowSystem
 from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup, memory_before
@@ -20,9 +21,8 @@ from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.course import IMPACT_FAILED, take_step
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.part import part_in_rows
-from wbc.sim.step.program import StepProgram, StepSolution, blown_up, unsolved
 from wbc.sim.step.self_locking import several
-from wbc.sim.step.solution import NEVER, NO_INERTIA
+from wbc.sim.step.solution import NO_INERTIA
 from wbc.sim.step.tables import LENGTH, TIME
 
 _STATE = "position", "velocity", "closed", "impulse", "deflection", "motor_speed"
@@ -151,26 +151,19 @@ class Flow(Stage):
         """Impulse (m,) [N m s] delivered on the rotors."""
         return self.step * self.forces.rotor
 
-    @cached_property
-    def solution(self) -> StepSolution:
-        """Of the step program, which is put together and solved again."""
-        setup, end = self.course.setup, self.end
-        setup.recall(self.course.stages[self.stage], setup.plant.end)
-        if setup.waits:
-            setup.tell_coupling(end.before, end.speed)
-            setup.tell_losses(end.before, end.speed)
-        setup.tell_forces(self.forces, self.course.external)
-        rows, system, inertia = part_in_rows(setup.plant, self.step, True)
-        used, way = end.work.astype(int).tolist()[:2]
-        impulse = end.impulse[rows.places]
-        if len(rows.depths):  # what compliant contacts meet is their aim
-            met = slice(len(rows.targets) - len(rows.depths), None)
-            normal = slice(len(rows.laws) + met.start, len(rows.laws) + len(rows.targets))
-            speed = system.free[normal] + system.delassus[normal] @ impulse
-            rows.targets[met] = np.where(impulse[normal] > 0.0, speed, NEVER)
-        setup.forget_losses()
-        program = StepProgram.of(rows, system, inertia)
-        return StepSolution(program, system, end.after, impulse, used, WAYS[way])
+    @property
+    def iterations(self) -> int:
+        """Linear systems solved."""
+        return int(self.end.work[0])
+
+    @property
+    def method(self) -> str:
+        """What found the impulses: "newton", "convex" or "proximal".
+
+        "passive" where friction gave way, "ranges" where self-locking gears were held to a range
+        of their laws.
+        """
+        return WAYS[int(self.end.work[1])]
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -251,19 +244,6 @@ class Impact(Stage):
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
         return float(self.end.found[impact.LEFT])
 
-    @cached_property
-    def solution(self) -> StepSolution:
-        """Of the impact's program, which is put together again."""
-        setup, state, numbers = self.course.setup, self.state, self.end.found
-        setup.recall(self.course.stages[self.stage], setup.plant.hit)
-        setup.tell_coupling(state.position, state.velocity)
-        rows, system, inertia = impact.impact_in_rows(setup.plant, True)
-        impulse = np.asarray(self.end.impulse[: len(rows.places)])
-        program, used = StepProgram.of(rows, system, inertia), int(numbers[impact.USED])
-        return StepSolution(
-            program, system, self.after, impulse, used, WAYS[int(numbers[impact.WAY])]
-        )
-
 
 def stepped(
     setup: Setup, state: SimState, command: FloatArray, step: float, external: FloatArray | None
@@ -305,16 +285,49 @@ def _failure(setup: Setup, code: int) -> SimulationError:
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
         return blown_up(inertia, velocity)
     if code >= IMPACT_FAILED:
-        rows, system, _ = impact.impact_in_rows(plant, False)
-        found = plant.hit.impulse[: int(plant.hit.found[impact.ROWS_OF])]
+        rows, system = impact.impact_in_rows(plant)
+        found = plant.hit.impulse[: len(rows.start)]
     else:
-        rows, system, _ = part_in_rows(plant, float(plant.forces.length[0]), False)
+        rows, system = part_in_rows(plant, float(plant.forces.length[0]))
         found = impulse[rows.places]
         if not np.isfinite(system.free).all():
             return blown_up(inertia, velocity)
     if code % 10 == SEVERAL:
         return several(system, rows.start, setup.robot.transmission.joints)
     return unsolved(system, found)
+
+
+def unsolved(system: RowSystem, impulse: FloatArray) -> SimulationError:
+    """Return the error for a step of which `impulse` (r,) is the nearest to a solution."""
+    if not (np.isfinite(system.delassus).all() and np.isfinite(system.free).all()):
+        return SimulationError(
+            "the step has no numbers: the state has blown up. Look at the events of the steps "
+            "before, and at the torques."
+        )
+    return SimulationError(
+        f"a step with {len(system.laws)} gears and joints and {len(system.frictions)} contacts "
+        f"has no solution within {tolerance_of(system):.1e} (nearest: "
+        f"{distance(system, impulse):.1e}). Usual causes: a contact target that the joints cannot "
+        "reach (a limit and the ground in conflict), or a self-locking gear whose falling branch "
+        "leaves no solution; shorten the step or change the state."
+    )
+
+
+def blown_up(inertia: FloatArray, velocity: FloatArray) -> SimulationError:
+    """Return the error for a step whose inertia was good once and is no longer.
+
+    Args:
+        inertia: H_l (n, n).
+        velocity: v (n,) before the step.
+    """
+    with np.errstate(all="ignore"):
+        energy = 0.5 * float(velocity @ inertia @ velocity)
+        fastest = float(np.abs(velocity).max(initial=0.0))
+    numbers = "the step has no numbers: " if np.isnan(velocity).any() else ""
+    return SimulationError(
+        f"{numbers}the state has blown up: {energy:.3g} J of kinetic energy, fastest coordinate "
+        f"{fastest:.3g} rad/s (m/s). Look at the events of the steps before, and at the torques."
+    )
 
 
 def check_outside(setup: Setup, gap: FloatArray) -> None:

@@ -271,9 +271,9 @@ class Hit(NamedTuple):
         pushes: as of `Ending`.
         impulse: of the rows, one after the other; more than there are.
         aims: speeds at which the barriers that take part are to part, in their order.
-        found: (8,) numbers MESH to LEFT of `impact`.
-        fresh, together: (2 j + c,) barriers that are reached, and those that take part.
-        closed: (2 j + c,) the latter, too; afterwards those that are closed.
+        found: (6,) numbers MESH to LEFT of `impact`.
+        fresh: (2 j + c,) barriers that are reached.
+        closed: (2 j + c,) those that take part; after an impact those that are closed.
         words: see `Now`.
     """
 
@@ -283,7 +283,6 @@ class Hit(NamedTuple):
     aims: OutRow
     found: OutRow
     fresh: OutFlags
-    together: OutFlags
     closed: OutFlags
     words: OutRow
 
