@@ -114,7 +114,8 @@ def test_what_is_hidden_in_a_short_log_leaves_noise(number: int) -> None:
     logs = logs_of(record_cases([(case, case.excitations)])[0])
     problem = EstimationProblem.from_logs(robot_of(case), logs)
     truth = [effect_class(flaw.effect)(flaw.where, **flaw.values) for flaw in case.flaws]
-    held = problem.fit(truth).held_out_residual(problem.folds)
+    fit = problem.fit(truth)
+    held = fit.held_out_residual(fit.parts(problem.folds))
     assert np.mean(held**2) < 1.6
 
 

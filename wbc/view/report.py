@@ -188,7 +188,6 @@ def provenance_rows(sources: Sequence[LogSource], command: str) -> dict[str, str
     """Return label -> text of how to reproduce a result."""
     facts = provenance(sources, command)
     rows = {"command": command} if command else {}
-    rows["seed"] = f"{facts['seed']} (of the blocks drawn for the intervals)"
     rows["versions"] = ", ".join(f"{name} {number}" for name, number in facts["versions"].items())
     rows["python"] = facts["python"]
     if facts["commit"]:

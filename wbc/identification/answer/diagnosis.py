@@ -28,7 +28,7 @@ from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import bootstrap_steps, parameter_covariance
+from wbc.identification.model.intervals import parameter_covariance
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
 from wbc.robot.effect import spoken
@@ -41,7 +41,7 @@ _MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could 
 RIVALS = 3
 """Rivals of what was found whose covariance is kept: as many as an experiment is planned for."""
 Standing = Literal["found", "better", "worse", "not distinguishable"]
-_BLOCKS_PER_PARAMETER = 4  # fewer resampled blocks are correlated by chance
+_BLOCKS_PER_PARAMETER = 4  # in fewer blocks parameters are correlated by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,9 @@ def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked,
             rows.append(row)
             continue
         left -= rival
-        covariance = parameter_covariance(trials.fit(h), trials.problem.blocks)
+        fit = trials.fit(h)
+        scales = [parameter.scale for _, parameter in fit.parameters]
+        covariance = parameter_covariance(fit, trials.problem.blocks) * np.outer(scales, scales)
         rows.append(replace(row, covariance=covariance))
     return tuple(rows)
 
@@ -201,11 +203,11 @@ def _spoken(keys: tuple[Key, ...]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """Correlations of the parameters found, over refits on blocks drawn from the logs.
+    """Correlations of the parameters found, over blocks of the logs.
 
     Attributes:
         names: (effect, where, parameter) of each.
-        matrix: (p, p), ones on the diagonal; zero beside a parameter that no refit moves. Empty
+        matrix: (p, p), ones on the diagonal; zero beside a parameter that no block moves. Empty
             where there are too few blocks to tell.
     """
 
@@ -219,10 +221,12 @@ def correlation_of(problem: EstimationProblem, fit: Fit) -> Correlation:
     count = len(names)
     if count < 2 or np.unique(problem.blocks).size < _BLOCKS_PER_PARAMETER * count:
         return Correlation(names, np.zeros((0, 0)))
-    steps = bootstrap_steps(fit, problem.blocks)
-    moving = np.std(steps, axis=0) > 0.0
+    covariance = parameter_covariance(fit, problem.blocks)
+    size = np.sqrt(np.diagonal(covariance))
+    moving = size > 0.0
     matrix = np.eye(count)
-    matrix[np.ix_(moving, moving)] = np.atleast_2d(np.corrcoef(steps[:, moving].T))
+    chosen = np.ix_(moving, moving)
+    matrix[chosen] = covariance[chosen] / np.outer(size[moving], size[moving])
     return Correlation(names, matrix)
 
 

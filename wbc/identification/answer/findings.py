@@ -23,7 +23,7 @@ from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
-from wbc.identification.model.intervals import TAIL, WIDER, bootstrap_steps, interval_bounds
+from wbc.identification.model.intervals import TAIL, interval_bounds, parameter_covariance
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.record import ROWS_PER_SAMPLE, Record
 from wbc.robot import Effect, Parameter, Quantity
@@ -210,15 +210,15 @@ def quantities_of(
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)
     after = _spread(beside_others(fit.known, rows), slopes)
-    moves = bootstrap_steps(fit, problem.blocks)[:, rows] @ slopes.T
-    low, high = np.percentile(WIDER * moves, [5.0, 95.0], axis=0)
-    others = np.hypot(TAIL * after, slopes @ distortion[rows])
+    blocks = parameter_covariance(fit, problem.blocks)[np.ix_(rows, rows)]
+    apart = np.sqrt(np.einsum("qi,ij,qj->q", slopes, blocks, slopes))
+    half = np.hypot(TAIL * np.hypot(apart, after), slopes @ distortion[rows])
     estimates = {
         name: Estimate(
             quantity.value,
             quantity.unit,
-            quantity.value - float(np.hypot(low[row], others[row])),
-            quantity.value + float(np.hypot(high[row], others[row])),
+            quantity.value - float(half[row]),
+            quantity.value + float(half[row]),
             before[name].value,
         )
         for row, (name, quantity) in enumerate(found.items())

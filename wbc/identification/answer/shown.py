@@ -14,7 +14,6 @@ from typing import Any
 
 import wbc
 from wbc.arrays import FloatArray
-from wbc.identification.model.intervals import BOOTSTRAP_SEED
 from wbc.identification.model.residual import raw_residual
 from wbc.identification.records.record import Record
 from wbc.measurement import LogSource
@@ -145,7 +144,7 @@ def told(error: float) -> str:
 
 
 def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any]:
-    """Return versions, commit, seed and the hashes of the logs; equal for equal results.
+    """Return versions, commit and the hashes of the logs; equal for equal results.
 
     Args:
         sources: of the logs.
@@ -155,7 +154,6 @@ def provenance(sources: Sequence[LogSource], command: str = "") -> dict[str, Any
     facts["logs"] = [
         {"file": s.path, "part": s.part, "columns": s.mapping, "sha256": s.sha256} for s in sources
     ]
-    facts["seed"] = BOOTSTRAP_SEED
     facts["versions"] = {name: _version(name) for name in _PACKAGES}
     facts["python"] = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     facts["commit"] = _commit()

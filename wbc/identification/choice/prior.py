@@ -79,7 +79,8 @@ def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
     costs = [0.0] * len(fit.effects)
     if not ends:
         return costs
-    step, spread = fit.steps_of_blocks(problem.blocks)
+    step, moved = fit.steps_of_blocks(problem.blocks)
+    spread = np.sqrt(len(moved)) * np.std(moved, axis=0, ddof=min(len(moved) - 1, 1))
     for row, (side, harmless) in ends.items():
         owner = fit.parameters[row][0]
         if side * step[row] > _SURE * spread[row]:

@@ -145,7 +145,7 @@ class Trials:
             # What it leaves is no noise yet: it does not say how many samples are independent.
             begun = replace(begun, samples=h.samples)
         elif begun is not None:
-            return self.of(start, h)
+            begun = self._fitted(begun.effects, ITERATIONS, h) or begun
         self._known[start] = begun
         return begun
 
@@ -217,13 +217,14 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
     Raises:
         FloatingPointError: what it leaves is not finite.
     """
-    held = fit.held_out_residual(problem.folds)
+    parts = fit.parts(problem.folds)
+    held = fit.held_out_residual(parts)
     squares = held**2
-    beside, cost = fit.usual.beside_open(held, fit.jacobian, problem.folds)
+    beside, cost = fit.usual.beside_open(held, fit.jacobian, parts)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
-    untold = fit.untold
+    untold = fit.untold(parts)
     quieter = problem.quieter(fit.robot)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
     both = [

@@ -43,11 +43,11 @@ from wbc.identification.records.record import (
     ROWS_PER_SAMPLE,
     Record,
     block_means,
-    bootstrap_blocks,
     correlated_rows,
     held_out_folds,
     output_gear,
     output_names,
+    time_blocks,
 )
 from wbc.measurement import Log, cut_at_gaps
 from wbc.measurement.checks import resting_joints
@@ -72,7 +72,7 @@ class EstimationProblem:
         residual: (rows, outputs) of that robot [N m, N].
         floor: noise floor per output.
         folds: (rows,) held out together.
-        blocks: (rows,) resampled together.
+        blocks: (rows,) number of the block of every row, see `time_blocks`.
         mistimed: (2, m + b) mean squares in floors that the times of the drives may leave: what all
             drives miss alike, and each by itself, see `missed_by_times`.
         warnings: about the logs.
@@ -145,7 +145,7 @@ class EstimationProblem:
             residual=condensed_residual(robot, believed),
             floor=floor,
             folds=held_out_folds(records, floor.repeats),
-            blocks=bootstrap_blocks(records),
+            blocks=time_blocks(records),
             mistimed=missed_by_times(robot, records) / floor.values**2,
             warnings=tuple(warnings),
             silent=silent,

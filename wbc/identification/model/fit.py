@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,20 @@ from wbc.robot import Effect, Parameter, Robot
 
 # Added to a diagonal of ones, so that parameters that repeat one another can be solved for.
 _RIDGE = 1e-9
+
+
+class Part(NamedTuple):
+    """Normal equations of some rows of a fit.
+
+    Attributes:
+        rows: their numbers.
+        gram: (p, p), beside numbers that are drawn in squared standard deviations.
+        moment: (p,) likewise.
+    """
+
+    rows: IntArray | slice
+    gram: FloatArray
+    moment: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +111,7 @@ class UsualRows:
         return float(len(residual) * self.samples @ each + self.residual @ self.residual)
 
     def beside_open(
-        self, held: FloatArray, jacobian: FloatArray, folds: IntArray
+        self, held: FloatArray, jacobian: FloatArray, parts: Sequence[Part]
     ) -> tuple[FloatArray, float]:
         """Return held-out squares (rows, outputs) beside what is open, and what that costs [nats].
 
@@ -115,22 +130,21 @@ class UsualRows:
         Args:
             held: (rows, outputs) residual of each row, predicted without its fold.
             jacobian: (rows, outputs, p) per unit of each parameter's scale.
-            folds: (rows,) number of the fold of every row.
+            parts: of the fit, fold by fold.
         """
         drawn = np.any(self.jacobian, axis=0)
         if not drawn.any():
             return held**2, 0.0
-        a = jacobian[:, :, drawn] * self.weights[:, None]
-        count = int(drawn.sum())
-        usual = self.jacobian[:, drawn]
-        known = a.reshape(-1, count).T @ a.reshape(-1, count) + usual.T @ usual
+        chosen, usual = np.ix_(drawn, drawn), self.jacobian[:, drawn]
+        known = np.sum([part.gram[chosen] for part in parts], axis=0) + usual.T @ usual
         squares, cost = np.empty_like(held), 0.0
-        for inside in rows_of_folds(folds):
-            own = a[inside].reshape(-1, count)
-            moment = own.T @ (held[inside] * self.weights).ravel()
-            still_open = a[inside] @ np.linalg.solve(known, moment) / self.weights
-            squares[inside] = held[inside] * (held[inside] - still_open)
-            cost += 0.5 * (_log_det(known) - _log_det(known - own.T @ own))
+        for rows, gram, _ in parts:
+            own, left = jacobian[rows], held[rows]
+            moment = np.einsum("rop,ro->p", own, left / self.noise)
+            step = np.zeros(drawn.size)
+            step[drawn] = np.linalg.solve(known, moment[drawn])
+            squares[rows] = left * (left - change_along(own, step))
+            cost += 0.5 * (_log_det(known) - _log_det(known - gram[chosen]))
         return squares, cost
 
 
@@ -251,22 +265,26 @@ class Fit:
         """(p, p) what the records and what is usual know of the parameters, as `information`."""
         return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
 
-    @property
-    def untold(self) -> FloatArray:
-        """(effects,) how many of each effect's numbers what is usual tells, not the records.
+    def untold(self, parts: Sequence[Part]) -> FloatArray:
+        """Return (effects,) how many numbers of each effect what is usual tells, not the records.
 
         With C the covariance of the parameters and P what is usual knows of them, the records tell
         the share 1 - (C P)_kk of parameter k (MacKay, 1992). Zero where nothing is drawn.
         """
         if not self.usual.residual.size or self.failed:
             return np.zeros(len(self.effects))
-        known, size = scaled(self.known)
-        usual = self.usual.jacobian / size
+        drawn = self.usual.jacobian
+        known, size = scaled(np.sum([part.gram for part in parts], axis=0) + drawn.T @ drawn)
+        usual = drawn / size
         shares = np.clip(np.diagonal(np.linalg.solve(known, usual.T @ usual)), 0.0, 1.0)
         owners = [k for k, _ in self.parameters]
         return np.asarray(np.bincount(owners, shares, len(self.effects)), dtype=float)
 
-    def held_out_residual(self, folds: IntArray) -> FloatArray:
+    def parts(self, folds: IntArray) -> list[Part]:
+        """Return the normal equations of each fold, by its number (rows,) at every row."""
+        return [Part(rows, *self.sums(rows)) for rows in rows_of_folds(folds)]
+
+    def held_out_residual(self, parts: Sequence[Part]) -> FloatArray:
         """Return the residual (rows, outputs), each fold predicted without itself.
 
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
@@ -275,28 +293,25 @@ class Fit:
         held = self.residual.copy()
         if self.failed or not self.parameters:
             return held
-        for rows, gram, moment in self.without_each(folds):
+        for rows, gram, moment in self.without_each(parts):
             held[rows] += change_along(self.jacobian[rows], self._solved(gram, moment))
         return held
 
-    def without_each(
-        self, folds: IntArray
-    ) -> Iterator[tuple[IntArray | slice, FloatArray, FloatArray]]:
-        """Yield the rows of each fold, and normal equations (p, p) and (p,) of all other rows.
+    def without_each(self, parts: Sequence[Part]) -> Iterator[Part]:
+        """Yield the rows of each fold, with the normal equations of all other rows.
 
         Where the model is too rough for a step that they tell (a bouncing link), those of all rows.
         """
-        parts = rows_of_folds(folds)
-        sums = [self.sums(rows) for rows in parts]
-        gram, moment = (np.sum([own[k] for own in sums], axis=0) for k in (0, 1))
-        for rows, own in zip(parts, sums, strict=True):
-            others = gram - own[0], moment - own[1]
+        gram = np.sum([part.gram for part in parts], axis=0)
+        moment = np.sum([part.moment for part in parts], axis=0)
+        for rows, own, along in parts:
+            others = gram - own, moment - along
             here = self.residual[rows]
             if self.swings:
                 moved = here + change_along(self.jacobian[rows], self._solved(*others))
                 if np.sum(moved**2) >= _ROUGH * np.sum(here**2):
                     others = gram, -self.usual.jacobian.T @ self.usual.residual
-            yield rows, *others
+            yield Part(rows, *others)
 
     def step(self, rows: BoolArray | IntArray | slice) -> FloatArray:
         """Return the Gauss-Newton step (p,) on a choice of rows.
@@ -307,9 +322,12 @@ class Fit:
         return self._solved(*self.sums(rows))
 
     def steps_of_blocks(self, blocks: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the Gauss-Newton step (p,) and its standard deviation (p,) over blocks.
+        """Return the Gauss-Newton step (p,), and what each block adds to it (B, p).
 
-        To first order, of blocks of rows (rows,) drawn with replacement.
+        To first order: with the blocks drawn anew, the variance of a step is that of B such parts.
+
+        Args:
+            blocks: (rows,) number of the block of every row.
         """
         known, size = scaled(self.known)
         solved = np.linalg.inv(known)
@@ -321,9 +339,7 @@ class Fit:
         pulls = np.einsum("rop,ro->rp", self.jacobian, left)
         _, index = np.unique(blocks, return_inverse=True)
         each = np.stack([np.bincount(index, column) for column in pulls.T], axis=1)
-        moved = (each / size) @ solved / size
-        spread = np.sqrt(len(moved)) * np.std(moved, axis=0, ddof=min(len(moved) - 1, 1))
-        return np.asarray(step), np.asarray(spread)
+        return np.asarray(step), np.asarray(-(each / size) @ solved / size)
 
     def sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations (p, p) and (p,) of a choice of rows."""

@@ -368,7 +368,7 @@ def rows_of_folds(folds: IntArray) -> list[IntArray | slice]:
     return parts
 
 
-def bootstrap_blocks(records: Sequence[Record]) -> IntArray:
+def time_blocks(records: Sequence[Record]) -> IntArray:
     """Return the block (rows,) of every row; blocks are long against the band of the residual."""
     blocks, first = [], 0
     for record in records:
