@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import EffectError, require_known, unknown_name
+from wbc.errors import EffectError, require_known
 from wbc.robot.search import SearchOffer
 
 if TYPE_CHECKING:
@@ -233,8 +233,7 @@ class Effect(ABC):
         """
         known = {parameter.name: parameter.null for parameter in cls.parameters}
         for name, value in (values or {}).items():
-            if name not in known:
-                raise EffectError(unknown_name(f"parameter of {cls.name}", name, known))
+            require_known(EffectError, f"parameter of {cls.name}", name, known)
             known[name] = float(value)
         return cls(where=where, **known)
 

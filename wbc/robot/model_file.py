@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.errors import RobotError, require_known, unknown_name
+from wbc.errors import RobotError, require_known
 
 _BASES = ("fixed", "free_flyer")
 _ENDLESS = 1e9  # limits where there are none, while a file is parsed that must state numbers
@@ -28,8 +28,8 @@ def read_model(path: Path, base: str, lock: Sequence[str]) -> tuple[pin.Model, t
     Raises:
         RobotError: an unreadable file, an unknown base or joint, or an impossible inertia.
     """
-    if base and base not in _BASES:
-        raise RobotError(f"{path}: " + unknown_name("base", base, _BASES))
+    if base:
+        require_known(RobotError, "base", base, _BASES, f"{path}")
     model = _parse(path, base)
     notes = (*_set_aside(model, path), *check_inertias(path))
     if base == "fixed" and _floats(model):

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
-from wbc.errors import SimulationError, unknown_name
+from wbc.errors import SimulationError, require_known
 from wbc.mechanics.tree import Tree
 from wbc.robot import BodySurface, Robot
 from wbc.robot.body_contacts import Hull, ground_box, hull_of
@@ -150,8 +150,7 @@ def _pairs_of(
     bodies = tuple(dict.fromkeys(hull.body for hull in hulls))
     for names in surface.pairs:
         for name in names:
-            if name not in bodies:
-                raise SimulationError(unknown_name("body with collision geometry", name, bodies))
+            require_known(SimulationError, "body with collision geometry", name, bodies)
         mine, theirs = ([i for i in range(own) if hulls[i].body == name] for name in names)
         # The second hull has fewer edges: each of its edges takes two barriers.
         pairs += [

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import SimulationError, unknown_name
+from wbc.errors import SimulationError, require_known
 from wbc.measurement import Log
 from wbc.robot import ContactForces, Motion, Robot
 
@@ -89,8 +89,7 @@ class SensorModel:
             SimulationError: `columns` names a column that the recording does not have.
         """
         for name in self.columns:
-            if name not in recording.columns:
-                raise SimulationError(unknown_name("column", name, recording.names))
+            require_known(SimulationError, "column", name, recording.names)
         random = np.random.default_rng(seed)
         shown = reported_motion(robot, recording) | reported_forces(robot, recording)
         columns = {}

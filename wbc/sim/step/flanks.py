@@ -22,7 +22,7 @@ from wbc.compiled import OutDense, OutRow, Row, inner
 from wbc.mechanics.linear import copy_to
 from wbc.mechanics.rows import RowSystem, own_speed
 from wbc.sim.step.part_rows import PartRows
-from wbc.sim.step.tables import Gears, Opened
+from wbc.sim.step.tables import Opened
 from wbc.transmission.flank_steps import flank_impulse
 
 END, IMPULSE, SLOPE, DAMPED, HELD = range(5)
@@ -31,7 +31,7 @@ springs and soft flanks pass there [N m s]; its change per speed, zero where the
 what of the impulse is not the springs'; 1 where a gear holds on to its joint at all."""
 
 RELEASED, STEEPEST, TAKEN = range(3)
-"""Columns of turns (m, 5): 1 where a rigid flank lets go; the steepest slope met so far; the
+"""Columns of turns (m, 3): 1 where a rigid flank lets go; the steepest slope met so far; the
 slope that the round takes."""
 
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
@@ -40,7 +40,7 @@ _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
 class Rounds(NamedTuple):
-    """Memory for flanks in rounds: each (m, 5), or empty where no gear is loose.
+    """Memory for flanks in rounds: each (m, 5), turns (m, 3); empty where no gear is loose.
 
     Attributes:
         near: that the round takes.
@@ -62,47 +62,28 @@ def is_safe(turn: int) -> bool:
 
 
 @inner
-def flanks_at(
-    gears: Gears, which: int, place: float, rate: float, step: float, end: float
-) -> tuple[float, float, float, bool]:
-    """Return what a loose gear passes at the relative speed `end`, by `flank_impulse`.
-
-    Springs take the chord of their energy (theta 1/2), dampers the final speed (theta_c 1). A rigid
-    flank that is reached stops the relative motion; what it is overrun by, at most one step, stays.
-
-    Args:
-        gears, which: all of them, and the number of this one.
-        place: of the motor output ahead of the joint, at the start [rad].
-        rate: its change there [rad/s].
-        step: h [s].
-        end: its change at the end [rad/s].
-
-    Returns:
-        the impulse [N m s], its change per speed, what of it is not the spring's, and whether the
-        gear holds on to its joint at all.
-    """
-    half, stiffness = 0.5 * gears.play[which], gears.stiffness[which]
-    if stiffness == np.inf:
-        return 0.0, 0.0, 0.0, not abs(place + 0.5 * step * rate) < half
-    impulse, slope, _, damped = flank_impulse(
-        stiffness, gears.damping[which], half, step, 0.5, 1.0, place, rate, end
-    )
-    return impulse, slope, damped, slope > 0.0 or impulse != 0.0
-
-
-@inner
 def take_hold(plant: Opened, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
     """Write the flanks (m, 5) of loose gears that start at relative speeds (m,) and end at `end`.
 
-    Those of rigid gears stay.
+    Springs take the chord of their energy (theta 1/2), dampers the final speed (theta_c 1). A rigid
+    flank that is reached stops the relative motion; what it is overrun by, at most one step, stays.
+    Flanks of rigid gears stay.
     """
+    gears = plant.gears
     for i in range(len(end)):
-        if plant.gears.yields[i]:
-            place = plant.now.deflection[i]
-            found = flanks_at(plant.gears, i, place, relative[i], step, end[i])
-            flanks[i, END] = end[i]
-            flanks[i, IMPULSE], flanks[i, SLOPE], flanks[i, DAMPED] = found[0], found[1], found[2]
-            flanks[i, HELD] = 1.0 if found[3] else 0.0
+        if not gears.yields[i]:
+            continue
+        half, place, rate = 0.5 * gears.play[i], plant.now.deflection[i], relative[i]
+        flanks[i], flanks[i, END] = 0.0, end[i]
+        if gears.stiffness[i] == np.inf:
+            holds = not abs(place + 0.5 * step * rate) < half
+        else:
+            impulse, slope, _, damped = flank_impulse(
+                gears.stiffness[i], gears.damping[i], half, step, 0.5, 1.0, place, rate, end[i]
+            )
+            flanks[i, IMPULSE], flanks[i, SLOPE], flanks[i, DAMPED] = impulse, slope, damped
+            holds = slope > 0.0 or impulse != 0.0
+        flanks[i, HELD] = 1.0 if holds else 0.0
 
 
 @inner

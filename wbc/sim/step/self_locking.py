@@ -48,7 +48,9 @@ _MOST = 6
 """Gears tried in all ranges: 3^6 of them."""
 
 _SYSTEMS = 300  # linear systems of proximal rounds for one choice of ranges
-_APART = 1e4  # of the tolerance, from which on speeds are those of two solutions
+_APART = 1e4
+"""Of the tolerance, from which on speeds are those of two solutions. With 10 and with 1e6 random
+steps (tests/sim/step), and jacks and legs on light rotors, have the same solutions."""
 _HIGH, _FALL, _LOW = range(3)
 _NAMES = "driving", "driven back", "locked"
 
