@@ -119,7 +119,8 @@ class StepResult:
     @property
     def rotor_torque(self) -> FloatArray:
         """(m,) [N m] that the drives delivered, mean over the step."""
-        return np.asarray(reduce(add, [part.rotor_impulse for part in self.parts]) / self.duration)
+        pushes = [part.step * part.forces.rotor for part in self.parts]
+        return np.asarray(reduce(add, pushes) / self.duration)
 
     @property
     def unsettled(self) -> int:

@@ -187,10 +187,11 @@ class Setup:
             mesh = None if np.isnan(given).any() or not len(given) else given.copy()
             motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
             memory = memory_before(self.acts, stage, state.memory)
-            self.acts[stage] = self.effects.forces(motion, command, memory, step)
+            forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
             self.tell_losses(q, v)
             self.tell_coupling(q, v)
-            self.tell_forces(self.acts[stage], external)
+            told.torque[:], told.friction[:] = forces.rotor, forces.friction
+            told.outer[:] = forces.joint if external is None else forces.joint + external
         except BaseException as error:
             self._error, told.torque[:], told.outer[:] = error, np.nan, np.nan
 
@@ -231,15 +232,6 @@ class Setup:
         gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self.heard()
         return gap
-
-    def tell_forces(self, forces: EffectForces, external: FloatArray | None) -> None:
-        """Give the loops what acts, beside what they evaluate."""
-        told = self.plant.forces
-        told.torque[:] = forces.rotor
-        told.outer[:] = forces.joint if external is None else forces.joint + external
-        self._pushed = True
-        if forces.friction is not None:
-            told.friction[:] = forces.friction
 
     def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
         """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""

@@ -27,7 +27,7 @@ class EffectForces(NamedTuple):
 
     Attributes:
         joint: smooth torque on the coordinates (nv,).
-        friction: level of dry friction on the coordinates (nv,), None where no effect has any.
+        friction: level of dry friction on the coordinates (nv,).
         rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
         memory: of the effects, at the end of the step.
         kept_joint: part of `joint` (nv,) that the effects in `stores` exert.
@@ -36,7 +36,7 @@ class EffectForces(NamedTuple):
     """
 
     joint: FloatArray
-    friction: FloatArray | None
+    friction: FloatArray
     rotor: FloatArray
     memory: EffectMemory
     kept_joint: FloatArray = _NOTHING

@@ -118,7 +118,7 @@ class Flow(Stage):
         found = self.course.acts.get(self.stage)
         if found is None:
             delivered = setup.effects.delivered(self.course.command)
-            found = EffectForces(setup.still, None, delivered, ())
+            found = EffectForces(setup.still, setup.still, delivered, ())
         return found
 
     @property
@@ -145,11 +145,6 @@ class Flow(Stage):
     def mesh_impulse(self) -> FloatArray:
         """T (m,) [N m s] after each mesh."""
         return np.asarray(self.end.mesh_impulse)
-
-    @property
-    def rotor_impulse(self) -> FloatArray:
-        """Impulse (m,) [N m s] delivered on the rotors."""
-        return self.step * self.forces.rotor
 
     @property
     def iterations(self) -> int:
