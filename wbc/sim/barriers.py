@@ -60,7 +60,6 @@ class Barriers:
         joints = [(name, model.joints[model.getJointId(name)]) for name in driven_joints(model)]
         finite = np.isfinite(low) | np.isfinite(high)
         single = [(name, joint) for name, joint in joints if finite[joint.idx_q]]
-        self._solids = terrain.solids
         self.asked = any(solid.numbers() is None for solid in terrain.solids)
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
         self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
@@ -81,11 +80,6 @@ class Barriers:
             *(f"contact '{c.name}'" for c in robot.contacts * len(terrain.solids)),
             *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )
-
-    def gaps_of(self, points: FloatArray) -> FloatArray:
-        """Return the gaps (k,) of points (k, 3) [m], world, from the nearest ground."""
-        gaps = [solid.gap(points)[0] for solid in self._solids]
-        return gaps[0] if len(gaps) == 1 else np.asarray(np.min(gaps, axis=0))
 
     def within_limits(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) with every joint within its limits."""

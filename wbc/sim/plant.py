@@ -227,11 +227,9 @@ class Plant:
 
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
-        barriers, points = self._setup.barriers, self._setup.plant.obstacles
+        obstacles = self._setup.plant.obstacles
         self._gaps(state)  # which places the points, too
-        if not len(points.points):
-            return np.zeros(0)
-        return barriers.gaps_of(points.points) - points.contacts[:, 3]
+        return self.terrain.gap(obstacles.points)[0] - obstacles.contacts[:, 3]
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

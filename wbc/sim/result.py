@@ -186,7 +186,7 @@ class StepResult:
             poses = np.empty((len(tree.joints), 12))
             place(tree.joints, tree.shapes, self.state.position, poses)
             links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass
-            gaps = setup.barriers.gaps_of(poses[links, 9:])
+            gaps, _ = setup.terrain.gap(poses[links, 9:])
             gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
         # Contacts may be as deep as a step leaves them.
         if gap < -TOUCH and gap < -float(np.max(self.parts[-1].overlap, initial=0.0)):
