@@ -429,7 +429,7 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
         turned, tries = False, tries + 1
         if counts[EFFORTS] > 0:
             place_efforts(program, positive)
-        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)
+        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)[0]
         if size < 0 or counts[EFFORTS] == 0:
             break
         place_output(program.gears, jacobian, numbers[SCALE], x, gears[OUTPUT], gears[SHARE])

@@ -13,7 +13,7 @@ import daqp
 import numpy as np
 from proxsuite import proxqp
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.errors import ControlError
 from wbc.files import atomic_write
 
@@ -109,7 +109,7 @@ _PROXQP = {
     proxqp.PROXQP_PRIMAL_INFEASIBLE: QPStatus.INFEASIBLE,
     proxqp.PROXQP_MAX_ITER_REACHED: QPStatus.ITERATION_LIMIT,
 }
-_EQUALITY, _UPPER, _LOWER = 5, 1, 3
+_EQUALITY = 5
 _DAQP = {1: QPStatus.SOLVED, -1: QPStatus.INFEASIBLE, -4: QPStatus.ITERATION_LIMIT}
 SOLVERS = ("daqp", "proxqp")
 """The solvers that can be asked; daqp is behind ProxQP.
@@ -176,7 +176,6 @@ def solve_in_turn(
     *,
     tolerance: float,
     most: int,
-    start: IntArray | None = None,
 ) -> list[QPSolution]:
     """Return the solutions of a program with ever tighter bounds, up to the first without one.
 
@@ -189,11 +188,10 @@ def solve_in_turn(
         bounds: lower and upper ones (n_in,), at least one pair.
         tolerance: absolute, on residuals.
         most: iterations of all solutions together.
-        start: (n_in,) 1 and -1 for upper and lower bounds that the first one begins with.
     """
     H, g, A, b, C, _, _ = problem
-    sense = np.full(len(b) + len(C), _EQUALITY, dtype=np.int32)
-    sense[len(b) :] = 0 if start is None else np.choose(start, (0, _UPPER, _LOWER), mode="wrap")
+    sense = np.zeros(len(b) + len(C), dtype=np.int32)
+    sense[: len(b)] = _EQUALITY
     model, rows, found = daqp.Model(), np.concatenate([A, C]), list[QPSolution]()
     # rows that are equalities are eliminated: half the time of an iteration
     limits = {"primal_tol": tolerance, "dual_tol": tolerance, "eq_reduction": 1}
