@@ -309,6 +309,7 @@ class Columns:
     _added: dict[Change, SparseColumns] = field(default_factory=dict)
     _slopes: dict[tuple[object, ...], tuple[Change, SparseColumns]] = field(default_factory=dict)
     _straight: set[tuple[object, ...]] = field(default_factory=set)
+    _alone: dict[type[Effect], bool] = field(default_factory=dict)
 
     def of(
         self, at: Evaluation, changes: Sequence[Change], *, held: bool
@@ -488,19 +489,19 @@ class Columns:
         alone: dict[int, IntArray] = {}
         gears: set[int] = set()
         rest: list[int] = []
-        judged: dict[type[Effect], bool] = {}
+        robots: dict[int, Robot] = {}
         bends = not held and some_deflect(at.effects)
         for k, change in changes.items():
             effect = change.after
             try:
-                self._whole(at, [change])
+                robots[k] = self._whole(at, [change])
                 gear = None if bends else own_gear(self.robot, effect, at.records)
             except IMPOSSIBLE:
                 found[k] = None
                 continue
-            if gear is not None and type(effect) not in judged:
-                judged[type(effect)] = self._one_gear_feels(at, change, gear)
-            if gear is not None and judged[type(effect)]:
+            if gear is not None and type(effect) not in self._alone:
+                self._alone[type(effect)] = self._one_gear_feels(at, robots[k], gear)
+            if gear is not None and self._alone[type(effect)]:
                 alone[k] = outputs_of(self.robot, gear)
                 gears.add(k)
             elif k in felt and not bends:
@@ -512,12 +513,14 @@ class Columns:
         ahead = self._ahead(at) if bent else []
         for first in range(0, len(groups) + len(rest), _BATCH):
             several = [*groups, *([k] for k in rest)][first : first + _BATCH]
-            moved = [
-                self._bent(at, changes[group[0]], ahead)
-                if bent.issuperset(group)
-                else self._moved(at, [changes[k] for k in group], gears.issuperset(group))
-                for group in several
-            ]
+            moved = []
+            for group in several:
+                one, together = group[0], [changes[k] for k in group]
+                changed = robots[one] if len(group) == 1 else self._whole(at, together)
+                if one in bent:
+                    moved.append(self._bent(at, changed, ahead))
+                else:
+                    moved.append(self._moved(at, changed, gears.issuperset(group)))
             whole = np.concatenate(
                 [
                     record.condense(np.stack([own[log] for own in moved], axis=-1))
@@ -531,23 +534,20 @@ class Columns:
                     found[k] = replace(own, values=own.values / changes[k].size)
         return found
 
-    def _one_gear_feels(self, at: Evaluation, change: Change, gear: int) -> bool:
+    def _one_gear_feels(self, at: Evaluation, whole: Robot, gear: int) -> bool:
         """Whether it is so: people write effects of their own."""
-        moved = np.array(self._moved(at, [change], inside=True)[0])
+        moved = np.array(self._moved(at, whole, inside=True)[0])
         moved[:, outputs_of(self.robot, gear)] = 0.0
         return not np.any(moved)
 
-    def _moved(
-        self, at: Evaluation, changes: Sequence[Change], inside: bool = False
-    ) -> list[FloatArray]:
+    def _moved(self, at: Evaluation, whole: Robot, inside: bool) -> list[FloatArray]:
         """Return per record (N, m + b) what changes move, links swinging as before.
 
         Args:
             at: the robot with effects.
-            changes: made together.
+            whole: the same with changes.
             inside: whether all act within gears: what the motion asks of these is known.
         """
-        whole = self._whole(at, changes)
         asked = at.asked if inside else [None] * len(at.records)
         each = zip(at.records, at.raw, at.swinging, asked, strict=True)
         moved = []
@@ -558,12 +558,10 @@ class Columns:
                 moved.append(np.full_like(before, np.nan))
         return moved
 
-    def _bent(
-        self, at: Evaluation, change: Change, ahead: Sequence[FloatArray]
-    ) -> list[FloatArray]:
+    def _bent(self, at: Evaluation, whole: Robot, ahead: Sequence[FloatArray]) -> list[FloatArray]:
         """Return per record (N, m + b) what a change moves with how links swing, from `ahead`."""
         try:
-            after = self._ahead(at, self._whole(at, [change]))
+            after = self._ahead(at, whole)
         except IMPOSSIBLE:
             after = [np.full_like(one, np.nan) for one in ahead]
         return [one - other for one, other in zip(after, ahead, strict=True)]
