@@ -28,7 +28,7 @@ from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
-from wbc.identification.model.intervals import parameter_covariance
+from wbc.identification.model.intervals import block_deviations
 from wbc.measurement import LogSource
 from wbc.robot import Effect, Robot
 from wbc.robot.effect import spoken
@@ -172,8 +172,8 @@ def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked,
         left -= rival
         fit = trials.fit(h)
         scales = [parameter.scale for _, parameter in fit.parameters]
-        covariance = parameter_covariance(fit, trials.problem.blocks) * np.outer(scales, scales)
-        rows.append(replace(row, covariance=covariance))
+        deviations = block_deviations(fit, trials.problem.blocks) * scales
+        rows.append(replace(row, covariance=deviations.T @ deviations))
     return tuple(rows)
 
 
@@ -221,12 +221,12 @@ def correlation_of(problem: EstimationProblem, fit: Fit) -> Correlation:
     count = len(names)
     if count < 2 or np.unique(problem.blocks).size < _BLOCKS_PER_PARAMETER * count:
         return Correlation(names, np.zeros((0, 0)))
-    covariance = parameter_covariance(fit, problem.blocks)
-    size = np.sqrt(np.diagonal(covariance))
+    deviations = block_deviations(fit, problem.blocks)
+    size = np.linalg.norm(deviations, axis=0)
     moving = size > 0.0
+    own = deviations[:, moving] / size[moving]
     matrix = np.eye(count)
-    chosen = np.ix_(moving, moving)
-    matrix[chosen] = covariance[chosen] / np.outer(size[moving], size[moving])
+    matrix[np.ix_(moving, moving)] = own.T @ own
     return Correlation(names, matrix)
 
 

@@ -23,7 +23,7 @@ from wbc.identification.choice.evidence import Key
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
-from wbc.identification.model.intervals import TAIL, interval_bounds, parameter_covariance
+from wbc.identification.model.intervals import TAIL, block_deviations, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.records.record import ROWS_PER_SAMPLE, Record
 from wbc.robot import Effect, Parameter, Quantity
@@ -210,8 +210,7 @@ def quantities_of(
     usual = fit.usual.jacobian[:, rows]
     alone = _spread(usual.T @ usual, slopes)
     after = _spread(beside_others(fit.known, rows), slopes)
-    blocks = parameter_covariance(fit, problem.blocks)[np.ix_(rows, rows)]
-    apart = np.sqrt(np.einsum("qi,ij,qj->q", slopes, blocks, slopes))
+    apart = np.linalg.norm(block_deviations(fit, problem.blocks)[:, rows] @ slopes.T, axis=0)
     half = np.hypot(TAIL * np.hypot(apart, after), slopes @ distortion[rows])
     estimates = {
         name: Estimate(

@@ -49,8 +49,8 @@ def alike_shifts(fit: Fit, first: FloatArray, noise: FloatArray) -> FloatArray:
     return np.asarray(np.where(power > 0.0, reach / np.maximum(power, 1e-300), 0.0) / norm)
 
 
-def parameter_covariance(fit: Fit, blocks: IntArray) -> FloatArray:
-    """Return (p, p) the covariance of the parameters over blocks, in units of their scales.
+def block_deviations(fit: Fit, blocks: IntArray) -> FloatArray:
+    """Return (B, p) deviations A over blocks, in the parameters' scales; A' A is their covariance.
 
     Args:
         fit: the fitted model.
@@ -59,7 +59,8 @@ def parameter_covariance(fit: Fit, blocks: IntArray) -> FloatArray:
     if not fit.parameters:
         return np.zeros((0, 0))
     _, moved = fit.steps_of_blocks(blocks)
-    return WIDER**2 * len(moved) * np.atleast_2d(np.cov(moved.T, ddof=min(len(moved) - 1, 1)))
+    count = len(moved)
+    return np.asarray(WIDER * np.sqrt(count / max(count - 1, 1)) * (moved - moved.mean(axis=0)))
 
 
 def interval_bounds(fit: Fit, blocks: IntArray, distortion: FloatArray) -> FloatArray:
@@ -69,11 +70,11 @@ def interval_bounds(fit: Fit, blocks: IntArray, distortion: FloatArray) -> Float
 
     Args:
         fit: the fitted model.
-        blocks: as of `parameter_covariance`.
+        blocks: as of `block_deviations`.
         distortion: (p,) in units of the scales: how far the parameters move when the band of the
             filters is changed, a measure of what smoothing does to them.
     """
-    half = np.hypot(TAIL * np.sqrt(np.diagonal(parameter_covariance(fit, blocks))), distortion)
+    half = np.hypot(TAIL * np.linalg.norm(block_deviations(fit, blocks), axis=0), distortion)
     bounds = np.empty((len(fit.parameters), 2))
     for row, (k, parameter) in enumerate(fit.parameters):
         value, reach = fit.effects[k].values[parameter.name], half[row] * parameter.scale
