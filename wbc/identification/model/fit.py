@@ -453,6 +453,7 @@ def refine(
             continue
         promised = float(np.sum((at.residual + change) ** 2))
         trusted = abs((at.cost - moved.cost) / max(at.cost - promised, 1e-300) - 1.0) < _TRUSTED
+        # Where nothing swings, what another fit says serves as long as steps leave less with it.
         trusted |= bool(taken) and not swings
         fresh, at = not known, moved
         if trusted:
