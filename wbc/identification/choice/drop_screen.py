@@ -63,7 +63,7 @@ def exchanged(
     columns = np.concatenate([-new.whitened(problem.whitening) for new in added], axis=2)
     felt = np.flatnonzero(columns.any(axis=(0, 2)))
     columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
-    gram, moment = _normal(fit)
+    gram, moment = fit.known, fit.moment
     weighted = (columns * weight[:, None]).reshape(-1, columns.shape[2])
     beside = fit.jacobian[:, felt].reshape(len(weighted), moment.size).T @ weighted
     among = columns.reshape(len(weighted), -1).T @ weighted
@@ -102,20 +102,12 @@ def gains(
     return list(means[1:] - means[0])
 
 
-def _normal(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Return the normal equations of a fit, (p, p) and (p,)."""
-    usual = fit.usual
-    moment = np.einsum("rop,ro->p", fit.jacobian, fit.residual / usual.noise)
-    moment += usual.jacobian.T @ usual.residual
-    return fit.known, moment
-
-
 def _moved(
     problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
 ) -> Iterator[FloatArray]:
     """Yield what is left (rows, outputs) without the causes of each drop."""
     gone = [until_null(fit, dropped, problem.robot) for dropped in drops]
-    for step in _steps(*_scaled(*_normal(fit)), gone):
+    for step in _steps(*_scaled(fit.known, fit.moment), gone):
         yield fit.residual + change_along(fit.jacobian, step)
 
 

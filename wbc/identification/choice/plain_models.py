@@ -106,4 +106,5 @@ def _falling(problem: EstimationProblem, own: Effect) -> Effect:
 
 def without_idle(trials: Trials, h: Hypothesis) -> Hypothesis:
     """Return a hypothesis without the causes that change nothing on these logs."""
-    return trials.ended(trials.of(trials.busy(trials.ended(h))) or h)
+    whole = trials.ended(h)
+    return trials.ended(trials.of(trials.busy(whole)) or whole)

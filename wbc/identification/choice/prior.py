@@ -79,8 +79,8 @@ def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
     costs = [0.0] * len(fit.effects)
     if not ends:
         return costs
-    step, moved = fit.steps_of_blocks(problem.blocks)
-    spread = np.sqrt(len(moved)) * np.std(moved, axis=0, ddof=min(len(moved) - 1, 1))
+    step, deviations = fit.steps_of_blocks(problem.blocks)
+    spread = np.linalg.norm(deviations, axis=0)
     for row, (side, harmless) in ends.items():
         owner = fit.parameters[row][0]
         if side * step[row] > _SURE * spread[row]:

@@ -309,7 +309,6 @@ class Columns:
     _added: dict[Change, SparseColumns] = field(default_factory=dict)
     _slopes: dict[tuple[object, ...], tuple[Change, SparseColumns]] = field(default_factory=dict)
     _straight: set[tuple[object, ...]] = field(default_factory=set)
-    _alone: dict[type[Effect], bool] = field(default_factory=dict)
 
     def of(
         self, at: Evaluation, changes: Sequence[Change], *, held: bool
@@ -489,6 +488,7 @@ class Columns:
         alone: dict[int, IntArray] = {}
         gears: set[int] = set()
         rest: list[int] = []
+        judged: dict[type[Effect], bool] = {}
         robots: dict[int, Robot] = {}
         bends = not held and some_deflect(at.effects)
         for k, change in changes.items():
@@ -499,9 +499,9 @@ class Columns:
             except IMPOSSIBLE:
                 found[k] = None
                 continue
-            if gear is not None and type(effect) not in self._alone:
-                self._alone[type(effect)] = self._one_gear_feels(at, robots[k], gear)
-            if gear is not None and self._alone[type(effect)]:
+            if gear is not None and type(effect) not in judged:
+                judged[type(effect)] = self._one_gear_feels(at, robots[k], gear)
+            if gear is not None and judged[type(effect)]:
                 alone[k] = outputs_of(self.robot, gear)
                 gears.add(k)
             elif k in felt and not bends:

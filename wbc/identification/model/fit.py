@@ -265,6 +265,12 @@ class Fit:
         """(p, p) what the records and what is usual know of the parameters, as `information`."""
         return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
 
+    @property
+    def moment(self) -> FloatArray:
+        """(p,) by which the Gauss-Newton step solves `known` step = -moment."""
+        along = np.einsum("rop,ro->p", self.jacobian, self.residual / self.usual.noise)
+        return np.asarray(along + self.usual.jacobian.T @ self.usual.residual)
+
     def untold(self, parts: Sequence[Part]) -> FloatArray:
         """Return (effects,) how many numbers of each effect what is usual tells, not the records.
 
@@ -322,24 +328,24 @@ class Fit:
         return self._solved(*self.sums(rows))
 
     def steps_of_blocks(self, blocks: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the Gauss-Newton step (p,), and what each block adds to it (B, p).
+        """Return the Gauss-Newton step (p,), and deviations A (B, p): A' A is its covariance.
 
-        To first order: with the blocks drawn anew, the variance of a step is that of B such parts.
+        To first order, with the blocks drawn anew: the variance of B such parts of a step.
 
         Args:
             blocks: (rows,) number of the block of every row.
         """
         known, size = scaled(self.known)
         solved = np.linalg.inv(known)
-        along = np.einsum("rop,ro->p", self.jacobian, self.residual / self.usual.noise)
-        along += self.usual.jacobian.T @ self.usual.residual
-        step = -(solved @ (along / size)) / size
+        step = -(solved @ (self.moment / size)) / size
         # Each block pulls by what it has left at the end of that step.
         left = (self.residual + change_along(self.jacobian, step)) / self.usual.noise
         pulls = np.einsum("rop,ro->rp", self.jacobian, left)
         _, index = np.unique(blocks, return_inverse=True)
         each = np.stack([np.bincount(index, column) for column in pulls.T], axis=1)
-        return np.asarray(step), np.asarray(-(each / size) @ solved / size)
+        moved = -(each / size) @ solved / size
+        count = len(moved)
+        return np.asarray(step), np.sqrt(count / max(count - 1, 1)) * (moved - moved.mean(axis=0))
 
     def sums(self, rows: BoolArray | IntArray | slice) -> tuple[FloatArray, FloatArray]:
         """Return the normal equations (p, p) and (p,) of a choice of rows."""

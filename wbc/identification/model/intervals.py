@@ -1,4 +1,4 @@
-"""How sure the parameters are: what blocks of the logs say apart, and what filters distort."""
+"""How sure the parameters are: how much blocks of the logs differ, and what filters distort."""
 
 from __future__ import annotations
 
@@ -58,9 +58,7 @@ def block_deviations(fit: Fit, blocks: IntArray) -> FloatArray:
     """
     if not fit.parameters:
         return np.zeros((0, 0))
-    _, moved = fit.steps_of_blocks(blocks)
-    count = len(moved)
-    return np.asarray(WIDER * np.sqrt(count / max(count - 1, 1)) * (moved - moved.mean(axis=0)))
+    return WIDER * fit.steps_of_blocks(blocks)[1]
 
 
 def interval_bounds(fit: Fit, blocks: IntArray, distortion: FloatArray) -> FloatArray:
