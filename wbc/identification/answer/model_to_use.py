@@ -232,8 +232,8 @@ class _Prediction:
 
     Attributes:
         hypothesis: the causes.
-        floor: (outputs,) mean squares of noise and of what filters distort: below it nothing is
-            told apart.
+        floor: (outputs,) mean squares of noise, with their standard error, and of what filters
+            distort: below it nothing is told apart.
     """
 
     hypothesis: Hypothesis
@@ -243,8 +243,8 @@ class _Prediction:
     def of(cls, trials: Trials, h: Hypothesis) -> _Prediction:
         problem = trials.problem
         kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
-        floor = problem.floor.values[kept] ** 2 * (1.0 + problem.distorted(DISTORTED))
-        return cls(h, floor)
+        more = problem.floor_error + problem.distorted(DISTORTED)
+        return cls(h, problem.floor.values[kept] ** 2 * (1.0 + more))
 
     def behind(self, other: _Prediction) -> float:
         """Return the largest ratio of two outputs' errors, less a standard error of the first."""

@@ -62,7 +62,7 @@ class DesignMatrix:
             usual: (c, c) and (c,) normal equations of what is known before, by default nothing.
         """
         size = columns.shape[2]
-        sums = fold_sums((), columns, residual, np.eye(columns.shape[1]), folds, 1)
+        sums = fold_sums((), columns, residual, np.eye(columns.shape[1]), folds)
         prior = np.zeros(size) if expected is None else expected
         return cls(*sums, prior, usual or (np.zeros((size, size)), np.zeros(size)))
 
@@ -204,7 +204,6 @@ def fold_sums(
     residual: FloatArray,
     whitening: FloatArray,
     folds: IntArray,
-    every: int,
 ) -> FoldSums:
     """Return the sums of all columns, those that are not whitened yet first.
 
@@ -214,13 +213,12 @@ def fold_sums(
         residual: (rows, judged outputs), whitened.
         whitening: (outputs, judged outputs).
         folds: (rows,) number of the fold of each row.
-        every: step between two rows of a fold that count.
     """
     few = np.array([own.outputs.size**2 <= len(whitening) for own in columns], dtype=bool)
     sparse, dense = list(compress(columns, few)), list(compress(columns, ~few))
     sums = []
     for fold in np.unique(folds):
-        rows = np.flatnonzero(folds == fold)[::every]
+        rows = np.flatnonzero(folds == fold)
         more = [own.at_rows(rows).whitened(whitening) for own in dense]
         beside = np.concatenate([*more, whitened[rows], residual[rows, :, None]], axis=2)
         products = _products([own.at_rows(rows) for own in sparse], beside, whitening)

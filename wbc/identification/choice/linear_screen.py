@@ -19,9 +19,6 @@ from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import evaluate
 from wbc.robot import Effect, Evidence, Robot
 
-# Rows are five per period of the band: half of them hold all that a screen, which only proposes,
-# needs to know. Scores made with it stand in corpus_results.md (seed 34): as many right as before.
-_EVERY = 2
 _COLUMNS = 4  # pairs of columns per pair of causes, at most
 _ROUNDING = 1.0 - 1e-6  # by which a bound is lowered
 
@@ -73,14 +70,13 @@ class LinearScreen:
         for regressor, places in zip(self.regressors, self._slices, strict=True):
             expected[places] = regressor.screen.expected
         usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
-        noise = noise / _EVERY
         for regressor, places in zip(self.regressors, self._slices, strict=True):
             usual[0][np.ix_(places, places)] = noise * regressor.usual
         own = fit.usual.jacobian
         usual[0][np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
         usual[1][self._nuisance] = -noise * own.T @ fit.usual.residual
         columns = [regressor.columns for regressor in self.regressors]
-        sums = fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds, _EVERY)
+        sums = fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds)
         self.matrix = DesignMatrix(*sums, expected, usual)
         self._beside = Beside(self.matrix, self._nuisance)
         self._errors: dict[tuple[int, ...], float] = {}

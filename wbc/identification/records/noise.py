@@ -18,7 +18,7 @@ from scipy.signal import welch
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque
 from wbc.dynamics.batch import inverse_dynamics
-from wbc.identification.records.record import Record, output_count
+from wbc.identification.records.record import ROWS_PER_SAMPLE, Record, output_count
 from wbc.measurement import derivative, low_pass
 
 _SHRINKAGE = 0.03
@@ -41,12 +41,14 @@ class NoiseFloor:
         repeats: pairs of record numbers that repeat one another; with none, `covariance` is the
             lower bound.
         aside: numbers of outputs that are not judged, because nothing can be learnt from them.
+        samples: independent samples of noise that it is known from.
     """
 
     covariance: FloatArray
     sensors: FloatArray
     repeats: tuple[tuple[int, int], ...]
     aside: tuple[int, ...] = ()
+    samples: float = np.inf
 
     @property
     def values(self) -> FloatArray:
@@ -144,17 +146,21 @@ def noise_floor(
         drawn: (rows, m + b) noise of the sensors in each.
         repeats: pairs of logs, as of `close_repeats`.
     """
-    sensors = _covariance(np.concatenate(drawn))
+    noise = np.concatenate(drawn)
+    sensors = _covariance(noise)
     if not repeats:
-        return NoiseFloor(sensors, sensors, ())
+        return NoiseFloor(sensors, sensors, (), samples=len(noise) / ROWS_PER_SAMPLE)
     differences = [
         _difference(residuals[i], records[i].time, residuals[j], records[j].time) / np.sqrt(2.0)
         for i, j in repeats
     ]
-    repeated = _covariance(np.concatenate(differences))
+    noise = np.concatenate(differences)
+    repeated = _covariance(noise)
     covariance = _over_all(records, repeats, repeated, sensors)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
-    return NoiseFloor(covariance * np.outer(raised, raised), sensors, tuple(repeats))
+    covariance *= np.outer(raised, raised)
+    samples = len(noise) / ROWS_PER_SAMPLE
+    return NoiseFloor(covariance, sensors, tuple(repeats), samples=samples)
 
 
 def _over_all(

@@ -122,8 +122,8 @@ class Record:
 
     @cached_property
     def stride(self) -> int:
-        """Samples between two rows of the residual (about five per period of the band)."""
-        return max(1, int(self.rate / (5.0 * self.bandwidth.residual)))
+        """Samples between two rows of the residual."""
+        return max(1, int(self.rate / (_ROWS_PER_PERIOD * self.bandwidth.residual)))
 
     @cached_property
     def edge(self) -> int:
@@ -333,7 +333,8 @@ class Record:
 
 
 _BLOCKS_PER_LOG = 5
-ROWS_PER_SAMPLE = 2.5  # of the five rows per period of the band, two are independent
+_ROWS_PER_PERIOD = 3.0  # of the band: two are independent, what leaks above it shows in the third
+ROWS_PER_SAMPLE = _ROWS_PER_PERIOD / 2.0
 _ENOUGH_RUNS = 3
 _LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 _BLOCK_DURATION = 0.5  # [s]; residuals decorrelate within a few periods of the band
