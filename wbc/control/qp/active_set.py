@@ -30,7 +30,6 @@ FEW = 8
 """Steps that are worth a try where the bounds that bind are all but known."""
 UNSETTLED = -1
 """What `settle` returns where it finds no solution."""
-_FALLS = 1e-9  # change of a push from which it counts
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
 STEPS = 32
 """Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin.
@@ -258,7 +257,7 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) 
         change[base + k] *= -taken[active[k]]
         change[base + k] -= push[k] if met else 0.0
         falls = -change[base + k] if solver.give[active[k]] == 0.0 else 0.0
-        if falls > _FALLS and push[k] < share * falls:
+        if push[k] < share * falls:
             leaving, share = k, push[k] / falls
     for k in range(size - base if share < np.inf else 0):
         push[k] += share * change[base + k]
