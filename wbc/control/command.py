@@ -92,7 +92,7 @@ class Command:
 
     def __init__(self, **fields: Any) -> None:
         """Take some fields; the others are read from `prospect`, which is one of these."""
-        self.__dict__.update(fields)
+        self.__dict__ = fields
 
     def __getattr__(self, name: str) -> Any:
         """Return a field that the command was made without."""

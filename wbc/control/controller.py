@@ -24,7 +24,7 @@ from wbc.control.inputs import (
     size_complaint,
 )
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.level import Level, Levels, PendingTick, Refusal, SolvedLevel, descend
+from wbc.control.qp.level import Level, Levels, Refusal, SolvedLevel, descend
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
@@ -34,7 +34,7 @@ from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
 from wbc.control.rows.task import Task
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import DRIVE, MOVED, RESTED, TORQUE_ROW
+from wbc.control.tick import DRIVE, TORQUE_ROW
 from wbc.errors import ControlError
 from wbc.robot import Motion, Robot
 
@@ -190,8 +190,8 @@ class Controller:
             levels, ceilings = self._levels.of(contacts, step)
             for stack in self._stacks:
                 stack.weigh(weights, activation)
-            told = self._ask(motion, references, levels[0].program.contacts)
-            answer = descend(levels, PendingTick(motion, ceilings, step, self._last, told))
+            self._ask(motion, references, levels[0].program.contacts)
+            answer = descend(levels, motion, ceilings, step, self._last)
             self._level = answer.level
             if isinstance(answer, SolvedLevel):
                 return self._accepted(answer, motion, start)
@@ -207,35 +207,23 @@ class Controller:
 
     def _ask(
         self, motion: Motion, references: Mapping[str, Reference], contacts: ContactSet
-    ) -> int:
+    ) -> None:
         """Write what only Python can say of a state; nothing is remembered.
-
-        Returns:
-            what of the state is evaluated then, see `wbc.control.tick`.
 
         Raises:
             TickInputError: a reference that does not fit its task.
         """
-        kinematics, moved = self._kinematics, self._asks_ahead
-        rested = contacts.rank < contacts.rows
-        try:
-            for stack in self._stacks:
-                moved = stack.take(references) or moved
-            if not moved and not rested:
-                kinematics.take(motion.position, motion.velocity)
-                self._drivetrain.take(motion, contacts.contacts)
-                return 0
-            kinematics.update(motion.position, motion.velocity)
+        kinematics, asks = self._kinematics, self._asks_ahead
+        kinematics.take(motion.position, motion.velocity)
+        for stack in self._stacks:
+            asks = stack.take(references) or asks
+        if asks:
+            kinematics.move()
             for stack in self._stacks:
                 stack.ask(kinematics)
-        except ControlError as cause:
-            raise TickInputError(str(cause)) from cause
-        if self._collision is not None:
-            self._collision.fill(kinematics)
-        if rested:
-            contacts.fill(kinematics)
+            if self._collision is not None:
+                self._collision.fill(kinematics)
         self._drivetrain.take(motion, contacts.contacts)
-        return MOVED | (RESTED if rested else 0)
 
     def _accepted(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
         """Return the command of a tick with a solution; take what the next one starts from."""
@@ -246,16 +234,15 @@ class Controller:
         if self._drivetrain.learns:
             leads_to = motion.velocity + answer.dt * answer.acceleration
             self._drivetrain.remember(leads_to, contacts)
-        status, drive, late = answer.verdict[0], answer.row(DRIVE), dict[str, str]()
+        drive, status = answer.row(DRIVE), answer.verdict[0]
         if self._drivetrain.differs:
             drive = self._drivetrain.to_drive(motion, answer.row(TORQUE_ROW))
         elapsed, deadline = perf_counter() - start, self.settings.deadline
+        command = Command(rotor_torque=drive, status=status, tick_time=elapsed, prospect=answer)
         if deadline is not None and elapsed > deadline:
-            status = Status.LATE
-            late["message"] = f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
-        return Command(
-            rotor_torque=drive, status=status, tick_time=elapsed, prospect=answer, **late
-        )
+            command.status = Status.LATE
+            command.message = f"{1e3 * elapsed:.2f} ms of {1e3 * deadline:.2f} ms."
+        return command
 
     def _refused(
         self, refusal: Refusal, complaint: Complaint, motion: Motion, dt: float, start: float

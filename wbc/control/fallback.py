@@ -17,7 +17,7 @@ from wbc.control.qp.level import SolvedLevel
 from wbc.control.qp.search import DirectedSolution
 from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import TORQUE_ROW
+from wbc.control.tick import POSITION, TORQUE_ROW
 from wbc.mechanics.linear import factor_inertia, halfway, products, rest_of_way
 from wbc.robot import Motion, Robot
 
@@ -81,7 +81,7 @@ class Fallback:
         if motion is not None:
             return motion.position
         last = self._last
-        return None if last is None else last.block[last.level.program.at.position]
+        return None if last is None else last.block[last.level.program.at[POSITION]]
 
     def command(
         self,

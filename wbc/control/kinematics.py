@@ -78,6 +78,7 @@ class Kinematics:
             gravity=frozen(model.gravity.linear),
             starts=starts,
             columns=columns,
+            moved=np.zeros(1, np.bool_),
         )
         self.bias: FloatArray = self.tree.bias
         self.known_by_joints = _axes_turn_with_bodies(model)
@@ -93,16 +94,20 @@ class Kinematics:
     def update(self, position: FloatArray, velocity: FloatArray) -> None:
         """Move to the state q (nq,), v (nv,)."""
         self.take(position, velocity)
-        move_joints(self.tree, velocity)
-        if not self.known_by_joints:
-            self._ask_pinocchio()
+        self.move()
 
     def take(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Take a state, where `move_joints` follows."""
+        """Take a state; what follows from its velocity is evaluated by `move`, or in the tick."""
         self.position, self.velocity = position, velocity
         # leaves J, A_g and the CoM as well
         pin.crba(self.model, self._data, position, _AXES)
-        self._moved = False
+        self._moved = self.tree.moved[0] = False
+
+    def move(self) -> None:
+        """Evaluate velocities and accelerations at the state that was taken."""
+        move_joints(self.tree, self.velocity)
+        if not self.known_by_joints:
+            self._ask_pinocchio()
 
     def _ask_pinocchio(self) -> None:
         """Take drifts and bias from pinocchio, where an axis moves within its own body."""

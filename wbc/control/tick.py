@@ -13,14 +13,7 @@ import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, Vector, compiled, view
 from wbc.control.qp.active_set import STEPS, SolverMemory, place_multipliers, settle
-from wbc.control.qp.gear_rows import (
-    GearsMemory,
-    place_loads,
-    place_map,
-    place_output,
-    place_slopes,
-    place_torques,
-)
+from wbc.control.qp.gear_rows import GearsMemory, place_loads, place_map, place_output
 from wbc.control.qp.solvers import INFINITE
 from wbc.control.rows.limits import JointsMemory, place_joint_bounds
 from wbc.control.rows.point_foot import balancing
@@ -80,11 +73,10 @@ PROGRAM = Structure(
     output_bias=(OutRow, "m"),
     undriven=Places,
     counts=OutPlaces,
+    ends=Places,
     numbers=Row,
     efforts=Dense,
     effort_kinds=Dense,
-    slopes=(OutDense, 2, "m"),
-    turning=(OutRow, "m"),
     output=(OutRow, "m"),
     positive=(OutPlaces, "m"),
     stated_lower=OutRow,
@@ -95,32 +87,32 @@ undriven coordinates, contacts, what a more important level has decided.
 
 `efforts` (e, m) are weights, of N tau_phi where the first of `effort_kinds` (e, 2) is one, of T
 where it is zero, and of what the mesh loses where the second one, a least torque, is not zero. They
-read the slopes of the mesh law (2, m) for T <= 0 and for T > 0, the expected dpsi, T of the last
-tick and, in `positive` (m,), whether T > 0. T = map x + output_bias. `limited` (g,) are the gears
-that have a torque limit, whose rows are the first 2 g bounds. The stated bounds are those of the
-solver but where a more important level has to pass.
+read T of the last tick and, in `positive` (m,), whether T > 0. T = map x + output_bias. `limited`
+(g,) are the gears that have a torque limit, whose rows are the first 2 g bounds. The stated bounds
+are those of the solver but where a more important level has to pass. Part p of a block of results
+stands from ends[p] to ends[p + 1].
 """
 ProgramMemory = Annotated[Any, PROGRAM.kind]
 
-FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS, NQ = range(8)
+FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS = range(7)
 """`counts`: the first row in use; rows of tasks and efforts; hard rows below them; torque limits;
-all bounds; the first joint limit; efforts; the size of q."""
+all bounds; the first joint limit; efforts."""
 
 MASS, SCALE, REGULAR, TOLERANCE, GREATEST = range(5)
 """`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side."""
 
-MOVED, RESTED, BASED, TRIES = 1, 2, 4, 8
-"""What is told to a tick: joints and contacts are evaluated; rows of contacts are written as a
-basis; a guess is worth a try."""
+POSITION, VELOCITY, CORRECTED, ADVANCED, GEARS, X, Z, Y = range(8)
+"""Parts of a block: q, v, v corrected and expected next, the rows of the gears, x, z and y. What
+stands before x is the same in every program of a controller, so that a tick reads there what the
+last one came to, whatever its contacts were."""
 
 TURNING, SIGMA, OUTPUT, SHARE, MESH, TORQUE_ROW, DRIVE = range(7)
 """Rows of gears in a block: expected dpsi, certainty, T, what the rotors
 take, t, N tau_phi within the limits, and what the drives are told."""
 GEAR_ROWS = 7
 
-TOO_LARGE, UNTRIED, UNSOLVED, LIMITED_TORQUE, DONE = range(5)
-"""How a tick ends: numbers too large, without a guess, without a solution from it, with a torque
-limit, or well."""
+UNSOLVED, LIMITED_TORQUE, DONE = range(3)
+"""How a guess ends: without a solution, with a torque limit, or well."""
 
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
@@ -261,8 +253,8 @@ def rest(tree: TreeMemory, contacts: ContactsMemory, velocity: Vector, mass: flo
 
 
 @compiled
-def place_balance(program: ProgramMemory, contacts: bool) -> None:
-    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts if asked."""
+def place_balance(program: ProgramMemory) -> None:
+    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts."""
     solver, gears, rows = program.solver, program.gears, program.contacts.rows
     rows_of, right, first = solver.rows, solver.right, program.counts[COST]
     nv, scale, jacobian = len(gears.bias), program.numbers[SCALE], rows.jacobian
@@ -273,12 +265,11 @@ def place_balance(program: ProgramMemory, contacts: bool) -> None:
             rows_of[first + i, j] = gears.mass[row, j]
         for k in range(len(jacobian)):
             rows_of[first + i, nv + k] = -scale * jacobian[k, row]
-    if contacts:
-        first += len(program.undriven)
-        for i in range(len(jacobian)):
-            right[first + i] = program.contacts.target[i]
-            for j in range(nv):
-                rows_of[first + i, j] = jacobian[i, j]
+    first += len(program.undriven)
+    for i in range(len(jacobian)):
+        right[first + i] = program.contacts.target[i]
+        for j in range(nv):
+            rows_of[first + i, j] = jacobian[i, j]
 
 
 @compiled
@@ -323,9 +314,9 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
     for effort in range(program.counts[EFFORTS]):
         rotor, least = program.effort_kinds[effort, 0], program.effort_kinds[effort, 1]
         for i in range(m):
-            e, weight = program.slopes[min(positive[i], 1), i], program.efforts[effort, i]
+            e, weight = gears.slopes[min(positive[i], 1), i], program.efforts[effort, i]
             if least > 0.0:
-                rate = abs(e - 1.0) * abs(program.turning[i])
+                rate = abs(e - 1.0) * abs(gears.turning[i])
                 weight *= rate / max(abs(program.output[i]), least)
             root = sqrt(weight)
             slope = root * (e if rotor > 0.0 else 1.0)
@@ -352,8 +343,8 @@ def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
         choice: (m,) 1 where the half-space is that of T > 0, -1 where that of T < 0, 0 where
             there is none.
     """
-    gears, slopes, C, count = program.gears, program.slopes, program.solver.C, len(program.limited)
-    lower, upper, nv = program.stated_lower, program.stated_upper, len(gears.bias)
+    gears, C, count = program.gears, program.solver.C, len(program.limited)
+    slopes, lower, upper = gears.slopes, program.stated_lower, program.stated_upper
     for i in range(count):
         gear = program.limited[i]
         steeper = slopes[1, gear] - slopes[0, gear]
@@ -361,7 +352,7 @@ def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
             row, slope = i + side * count, slopes[side, gear]
             for j in range(C.shape[1]):
                 C[row, j] = slope * program.map[gear, j]
-            for j in range(nv):
+            for j in range(len(gears.bias)):
                 C[row, j] += gears.rotor[gear, j]
             offset = slope * program.output_bias[gear] + gears.rotor_bias[gear]
             both = choice[gear] == 2 * side - 1 if steeper != 0.0 else side == 0
@@ -382,23 +373,28 @@ def finish(program: ProgramMemory, dt: float, block: OutRow) -> int:
     Returns:
         DONE, or LIMITED_TORQUE where the limits did not leave all of it.
     """
-    counts, m, nv = program.counts, len(program.gears.driven), len(program.gears.bias)
-    nq, n = counts[NQ], program.solver.rows.shape[1]
-    gears, start = view(block, nq + 3 * nv, GEAR_ROWS, m), nq + 3 * nv + GEAR_ROWS * m
-    x = block[start : start + n]
+    gears, ends, load, ended = program.gears, program.ends, program.joints.load, DONE
+    x, velocity = block[ends[X] : ends[X + 1]], block[ends[CORRECTED] : ends[CORRECTED + 1]]
+    rows = view(block, ends[GEARS], GEAR_ROWS, len(gears.driven))
+    advanced, jacobian, nv = block[ends[ADVANCED] :], program.contacts.rows.jacobian, len(velocity)
     for i in range(nv):
-        block[nq + 2 * nv + i] = block[nq + nv + i] + dt * x[i]
-    jacobian, scale = program.contacts.rows.jacobian, program.numbers[SCALE]
-    place_output(program.gears, jacobian, scale, x, gears[OUTPUT], gears[SHARE])
-    load, mass, driven = program.joints.load, program.gears.mass, program.gears.driven
-    for i in range(m if len(load) > 0 else 0):
-        load[driven[i]] = program.gears.joint[i]
-        for j in range(nv):
-            load[driven[i]] -= mass[driven[i], j] * x[j]
-    results = gears[MESH], gears[TORQUE_ROW], gears[DRIVE]
-    exact = place_torques(program.gears, gears[OUTPUT], gears[SHARE], gears[SIGMA], results)
-    fill_commands(program.gears.drives, gears[DRIVE], gears[DRIVE])
-    return DONE if exact else LIMITED_TORQUE
+        advanced[i] = velocity[i] + dt * x[i]
+    for i in range(len(gears.driven) if len(load) > 0 else 0):
+        row = gears.driven[i]
+        load[row] = gears.bias[row]
+        for k in range(len(jacobian)):
+            load[row] -= program.numbers[SCALE] * jacobian[k, row] * x[nv + k]
+    place_output(gears, program.map, program.output_bias, x, rows[OUTPUT], rows[SHARE])
+    for i in range(len(gears.driven)):
+        rows[TURNING, i], rows[SIGMA, i] = gears.turning[i], gears.sigma[i]
+        rows[MESH, i] = gears.slopes[1 if rows[OUTPUT, i] > 0.0 else 0, i] * rows[OUTPUT, i]
+        needed = rows[MESH, i] + rows[SHARE, i]
+        rows[TORQUE_ROW, i] = min(max(needed, gears.lower[i]), gears.upper[i])
+        if rows[TORQUE_ROW, i] != needed:
+            rows[MESH, i], ended = rows[TORQUE_ROW, i] - rows[SHARE, i], LIMITED_TORQUE
+        rows[DRIVE, i] = rows[TORQUE_ROW, i] * gears.inverse_ratio[i]
+    fill_commands(gears.drives, rows[DRIVE], rows[DRIVE])
+    return ended
 
 
 @compiled
@@ -411,92 +407,67 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
     Args:
         program: PROGRAM.
         dt: time until the next tick [s].
-        block: as `tick` left it; results.
+        block: as `write` left it; results.
 
     Returns:
         UNSOLVED, LIMITED_TORQUE or DONE.
     """
-    counts, numbers, m = program.counts, program.numbers, len(program.gears.driven)
-    start = counts[NQ] + 3 * len(program.gears.bias)
-    gears, start = view(block, start, GEAR_ROWS, m), start + GEAR_ROWS * m
-    n, last = program.solver.rows.shape[1], counts[COST] + counts[HARD]
-    x, bounds = block[start : start + n], (counts[TORQUE], counts[BOUNDS])
-    positive, slopes, jacobian = program.positive, program.slopes, program.contacts.rows.jacobian
-    if counts[EFFORTS] > 0:
-        place_map(program.gears, jacobian, numbers[SCALE], program.map, program.output_bias)
+    gears, counts, ends, positive = program.gears, program.counts, program.ends, program.positive
+    rows, x = view(block, ends[GEARS], GEAR_ROWS, len(positive)), block[ends[X] : ends[X + 1]]
+    bounds, tolerance = (counts[TORQUE], counts[BOUNDS]), program.numbers[TOLERANCE]
+    first, last = counts[FIRST], counts[COST] + counts[HARD]
     size, turned, tries = -1, True, 0
     while turned and tries < GUESSES:
         turned, tries = False, tries + 1
-        if counts[EFFORTS] > 0:
-            place_efforts(program, positive)
-        size = settle(program.solver, counts[FIRST], last, bounds, numbers[TOLERANCE], STEPS, x)[0]
+        place_efforts(program, positive)
+        size = settle(program.solver, first, last, bounds, tolerance, STEPS, x)[0]
         if size < 0 or counts[EFFORTS] == 0:
             break
-        place_output(program.gears, jacobian, numbers[SCALE], x, gears[OUTPUT], gears[SHARE])
-        for i in range(m):
-            differs = (gears[OUTPUT, i] > 0.0) != (positive[i] != 0)
-            if differs and abs(gears[OUTPUT, i]) > SMALL and slopes[0, i] != slopes[1, i]:
+        place_output(gears, program.map, program.output_bias, x, rows[OUTPUT], rows[SHARE])
+        for i in range(len(positive)):
+            differs = (rows[OUTPUT, i] > 0.0) != (positive[i] != 0)
+            differs = differs and gears.slopes[0, i] != gears.slopes[1, i]
+            if differs and abs(rows[OUTPUT, i]) > SMALL:
                 positive[i], turned = 1 - positive[i], True
     if size < 0 or turned:
         return UNSOLVED
-    soft, hard = counts[COST] - counts[FIRST], start + n + counts[HARD]
-    y, z = block[start + n : hard], block[hard : hard + counts[BOUNDS]]
-    place_multipliers(program.solver, soft + counts[HARD], soft, size, y, z)
+    y, z = block[ends[Y] : ends[Y + 1]], block[ends[Z] : ends[Z + 1]]
+    place_multipliers(program.solver, last - first, counts[COST] - first, size, y, z)
     return finish(program, dt, block)
 
 
 @compiled
-def tick(
-    program: ProgramMemory,
-    position: Vector,
-    velocity: Vector,
-    last: Row,
-    dt: float,
-    told: int,
-    block: OutRow,
-) -> int:
-    """Pass through a tick of one level: from q (nq,) and v (nv,) to torques in `block`.
-
-    Everything that a state decides is written: tasks, contacts, loads, limits, balance. Where a
-    guess is worth a try, `solve` follows.
+def write(
+    program: ProgramMemory, position: Vector, velocity: Vector, last: Row, dt: float, block: OutRow
+) -> bool:
+    """Write everything that a state decides: tasks, contacts, loads, limits, balance.
 
     Args:
         program: PROGRAM.
-        position, velocity: q and v.
+        position, velocity: q (nq,) and v (nv,).
         last: block of the last tick, with v (nv,) [rad/s] expected of this state, and T.
         dt: time until the next tick [s].
-        told: MOVED, RESTED, BASED and TRIES where they hold.
         block: results.
 
     Returns:
-        TOO_LARGE where numbers are, that or are not finite; UNTRIED, or what `solve` returns.
+        whether the numbers are finite, and small enough to solve with.
     """
-    tree, numbers, counts = program.tree, program.numbers, program.counts
-    nq, nv, m = len(position), len(velocity), len(program.gears.driven)
-    for i in range(nq):
-        block[i] = position[i]
-    for i in range(nv):
-        block[nq + i] = velocity[i]
-    q, v, corrected = block[:nq], block[nq : nq + nv], block[nq + nv : nq + 2 * nv]
-    gears = view(block, nq + 3 * nv, GEAR_ROWS, m)
-    if told & MOVED == 0:
-        move_joints(tree, v)
-    fill_state_rows(tree, program.tasks.rows, numbers[MASS])
-    if told & RESTED == 0:
-        rest(tree, program.contacts, v, numbers[MASS])
-    want(tree, program.tasks, program.contacts, q, v, numbers[MASS])
-    expected, turning, sigma = last[nq + 2 * nv : nq + 3 * nv], gears[TURNING], gears[SIGMA]
-    place_loads(program.gears, tree, q, v, expected, dt, corrected, turning, sigma)
-    if counts[EFFORTS] > 0:
-        place_slopes(program.gears, gears[SIGMA], program.slopes[1], program.slopes[0])
-        program.turning[:] = gears[TURNING]
-        program.output[:] = view(last, nq + 3 * nv, GEAR_ROWS, m)[OUTPUT]
-        for i in range(m):
-            program.positive[i] = 1 if program.output[i] > 0.0 else 0
-    if len(program.joints.rows) > 0:
-        bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
-        place_joint_bounds(program.joints, program.gears.bias, program.gears.mass, q, v, dt, bounds)
-    place_balance(program, told & BASED == 0)
-    if not place_tasks(program) < numbers[GREATEST]:
-        return TOO_LARGE
-    return solve(program, dt, block) if told & TRIES != 0 else UNTRIED
+    tree, gears, contacts, joints = program.tree, program.gears, program.contacts, program.joints
+    counts, ends, mass = program.counts, program.ends, program.numbers[MASS]
+    q, v = block[: ends[VELOCITY]], block[ends[VELOCITY] : ends[CORRECTED]]
+    q[:], v[:] = position, velocity
+    move_joints(tree, v)
+    fill_state_rows(tree, program.tasks.rows, mass)
+    rest(tree, contacts, v, mass)
+    want(tree, program.tasks, contacts, q, v, mass)
+    expected = last[ends[ADVANCED] : ends[ADVANCED + 1]]
+    place_loads(gears, tree, q, v, expected, dt, block[ends[CORRECTED] : ends[ADVANCED]])
+    scale, found = program.numbers[SCALE], (program.map, program.output_bias)
+    place_map(gears, contacts.rows.jacobian, scale, *found)
+    program.output[:] = view(last, ends[GEARS], GEAR_ROWS, len(gears.driven))[OUTPUT]
+    for i in range(len(program.output)):
+        program.positive[i] = 1 if program.output[i] > 0.0 else 0
+    bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
+    place_joint_bounds(joints, gears.bias, gears.mass, q, v, dt, bounds)
+    place_balance(program)
+    return bool(place_tasks(program) < program.numbers[GREATEST])

@@ -12,6 +12,7 @@ from wbc.compiled import (
     Dense,
     Matrix,
     OutDense,
+    OutFlags,
     OutRow,
     OutVector,
     Places,
@@ -36,6 +37,7 @@ TREE = Structure(
     gravity=Row,
     starts=Places,
     columns=Places,
+    moved=OutFlags,
     poses=(OutDense, "j", 12),
     bodies=(OutDense, "j", 10),
     rates=(OutDense, "j", 6),
@@ -50,8 +52,8 @@ TREE = Structure(
 jacobian (6, nv), momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before
 translation, motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory.
 joints and shapes are those of a `wbc.mechanics.tree.Tree`, without axes and placements, behind a
-world without mass; from starts on stand the columns of J that move each joint. The rest
-`move_joints` writes.
+world without mass; from starts on stand the columns of J that move each joint; moved (1,) says
+whether the rest stands at the state, too. That `move_joints` writes.
 """
 TreeMemory = Annotated[Any, TREE.kind]
 
@@ -93,7 +95,7 @@ RowsMemory = Annotated[Any, ROWS.kind]
 
 @compiled
 def move_joints(tree: TreeMemory, velocity: Vector) -> None:
-    """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows.
+    """Write the spatial velocity V and drift A = dJ/dt v of every joint, and what follows, once.
 
     The sum of all forces, taken about the centre of mass and without the weight, is dA_g/dt v.
 
@@ -101,6 +103,9 @@ def move_joints(tree: TreeMemory, velocity: Vector) -> None:
         tree: a TREE whose pinocchio part stands at the state.
         velocity: v (nv,).
     """
+    if tree.moved[0]:
+        return
+    tree.moved[0] = True
     places, poses, whole = tree.places, tree.poses, tree.momentum_drift
     com, force, gravity = tree.com, tree.forces[0], tree.gravity
     for i in range(1, len(places)):

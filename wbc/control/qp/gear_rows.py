@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from wbc.compiled import Dense, OutDense, OutFlags, OutRow, Places, Row, Table, compiled
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, compiled
 from wbc.control.tree import TreeMemory
 from wbc.effects.tables import fill_joint_torques
 from wbc.structures import Structure
@@ -45,7 +45,9 @@ GEARS = Structure(
     disturbance=(OutRow, "v"),
     smooth=(OutRow, "v"),
     rubs=(OutRow, "v"),
-    joint=(OutRow, "m"),
+    turning=(OutRow, "m"),
+    sigma=(OutRow, "m"),
+    slopes=(OutDense, 2, "m"),
 )
 """The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
 
@@ -56,8 +58,8 @@ N tau_phi (m,); effects at joints and drives as `EffectTable` holds them; torque
 effects, and level of their dry friction (nv,); of the observer: torque
 learned, velocity predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted
 and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one.
-Results: bias (nv,), rotor_bias (m,), disturbance (nv,); `smooth`, `rubs` (nv,) and `joint` (m,) are
-memory.
+Results: bias (nv,), rotor_bias (m,), disturbance (nv,), expected dpsi and its certainty (m,), and
+slopes (2, m) of the mesh law for T <= 0 and for T > 0; `smooth` and `rubs` (nv,) are memory.
 """
 GearsMemory = Annotated[Any, GEARS.kind]
 
@@ -73,10 +75,8 @@ def place_loads(
     expected: Row,
     dt: float,
     corrected: OutRow,
-    turning: OutRow,
-    sigma: OutRow,
 ) -> None:
-    """Write which way joints and motors turn, and the bias of links and rotors.
+    """Write which way joints and motors turn, the mesh law's slopes, and what the bias is.
 
     Dry friction acts against the direction that the expected speed gives it (`SpeedBlend`). The
     bias holds effects, and what the observer has learned.
@@ -86,7 +86,6 @@ def place_loads(
         position, velocity, expected: q (nq,), measured v and the one expected of it (nv,).
         dt: [s] since the expectation.
         corrected: result (nv,), the expected v drawn towards the measured one.
-        turning, sigma: results (m,), dpsi of that, and certainty.
     """
     blend, driven, bias, nv = gears.blend, gears.driven, gears.bias, len(velocity)
     trusted, full, rate = blend[TRUSTED], blend[FULL_SPEED], blend[OBSERVES]
@@ -105,8 +104,13 @@ def place_loads(
             if share != 0.0:
                 turns += share * corrected[driven[j]]
                 moves += share * velocity[driven[j]]
-        turning[i], sigma[i] = turns, min(max(turns / full, -1.0), 1.0)
-        rubs = gears.dry[i] * sigma[i] + gears.viscous[i] * moves
+        sigma, at_rest = min(max(turns / full, -1.0), 1.0), gears.rest[i]
+        along = at_rest + abs(sigma) * (gears.forward[i] - at_rest)
+        against = at_rest + abs(sigma) * (gears.backward[i] - at_rest)
+        gears.turning[i], gears.sigma[i] = turns, sigma
+        gears.slopes[0, i] = against if sigma > 0.0 else along
+        gears.slopes[1, i] = along if sigma > 0.0 else against
+        rubs = gears.dry[i] * sigma + gears.viscous[i] * moves
         gears.rotor_bias[i] = rubs + gears.rotor_added[i]
     for i in range(nv if rate > 0.0 else 0):
         surprise, learned, bound = 0.0, gears.learned[i], gears.bound[i]
@@ -117,75 +121,6 @@ def place_loads(
         found = learned + rate * surprise if surprise == surprise else learned
         gears.disturbance[i] = min(max(found, -bound), bound)
         bias[i] -= gears.disturbance[i]
-
-
-@compiled
-def place_output(
-    gears: GearsMemory, jacobian: Dense, scale: float, x: Row, output: OutRow, share: OutRow
-) -> None:
-    """Write T = D' (M qdd + bias - scale J' f)_driven and rotor qdd + rotor_bias (m,).
-
-    Args:
-        gears: GEARS.
-        jacobian: J (k, nv) of the contacts.
-        scale: [N] per unit of force variable.
-        x: qdd and f (n,).
-        output, share: results.
-    """
-    mass, bias, driven, joint = gears.mass, gears.bias, gears.driven, gears.joint
-    topology, rotor, rotor_bias = gears.topology, gears.rotor, gears.rotor_bias
-    nv, m = len(bias), len(driven)
-    for i in range(m):
-        row = driven[i]
-        torque, taken = bias[row], rotor_bias[i]
-        for j in range(nv):
-            torque += mass[row, j] * x[j]
-            taken += rotor[i, j] * x[j]
-        for k in range(len(jacobian)):
-            torque -= scale * jacobian[k, row] * x[nv + k]
-        joint[i], share[i], output[i] = torque, taken, 0.0
-    for j in range(m):
-        for i in range(m):
-            output[i] += topology[j, i] * joint[j]
-
-
-@compiled
-def place_slopes(gears: GearsMemory, sigma: Row, positive: OutRow, negative: OutRow) -> None:
-    """Write the slopes e (m,) for either sign of T of gears that turn with certainty sigma (m,)."""
-    rest, forward, backward = gears.rest, gears.forward, gears.backward
-    for i in range(len(sigma)):
-        ahead = max(sigma[i], 0.0)
-        astern = ahead - sigma[i]
-        along, against = forward[i] - rest[i], backward[i] - rest[i]
-        positive[i] = ahead * along + astern * against + rest[i]
-        negative[i] = ahead * against + astern * along + rest[i]
-
-
-@compiled
-def place_torques(
-    gears: GearsMemory, output: Row, share: Row, sigma: Row, results: tuple[OutRow, OutRow, OutRow]
-) -> bool:
-    """Write t and N tau_phi = t + share (m,), clipped to the limits.
-
-    Args:
-        gears: GEARS.
-        output, share, sigma: T, what the rotors take themselves, certainty (m,).
-        results: t, N tau_phi, and the command before what the drives do (m,).
-
-    Returns:
-        whether the limits leave all of it.
-    """
-    rest, forward, backward = gears.rest, gears.forward, gears.backward
-    (mesh, torque, drive), whole = results, True
-    for i in range(len(output)):
-        moving = forward[i] if output[i] * sigma[i] > 0.0 else backward[i]
-        mesh[i] = (rest[i] + abs(sigma[i]) * (moving - rest[i])) * output[i]
-        needed = mesh[i] + share[i]
-        torque[i] = min(max(needed, gears.lower[i]), gears.upper[i])
-        if torque[i] != needed:
-            mesh[i], whole = torque[i] - share[i], False
-        drive[i] = torque[i] * gears.inverse_ratio[i]
-    return whole
 
 
 @compiled
@@ -211,18 +146,20 @@ def place_map(
 
 
 @compiled
-def place_beyond(
-    gears: GearsMemory, output: Row, share: Row, slopes: Dense, beyond: OutFlags
+def place_output(
+    gears: GearsMemory, torque_map: Dense, output_bias: Row, x: Row, output: OutRow, share: OutRow
 ) -> None:
-    """Write which gears (m,) give more than their limits by the mesh law.
+    """Write T = map x + output_bias and what the rotors take, rotor qdd + rotor_bias (m,).
 
     Args:
         gears: GEARS.
-        output, share: T and what the rotors take themselves (m,) [N m].
-        slopes: (2, m) for T <= 0 and T > 0.
-        beyond: result (m,).
+        torque_map, output_bias: as `place_map` writes them.
+        x: qdd and f (n,).
+        output, share: results.
     """
     for i in range(len(output)):
-        torque = slopes[1 if output[i] > 0.0 else 0, i] * output[i] + share[i]
-        slack = 1e-5 * (1.0 + abs(torque))
-        beyond[i] = torque < gears.lower[i] - slack or torque > gears.upper[i] + slack
+        output[i], share[i] = output_bias[i], gears.rotor_bias[i]
+        for j in range(len(x)):
+            output[i] += torque_map[i, j] * x[j]
+        for j in range(len(gears.bias)):
+            share[i] += gears.rotor[i, j] * x[j]

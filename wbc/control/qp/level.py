@@ -19,22 +19,26 @@ from wbc.control.qp.solvers import QPProblem, QPSolution, QPStatus, WarmStart
 from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
 from wbc.control.tick import (
-    BASED,
+    ADVANCED,
+    CORRECTED,
     DONE,
     GEAR_ROWS,
     HARD,
     LIMITED_TORQUE,
     MESH,
-    MOVED,
     OUTPUT,
+    POSITION,
     SIGMA,
     TOLERANCE,
-    TOO_LARGE,
-    TRIES,
     TURNING,
+    UNSOLVED,
+    VELOCITY,
+    X,
+    Y,
+    Z,
     finish,
     solve,
-    tick,
+    write,
 )
 from wbc.robot import Motion
 
@@ -49,54 +53,46 @@ _ROWS = {
 }
 
 
-class PendingTick(NamedTuple):
-    """What a tick knows before its programs are solved.
-
-    Attributes:
-        motion: the state.
-        ceilings: greatest normal force [N] of each active contact.
-        dt: time until the next tick [s].
-        last: block of the last tick.
-        told: what of the state is evaluated, see `wbc.control.tick`.
-    """
-
-    motion: Motion
-    ceilings: Mapping[str, float]
-    dt: float
-    last: FloatArray
-    told: int
-
-
 class SolvedLevel(NamedTuple):
     """A usable solution and the torques that bring it about: fields of `Command`.
 
     Attributes:
         level: that was solved.
         block: results, as `Program.at` says.
+        dt: time until the next tick [s].
+        hard: how many hard rows the program has, where the block holds the solution.
+        solve_time: [s], as in `Command`.
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
-        solve_time, rounds, iterations: what it took, as in `Command`.
-        dt: time until the next tick [s].
         excess: `Program.excess` where limits may be passed, else None.
-        hard: how many hard rows the program has, where the block holds the solution.
-        refused: None, as in every `Command` of a solution.
     """
 
     level: Level
     block: FloatArray
-    found: DirectedSolution | None
-    verdict: Complaint
-    solve_time: float
     dt: float
-    rounds: int = 1
-    iterations: int = 0
-    refused: None = None
+    hard: int
+    solve_time: float
+    found: DirectedSolution | None = None
+    verdict: Complaint = _SOLVED
     excess: FloatArray | None = None
-    hard: int = 0
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
-        return np.asarray(self.level.program.gear_rows(self.block)[number])
+        return self.block[self.level.program.rows[number]]
+
+    @property
+    def refused(self) -> None:
+        """No program: it has a solution."""
+
+    @property
+    def rounds(self) -> int:
+        """Programs solved."""
+        return 1 if self.found is None else self.found.rounds
+
+    @property
+    def iterations(self) -> int:
+        """Work of the solvers."""
+        return 0 if self.found is None else self.found.iterations
 
     @property
     def passed(self) -> Mapping[str, float]:
@@ -112,7 +108,7 @@ class SolvedLevel(NamedTuple):
     @property
     def acceleration(self) -> FloatArray:
         """The expected qdd (nv,)."""
-        return self.block[self.level.program.at.x][: self.level.program.nv]
+        return self.block[self.level.program.at[X]][: self.level.program.nv]
 
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
@@ -129,30 +125,29 @@ class SolvedLevel(NamedTuple):
     def forces(self) -> Mapping[str, FloatArray]:
         """The force of every active contact."""
         program = self.level.program
-        x = self.block[program.at.x]
+        x = self.block[program.at[X]]
         return program.contacts.wrenches(program.force_scale * x[program.nv :])
 
     @property
     def velocity(self) -> FloatArray:
         """Velocity of the driven joints (m,) after the time step."""
-        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at.velocity
+        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at[VELOCITY]
         return np.asarray(self.block[now][driven] + self.dt * self.acceleration[driven])
 
     @property
     def position(self) -> FloatArray:
         """Position of the driven joints (m,) after the time step."""
         robot, at = self.level.program.recipe.robot, self.level.program.at
-        rate = 0.5 * (self.block[at.velocity][robot.actuated] + self.velocity)
-        return np.asarray(self.block[at.position][robot.actuated_position] + self.dt * rate)
+        rate = 0.5 * (self.block[at[VELOCITY]][robot.actuated] + self.velocity)
+        return np.asarray(self.block[at[POSITION]][robot.actuated_position] + self.dt * rate)
 
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
         if self.found is not None:
             return self.found.solution
-        at, bounds = self.level.program.at, self.level.program.bounds
-        y, z, _ = np.split(self.block[at.multipliers], [self.hard, self.hard + bounds])
-        return QPSolution(self.block[at.x], y, z, QPStatus.SOLVED, 0)
+        x, z, y = (self.block[self.level.program.at[part]] for part in (X, Z, Y))
+        return QPSolution(x, y[: self.hard], z, QPStatus.SOLVED, 0)
 
 
 class Refusal(NamedTuple):
@@ -186,38 +181,44 @@ class Level:
         self._saturated = False
         self.program.memory.solver.taken[:] = 0
 
-    def step(self, asked: PendingTick, above: SolvedLevel | None) -> SolvedLevel | Refusal:
-        """Return the solution of a tick, or why there is none; `above` is decided already.
+    def step(
+        self,
+        motion: Motion,
+        ceilings: Mapping[str, float],
+        dt: float,
+        last: FloatArray,
+        above: SolvedLevel | None,
+    ) -> SolvedLevel | Refusal:
+        """Return the solution of a tick, or why there is none.
 
         It is the solution of the level above where that leaves this one nothing to decide.
+
+        Args:
+            motion: the state.
+            ceilings: greatest normal force [N] of each active contact.
+            dt: time until the next tick [s].
+            last: block of the last tick.
+            above: what is decided already.
         """
         start, program, memory = perf_counter(), self.program, self.program.memory
-        motion, ceilings, dt, last, told = asked
-        self._block = block = np.empty(program.size)
-        self._decided = self._undecided
+        block = np.empty(program.size)
+        self._block, self._decided = block, self._undecided
         program.take(ceilings)
+        memory.counts[HARD] = program.unlocked
+        if not write(memory, motion.position, motion.velocity, last, dt, block):
+            return Refusal(None, None, self)
         if program.repeats:
             program.place_basis()
-            told |= BASED
-        tries = TRIES if self._guesses and not self._saturated else 0
-        if above is not None:
-            memory.counts[HARD] = program.unlocked
-        told |= tries if above is None else MOVED
-        ended = tick(memory, motion.position, motion.velocity, last, dt, told, block)
-        if ended == TOO_LARGE:
-            return Refusal(None, None, self)
-        if above is not None:
-            left = self._hold(above, program.gear_rows(block)[SIGMA])
-            if left == 0 and not program.has_efforts:
-                return above
-            memory.positive[:] = above.row(OUTPUT) > 0.0
-            ended = solve(memory, dt, block) if tries else ended
+        if above is not None and self._hold(above) == 0 and not program.has_efforts:
+            return above
+        guesses = self._guesses and not self._saturated
+        ended = solve(memory, dt, block) if guesses else UNSOLVED
         if ended != DONE:
-            return self._searched(asked, above, block, ended)
+            return self._searched(above, block, ended, dt, last)
         hard, elapsed = int(memory.counts[HARD]), perf_counter() - start
-        return SolvedLevel(self, block, None, _SOLVED, elapsed, dt, hard=hard)
+        return SolvedLevel(self, block, dt, hard, elapsed)
 
-    def _hold(self, above: SolvedLevel, sigma: FloatArray) -> int:
+    def _hold(self, above: SolvedLevel) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
 
         Returns:
@@ -226,11 +227,11 @@ class Level:
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
             start = place_above(tasks, lock.above, start)
-        x = self._passing = above.block[above.level.program.at.x]
+        x = self._passing = above.block[above.level.program.at[X]]
         # a guess leaves torque limits out
         limited = above.found is not None and bool(above.solution.z[program.torque].any())
         if limited and above.found is not None:
-            self._search.start(sigma, None)
+            self._search.start(None)
             self._search.place(above.found.decided, above.row(OUTPUT))
         reach = REACH * memory.numbers[TOLERANCE]
         left = int(hold(memory, lock, x, limited, program.unlocked, reach))
@@ -240,18 +241,18 @@ class Level:
         return left
 
     def _searched(
-        self, asked: PendingTick, above: SolvedLevel | None, block: FloatArray, ended: int
+        self, above: SolvedLevel | None, block: FloatArray, ended: int, dt: float, last: FloatArray
     ) -> SolvedLevel | Refusal:
         """Return the solution of the program with torque limits, or why there is none."""
-        program, gears = self.program, self.program.gear_rows(block)
-        output, passing, decided = program.gear_rows(asked.last)[OUTPUT], None, self._undecided
+        program, passing, decided = self.program, None, self._undecided
+        output = last[program.rows[OUTPUT]]
         if above is not None:
             output, passing = above.row(OUTPUT), above.solution.x
             decided = decided if above.found is None else above.found.decided
         elif ended == LIMITED_TORQUE:  # as it would be without limits
-            output = gears[OUTPUT].copy()
+            output = block[program.rows[OUTPUT]].copy()
         search, excess = self._search, None
-        search.start(gears[SIGMA], passing)
+        search.start(passing)
         found = search.solve(output, decided)
         if found.solution.status in (QPStatus.EASED, QPStatus.UNFINISHED):
             excess = program.excess(found.solution)
@@ -260,14 +261,13 @@ class Level:
             search.place(found.decided, output)
             return Refusal(verdict, found, self)
         self._decided, solution = found.decided, found.solution
-        block[program.at.x] = solution.x
-        finish(program.memory, asked.dt, block)
+        block[program.at[X]] = solution.x
+        finish(program.memory, dt, block)
         pushes = solution.z[program.torque]
         self._saturated = bool(
             pushes.max(initial=0.0) > _BINDS or pushes.min(initial=0.0) < -_BINDS
         )
-        took = found.solve_time, asked.dt, found.rounds, found.iterations
-        return SolvedLevel(self, block, found, verdict, *took, None, excess)
+        return SolvedLevel(self, block, dt, 0, found.solve_time, found, verdict, excess)
 
     def expecting(self, last: FloatArray) -> FloatArray:
         """Return the block of the last tick for the next one, after this one had no solution.
@@ -275,14 +275,14 @@ class Level:
         It expects the speed that was expected of this tick, drawn towards the measured one.
         """
         last = last.copy()
-        last[self.program.at.advanced] = self._block[self.program.at.corrected]
+        last[self.program.at[ADVANCED]] = self._block[self.program.at[CORRECTED]]
         return last
 
     def built(self, last: FloatArray) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of a block's torques."""
         passing = None if self.program.lock is None else self._passing
-        self._search.start(self.program.gear_rows(self._block)[SIGMA], passing)
-        self._search.place(self._decided, self.program.gear_rows(last)[OUTPUT])
+        self._search.start(passing)
+        self._search.place(self._decided, last[self.program.rows[OUTPUT]])
         return self.program.dense()
 
 
@@ -306,13 +306,22 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
     return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."
 
 
-def descend(levels: Sequence[Level], asked: PendingTick) -> SolvedLevel | Refusal:
-    """Solve one level after the other; one that finds nothing leaves it at those above."""
-    answer = levels[0].step(asked, None)
+def descend(
+    levels: Sequence[Level],
+    motion: Motion,
+    ceilings: Mapping[str, float],
+    dt: float,
+    last: FloatArray,
+) -> SolvedLevel | Refusal:
+    """Solve one level after the other; one that finds nothing leaves it at those above.
+
+    Arguments are those of `Level.step`.
+    """
+    answer = levels[0].step(motion, ceilings, dt, last, None)
     for level in levels[1:]:
         if isinstance(answer, Refusal):
             break
-        deeper = level.step(asked, answer)
+        deeper = level.step(motion, ceilings, dt, last, answer)
         if isinstance(deeper, Refusal) and deeper.complaint is not None:
             message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
             return answer._replace(verdict=(Status.INACCURATE, message))

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutDense, OutPlaces, OutRow, Places, Row, compiled
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
@@ -28,6 +28,7 @@ from wbc.control.tick import (
     COST,
     FIRST,
     GEAR_ROWS,
+    GEARS,
     HARD,
     JOINT,
     PROGRAM,
@@ -137,23 +138,6 @@ def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
         wanted[i] = 1 if solver.upper[i] < 0.0 else -1 if solver.lower[i] > 0.0 else 0
 
 
-class BlockPlaces(NamedTuple):
-    """Where the results of a tick stand in its block.
-
-    q, v, v corrected and expected next, the rows of the gears (see `wbc.control.tick`), x, y and z.
-    What stands before x is the same in every program of a controller, so that a tick reads there
-    what the last one came to, whatever its contacts were.
-    """
-
-    position: slice
-    velocity: slice
-    corrected: slice
-    advanced: slice
-    gears: slice
-    x: slice
-    multipliers: slice
-
-
 class Program:
     """Lays out, for one set of contacts and one level, the program in x = [qdd, f / force_scale].
 
@@ -182,7 +166,8 @@ class Program:
         repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
         gears: numbers of the gears that have a torque limit.
         labels: what every bound is called in messages.
-        at, size: the block of results.
+        at, rows, size: parts of the block of results, see `wbc.control.tick`, its rows of the gears
+            (m,), and its size.
     """
 
     def __init__(self, recipe: Recipe, contacts: ContactSet, rank: int) -> None:
@@ -202,7 +187,12 @@ class Program:
         cost = len(self.stack.memory.rows.jacobian) + m * self._efforts
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
-        self._lay_out_rows(cost, most, rank)
+        parts = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, self.bounds, most]
+        ends = np.cumsum([0, *parts])
+        self.size, self.at = int(ends[-1]), [slice(a, b) for a, b in pairwise(ends.tolist())]
+        starts = [self.at[GEARS].start + m * row for row in range(GEAR_ROWS)]
+        self.rows = [slice(start, start + m) for start in starts]
+        self._lay_out_rows(cost, most, rank, ends)
         solver, shared = self.memory.solver, contacts.load_share(weight) / self.force_scale
         solver.diagonal[self.nv :] = recipe.settings.force_weight
         solver.pull[self.nv :] = recipe.settings.force_weight * shared
@@ -210,10 +200,6 @@ class Program:
         room = max(most + self.n, self.bounds, above)
         sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
         self.lock: Any = LOCK.of(sizes) if rank else None
-        parts = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, most + self.bounds]
-        ends = np.cumsum([0, *parts]).tolist()
-        self.size = ends[-1]
-        self.at = BlockPlaces(*[slice(a, b) for a, b in pairwise(ends)])
 
     def _lay_out_bounds(self) -> None:
         """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
@@ -235,8 +221,8 @@ class Program:
             *apart,
         )
 
-    def _lay_out_rows(self, cost: int, most: int, rank: int) -> None:
-        """Make all memory, for `cost` soft rows and `most` hard ones beside the bounds."""
+    def _lay_out_rows(self, cost: int, most: int, rank: int, parts: IntArray) -> None:
+        """Make all memory, for `cost` soft rows and `most` hard ones, and parts of a block."""
         recipe, n, nv, contacts = self.recipe, self.n, self.nv, self.contacts
         size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
         softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
@@ -253,7 +239,7 @@ class Program:
         )
         mass, settings = recipe.kinematics.mass, recipe.settings
         ends = self.torque.stop, self.bounds, self.joint.start
-        counts = [0, cost, self.unlocked, *ends, self._efforts, recipe.robot.model.nq]
+        counts = [0, cost, self.unlocked, *ends, self._efforts]
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         greatest = tolerance / np.finfo(np.float64).eps
         self.memory: Any = PROGRAM.of(
@@ -267,6 +253,7 @@ class Program:
             limited=np.array(self.gears, dtype=np.int_),
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             counts=np.array(counts, dtype=np.int_),
+            ends=parts,
             numbers=np.array([mass, self.force_scale, regular, tolerance, greatest]),
             efforts=recipe.efforts,
             effort_kinds=recipe.effort_kinds,
@@ -385,10 +372,6 @@ class Program:
         solver = self.memory.solver
         rows = solver.C @ x
         return np.asarray(np.maximum(np.maximum(rows - solver.upper, solver.lower - rows), 0.0))
-
-    def gear_rows(self, block: FloatArray) -> FloatArray:
-        """Return the rows of the gears (9, m) at the end of a block of results."""
-        return block[self.at.gears].reshape(GEAR_ROWS, -1)
 
     def label(self, row: int, equalities: int) -> tuple[str, float, str]:
         """Return what a constraint is called, and scale and unit of a violation.

@@ -10,12 +10,7 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled
 from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
-from wbc.control.qp.gear_rows import (
-    place_beyond,
-    place_map,
-    place_output,
-    place_slopes,
-)
+from wbc.control.qp.gear_rows import place_output
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program
 from wbc.control.qp.solvers import QPSolution, QPStatus, solve, solve_in_turn
@@ -24,7 +19,6 @@ from wbc.control.tick import (
     FIRST,
     GUESSES,
     HARD,
-    SCALE,
     SMALL,
     TOLERANCE,
     ProgramMemory,
@@ -75,7 +69,7 @@ def weigh(
     share: OutRow,
     beyond: OutFlags,
 ) -> tuple[float, bool]:
-    """Write T of x (n,), what the rotors take, and which gears are beyond their limits.
+    """Write T of x (n,), what the rotors take, and which gears the mesh law takes beyond limits.
 
     Args:
         program: PROGRAM.
@@ -86,12 +80,12 @@ def weigh(
     Returns:
         the cost of x, where what must be kept costs nothing, and whether any gear is beyond.
     """
-    solver, counts = program.solver, program.counts
-    jacobian = program.contacts.rows.jacobian
-    place_output(program.gears, jacobian, program.numbers[SCALE], x, output, share)
-    place_beyond(program.gears, output, share, program.slopes, beyond)
-    cost, some = 0.0, False
+    gears, solver, counts, cost, some = program.gears, program.solver, program.counts, 0.0, False
+    place_output(gears, program.map, program.output_bias, x, output, share)
     for i in range(len(choice)):
+        torque = gears.slopes[1 if output[i] > 0.0 else 0, i] * output[i] + share[i]
+        slack = 1e-5 * (1.0 + abs(torque))
+        beyond[i] = torque < gears.lower[i] - slack or torque > gears.upper[i] + slack
         beyond[i] = beyond[i] and choice[i] == 0
         some = some or beyond[i]
     for j in range(len(x)):
@@ -129,7 +123,7 @@ def contested(
     sides[:] = 0
     for i in range(count):
         gear = program.limited[i]
-        steeper = program.slopes[1, gear] - program.slopes[0, gear]
+        steeper = program.gears.slopes[1, gear] - program.gears.slopes[0, gear]
         if choice[gear] == 0 or decided[gear] != 0 or steeper == 0.0:
             continue
         push = z[i + count if choice[gear] > 0 else i]
@@ -179,18 +173,10 @@ class DirectionSearch:
         self._limited = np.isin(np.arange(m), program.gears)
         self._passing: FloatArray | None = None
 
-    def start(self, sigma: FloatArray, passing: FloatArray | None) -> None:
-        """Write what all programs of a tick share, and count anew.
-
-        Args:
-            sigma: certainty of the gears (m,).
-            passing: x (n,) of the level above, which bounds let pass; None where there is none.
-        """
-        program, memory, self._passing = self._program, self._program.memory, passing
+    def start(self, passing: FloatArray | None) -> None:
+        """Count anew; bounds let pass x (n,) of the level above, None where there is none."""
+        self._passing, program = passing, self._program
         self._gives = passing is None and program.joint.start < program.bounds
-        jacobian, scale = memory.contacts.rows.jacobian, program.force_scale
-        place_slopes(memory.gears, sigma, memory.slopes[1], memory.slopes[0])
-        place_map(memory.gears, jacobian, scale, memory.map, memory.output_bias)
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
 
     def place(self, decided: IntArray, output: FloatArray) -> None:
@@ -214,7 +200,7 @@ class DirectionSearch:
             output: T (m,) whose signs the efforts begin with, and the directions.
             decided: (m,) 1 or -1 for the sign of T of gears that are decided, else 0.
         """
-        slopes = self._program.memory.slopes
+        slopes = self._program.memory.gears.slopes
         for _ in range(GUESSES):
             found = self._branch(output, decided)
             more = self._program.has_efforts and self._may_begin(self._most)

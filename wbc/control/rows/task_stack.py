@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.control.inputs import Reference, Target
+from wbc.control.inputs import Reference, Target, TickInputError
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
 from wbc.control.rows.motions import PostureTask
 from wbc.control.rows.task import StateTask, Task, vector_target
@@ -184,7 +184,7 @@ class TaskStack:
         no weight in the last tick, holds the value that it has now.
 
         Raises:
-            ControlError: a reference that does not fit its task; nothing is remembered then.
+            TickInputError: a reference that does not fit its task; nothing is remembered then.
         """
         if self._written:
             self._targets[:], self._own = self._kept[0], dict(self._kept[1])
@@ -225,9 +225,9 @@ class TaskStack:
                     if not idle:
                         self._moves, self._parts[part, entry.rows] = True, values
         except ControlError as cause:
-            raise ControlError(f"the reference of task '{name}': {cause}.") from cause
+            raise TickInputError(f"the reference of task '{name}': {cause}.") from cause
         if idle and not reference.is_finite():
-            raise ControlError(f"the reference of task '{name}' is not finite.")
+            raise TickInputError(f"the reference of task '{name}' is not finite.")
 
     def _put(self, entry: _Entry, target: Target) -> None:
         """Write a target to where the tick reads it."""
