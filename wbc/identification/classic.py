@@ -19,7 +19,7 @@ from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.model.residual import evaluate
-from wbc.identification.records.record import ROWS_PER_SAMPLE, output_names
+from wbc.identification.records.record import output_names, rows_per_sample
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
@@ -158,7 +158,7 @@ def classic_fit(problem: EstimationProblem) -> ClassicFit:
     a = (values * weights[:, None]).reshape(-1, values.shape[-1])
     b = -(target * weights).ravel()
     solution = _solve(a, b)
-    half = TAIL * _deviations(a, b - a @ solution)
+    half = TAIL * np.sqrt(rows_per_sample(problem.records)) * _deviations(a, b - a @ solution)
 
     def predicted(used: np.ndarray) -> FloatArray:
         rows = np.repeat(used, target.shape[1])
@@ -263,8 +263,8 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _deviations(a: FloatArray, left: FloatArray) -> FloatArray:
-    """Return (p,) standard deviations; neighbouring rows share their noise."""
+    """Return (p,) standard deviations, were all rows independent."""
     size = np.sqrt(np.maximum(np.sum(a**2, axis=0), 1e-300))
     inverse = np.linalg.pinv((a / size).T @ (a / size))
-    variance = ROWS_PER_SAMPLE * float(left @ left) / max(len(left) - a.shape[1], 1)
+    variance = float(left @ left) / max(len(left) - a.shape[1], 1)
     return np.asarray(np.sqrt(variance * np.diagonal(inverse)) / size)

@@ -28,7 +28,7 @@ from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
-from wbc.identification.records.record import ROWS_PER_SAMPLE, Record, correlated_rows
+from wbc.identification.records.record import Record, correlated_rows, rows_per_sample
 from wbc.measurement import Log, derivative
 from wbc.robot import Robot
 from wbc.transmission import DRIVE_TIMES
@@ -186,7 +186,7 @@ def _normal_equations(
         parts = np.split(rest, ends)
         alike = float(correlated_rows(parts, 0.0)[0])
         variance = np.mean(rest**2) + DISTORTED**2 * np.mean(free[:, 0] ** 2) + 1e-300
-        scale = np.sqrt(variance * max(alike, ROWS_PER_SAMPLE))
+        scale = np.sqrt(variance * max(alike, rows_per_sample(records)))
         for numbers in _OWN:
             own, taken = _without(free[:, [1 + n for n in numbers]], free[:, : 1 + _TIMES])
             sums.append(own.T @ own / scale**2)

@@ -127,6 +127,7 @@ def test_what_remembers_itself_is_fewer_samples(share: float) -> None:
     """First-order noise: the sum of its squared autocorrelations is known (Bartlett)."""
     rows, ones = 20000, np.ones((20000, 1))
     record = SimpleNamespace(rows=rows, weight=ones, condense=lambda values: ones)
+    record.rate, record.stride, record.bandwidth = 3.0, 1, SimpleNamespace(residual=1.0)
     problem = object.__new__(EstimationProblem)
     object.__setattr__(problem, "records", (record, record))
     object.__setattr__(problem, "floor", SimpleNamespace(judged=[0]))

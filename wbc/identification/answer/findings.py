@@ -25,7 +25,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, beside_others, change_along, scaled, slope_of
 from wbc.identification.model.intervals import TAIL, block_deviations, interval_bounds
 from wbc.identification.model.yielding import rubbing_effects
-from wbc.identification.records.record import ROWS_PER_SAMPLE, Record
+from wbc.identification.records.record import Record, rows_per_sample
 from wbc.robot import Effect, Parameter, Quantity
 from wbc.robot.coordinates import unit_at
 
@@ -295,7 +295,7 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
     if len(records) < 2 or not fit.parameters:
         return found
     owner = np.repeat(np.arange(len(records)), [record.rows for record in records])
-    alone = [_alone(fit, owner == k) for k in range(len(records))]
+    alone = [_alone(fit, owner == k, rows_per_sample([own])) for k, own in enumerate(records)]
     steps, deviations = (np.array(part) for part in zip(*alone, strict=True))
     for row, (k, parameter) in enumerate(fit.parameters):
         value = fit.effects[k].values[parameter.name]
@@ -313,7 +313,7 @@ def disagreements(records: Sequence[Record], fit: Fit) -> list[list[str]]:
     return found
 
 
-def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _alone(fit: Fit, rows: BoolArray, per_sample: float) -> tuple[FloatArray, FloatArray]:
     """Return the step (p,) to what some rows alone say, and its standard deviation (p,)."""
     step = fit.step(rows)
     left = fit.residual[rows] + change_along(fit.jacobian[rows], step)
@@ -322,5 +322,5 @@ def _alone(fit: Fit, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
     seen = size > _ROUNDING * size.max()
     norm = np.where(seen, size, 1.0)
     gram = (a / norm).T @ (a / norm) + 1e-9 * np.eye(norm.size)
-    spread = np.sqrt(ROWS_PER_SAMPLE * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
+    spread = np.sqrt(per_sample * np.mean(left**2) * np.diag(np.linalg.inv(gram)))
     return step, np.where(seen, spread / norm, np.inf)

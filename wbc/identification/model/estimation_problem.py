@@ -40,13 +40,13 @@ from wbc.identification.records.not_judged import (
 )
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import (
-    ROWS_PER_SAMPLE,
     Record,
     block_means,
     correlated_rows,
     held_out_folds,
     output_gear,
     output_names,
+    rows_per_sample,
     time_blocks,
 )
 from wbc.measurement import Log, cut_at_gaps
@@ -296,8 +296,9 @@ class EstimationProblem:
         """
         ends = np.cumsum([record.rows for record in self.records])
         parts = [part for part in np.split(residual, ends[:-1]) if len(part) > 4]
-        alike = correlated_rows(parts, ROWS_PER_SAMPLE)
-        return np.asarray(self._row_share / np.maximum(alike, ROWS_PER_SAMPLE))
+        white = rows_per_sample(self.records)
+        alike = correlated_rows(parts, white)
+        return np.asarray(self._row_share / np.maximum(alike, white))
 
     def row_noise(self, residual: FloatArray) -> FloatArray:
         """Return (outputs,) mean squares of a residual over white noise's samples per row.
@@ -323,7 +324,7 @@ class EstimationProblem:
     @property
     def white_samples(self) -> FloatArray:
         """(outputs,) independent samples per row of white noise in the residual's band."""
-        return self._row_share / ROWS_PER_SAMPLE
+        return self._row_share / rows_per_sample(self.records)
 
     @cached_property
     def _row_share(self) -> FloatArray:

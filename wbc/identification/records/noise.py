@@ -18,7 +18,7 @@ from scipy.signal import welch
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque
 from wbc.dynamics.batch import inverse_dynamics
-from wbc.identification.records.record import ROWS_PER_SAMPLE, Record, output_count
+from wbc.identification.records.record import Record, output_count, rows_per_sample
 from wbc.measurement import derivative, low_pass
 
 _SHRINKAGE = 0.03
@@ -149,7 +149,7 @@ def noise_floor(
     noise = np.concatenate(drawn)
     sensors = _covariance(noise)
     if not repeats:
-        return NoiseFloor(sensors, sensors, (), samples=len(noise) / ROWS_PER_SAMPLE)
+        return NoiseFloor(sensors, sensors, (), samples=len(noise) / rows_per_sample(records))
     differences = [
         _difference(residuals[i], records[i].time, residuals[j], records[j].time) / np.sqrt(2.0)
         for i, j in repeats
@@ -159,7 +159,7 @@ def noise_floor(
     covariance = _over_all(records, repeats, repeated, sensors)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
     covariance *= np.outer(raised, raised)
-    samples = len(noise) / ROWS_PER_SAMPLE
+    samples = len(noise) / rows_per_sample(records)
     return NoiseFloor(covariance, sensors, tuple(repeats), samples=samples)
 
 

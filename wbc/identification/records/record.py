@@ -333,8 +333,7 @@ class Record:
 
 
 _BLOCKS_PER_LOG = 5
-_ROWS_PER_PERIOD = 3.0  # of the band: two are independent, what leaks above it shows in the third
-ROWS_PER_SAMPLE = _ROWS_PER_PERIOD / 2.0
+_ROWS_PER_PERIOD = 3.0  # of the band, at least: two are independent
 _ENOUGH_RUNS = 3
 _LONGEST = 4  # share of the shortest log over which residuals are correlated with themselves
 _BLOCK_DURATION = 0.5  # [s]; residuals decorrelate within a few periods of the band
@@ -395,6 +394,12 @@ def block_means(values: FloatArray, blocks: IntArray) -> FloatArray:
     total = np.bincount(blocks, values)
     count = np.bincount(blocks)
     return np.asarray(total[count > 0] / count[count > 0])
+
+
+def rows_per_sample(records: Sequence[Record]) -> float:
+    """Return how many rows of white noise are one sample: a band B holds 2 B of them a second."""
+    samples = [2.0 * r.bandwidth.residual * r.stride / r.rate * r.rows for r in records]
+    return sum(record.rows for record in records) / sum(samples)
 
 
 def correlated_rows(parts: Sequence[FloatArray], white: float) -> FloatArray:
