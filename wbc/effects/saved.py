@@ -52,7 +52,8 @@ def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
         robot = with_gear_numbers(robot, table["gears"], path)
         # A file without effects is itself what `save_robot` refers to.
         if not robot.effects and not table.get("effects"):
-            robot = replace(robot, source=RobotSource(str(path.resolve())))
+            model = None if robot.source is None else robot.source.model
+            robot = replace(robot, source=RobotSource(str(path.resolve()), model=model))
     for entry in table.get("effects", []):
         robot = robot.with_effect(_effect(entry, path))
     return robot

@@ -16,8 +16,6 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, require_known
-from wbc.robot.description import read_description
-from wbc.robot.library import find_model
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.robot import Robot
 
@@ -81,20 +79,15 @@ def ground_box(center: FloatArray, rotation: FloatArray, low: FloatArray, high: 
     far = 1e3 + np.nan_to_num(np.abs([low, high]), posinf=0.0).max()
     ends = np.array([np.maximum(low, -far), np.minimum(high, far)])
     corners = np.where(CORNERS < 0.0, *ends)
-    planes, edges = _faces(corners)
-    kept = [
-        edge
-        for edge in edges
-        if not any(a == b and abs(a) == far for a, b in zip(edge[:3], edge[3:6], strict=True))
-    ]
-    corners = corners[(np.abs(corners) < far).all(axis=1)]
-    placed = np.array([(np.reshape(edge, (4, 3)) @ rotation.T).ravel() for edge in kept])
-    placed = placed.reshape(-1, 12)
+    whole, near = hull_of("ground", "", 0, corners), np.abs(corners) < far
+    start, end = whole.edges[:, :3], whole.edges[:, 3:6]
+    kept = whole.edges[~((start == end) & (np.abs(start) == far)).any(axis=1)].reshape(-1, 4, 3)
+    placed = (kept @ rotation.T).reshape(-1, 12)
     placed[:, :6] += np.tile(center, 2)
-    normals = planes[:, :3] @ rotation.T
-    planes = np.column_stack((normals, planes[:, 3] + normals @ center))
-    thickness = float((ends[1] - ends[0]).min())
-    return Hull("ground", "", 0, corners @ rotation.T + center, planes, placed, 0.0, thickness)
+    normals = whole.planes[:, :3] @ rotation.T
+    planes = np.column_stack((normals, whole.planes[:, 3] + normals @ center))
+    corners = corners[near.all(axis=1)] @ rotation.T + center
+    return whole._replace(corners=corners, planes=planes, edges=placed)
 
 
 def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -278,11 +271,10 @@ def placed_geometry(robot: Robot, kind: pin.GeometryType) -> list[PlacedGeometry
     The links are found by their frame's name, so that a robot with a free-flyer or with welded
     joints finds them too.
     """
-    path = _model_path(robot)
-    if path is None:
+    if robot.source is None or robot.source.model is None:
         return []
     try:
-        whole, geometry = _model_geometry(path, kind)
+        whole, geometry = _model_geometry(robot.source.model, kind)
     except (ValueError, RuntimeError):
         # The links moved this far, so the file is sound: only its meshes are not installed.
         return []
@@ -321,19 +313,6 @@ def collision_solids(robot: Robot) -> pin.GeometryModel:
         at = own.parentJoint, frame, own.placement
         found.addGeometryObject(pin.GeometryObject(solid.link, *at, solid.shape))
     return found
-
-
-def _model_path(robot: Robot) -> Path | None:
-    """Return the URDF or MJCF file that a robot was loaded from, None where there is none."""
-    if robot.source is None:
-        return None
-    try:
-        description = read_description(robot.source.name)
-        while description.base_robot is not None:
-            description = description.base()
-        return find_model(str(description.table["model"]), description.path.parent)
-    except RobotError:
-        return None
 
 
 def _model_geometry(path: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel]:

@@ -122,7 +122,7 @@ def build_robot(description: RobotDescription) -> Robot:
         transmission=_transmission(gears, only, settings.get("topology"), path),
         contacts=_contacts(table.get("contacts", []), path),
         rotors_turn_with_links=flag_in(settings, "rotor_coupling", f"{path}"),
-        source=RobotSource(_source_name(path)),
+        source=RobotSource(_source_name(path), model=file),
         notes=notes,
         loops=() if cut or "topology" in settings else closed_loops(file),
         sensor_only=only,

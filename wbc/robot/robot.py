@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -40,11 +41,13 @@ class RobotSource:
         changed: whether bodies, gears, contacts or gravity were changed in code after loading: then
             no saved file can refer to it, but links still look and touch as the model file has
             them.
+        model: the URDF or MJCF file of its links, None where there is none.
     """
 
     name: str
     lossless: bool = False
     changed: bool = False
+    model: Path | None = None
 
 
 _NAMED = 6  # names of one kind that a line shows
