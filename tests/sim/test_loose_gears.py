@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from sims.leg import balanced_pose
+from tests.sim.ground.random_grounds import made_by_rows
 from tests.sim.random_robots import BASES, geared, random_robot, softened
 from wbc import Robot, load_robot
 from wbc.dynamics import evaluate, redundant_model
@@ -110,6 +111,7 @@ def test_the_laws_hold_in_steps_of_any_length(play: float) -> None:
         state = plant.step(state, [0.0, 0.0], 1e-9).state  # the foot lands
         result = plant.step(state, [0.0, 0.0], dt)
         assert result.unsettled == 0
+        assert made_by_rows(result) < 1e-9
         assert not [event for event in result.events if event.kind == "energy"]
         spring = 900.0 * (state.deflection[1] - 0.5 * play)
         assert result.mesh_torque[1] == pytest.approx(spring, rel=1e-3)
