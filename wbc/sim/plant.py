@@ -228,7 +228,7 @@ class Plant:
     def gaps(self, state: SimState) -> FloatArray:
         """Return the distance (k,) of the contact points from the ground [m]."""
         obstacles = self._setup.plant.obstacles
-        self._gaps(state)  # which places the points, too
+        self._setup.gaps(state.position)  # which places the points, too
         return self.terrain.gap(obstacles.points)[0] - obstacles.contacts[:, 3]
 
     @property
@@ -242,17 +242,11 @@ class Plant:
         Exact for round solids, and where corners, edges and faces of others face each other; corner
         and edge of two solids that are apart may be nearer.
         """
-        barriers, gap = self._setup.barriers, self._gaps(state)
+        barriers, gap = self._setup.barriers, self._setup.gaps(state.position)
         gap = np.where(gap < FAR, gap, np.inf)[barriers.size - len(barriers.bodies.slots) :]
         found = np.full(len(self.pairs), np.inf)
         np.minimum.at(found, barriers.bodies.slots[:, 0], gap)
         return found
-
-    def _gaps(self, state: SimState) -> FloatArray:
-        """Return all gaps (2 j + c,) so that steps that follow do not know of it."""
-        gap = self._setup.gaps(state.position)
-        self._setup.plant.obstacles.stands[:] = np.nan
-        return gap
 
     def _lifted(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) moved out of the ground and to joint limits.

@@ -114,7 +114,9 @@ class StepResult:
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        return np.asarray(reduce(add, [part.mesh_impulse for part in self.parts]) / self.duration)
+        return np.asarray(
+            reduce(add, [part.end.mesh_impulse for part in self.parts]) / self.duration
+        )
 
     @property
     def rotor_torque(self) -> FloatArray:
@@ -152,8 +154,8 @@ class StepResult:
 
     def _overlaps(self) -> Iterator[StepEvent]:
         for part in self.parts:
-            if len(part.overlap):
-                depth, worst = float(np.max(part.overlap)), int(np.argmax(part.overlap))
+            if (depth := float(part.end.depth.max(initial=0.0))) > 0.0:
+                worst = int(part.end.depth.argmax())
                 text = (
                     f"{self.setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is "
                     f"taken back at {self.setup.return_speed:g} m/s (rad/s)"
@@ -189,7 +191,7 @@ class StepResult:
             gaps, _ = setup.terrain.gap(poses[links, 9:])
             gap, lowest = float(gaps.min()), int(links[np.argmin(gaps)])
         # Contacts may be as deep as a step leaves them.
-        if gap < -TOUCH and gap < -float(np.max(self.parts[-1].overlap, initial=0.0)):
+        if gap < -TOUCH and gap < -float(self.parts[-1].end.depth.max(initial=0.0)):
             text = (
                 f"joint '{setup.robot.joints[lowest]}' is {-gap:.3g} m under the ground: no "
                 "contact holds its link. Give the robot contacts there, or the link collision "
@@ -223,11 +225,6 @@ class StepResult:
     def _end(self) -> tuple[float, float, int]:
         """Energy that is stored at the end [J], and the deepest body, see `survey`."""
         return surveyed(self.setup, self.state)
-
-    @property
-    def solutions(self) -> tuple[Flow, ...]:
-        """The parts, which know the `method` that solved them and its `iterations`."""
-        return self.parts
 
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:

@@ -113,9 +113,9 @@ class Setup:
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 3, nq, nv, size, nv, nv
-        now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 4)
-        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
+        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv
+        now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 3)
+        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 3)
         hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 6, *[size] * 2)
         width = len(now.words) + max(len(ending.words), len(hit.words))
         laws = self.effects.table
@@ -155,7 +155,6 @@ class Setup:
             *barriers.tables,
             table,
             np.zeros((barriers.points, 3)),
-            np.full(self.robot.model.nq, np.nan),
             np.zeros((barriers.contacts, 7)),
             barriers.tangents,
             any(numbers[0] == FIELD for numbers in known) and not barriers.asked,

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
 from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, look_at, tolerance_of, velocity_after
 from wbc.mechanics.rows import system_of
-from wbc.sim.step.self_locking import several, solve_rows
-from wbc.sim.step.stages import unsolved
+from wbc.sim.step.self_locking import solve_rows
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution
     impulse, speed, velocity = np.empty(size), np.empty(size), np.empty(len(lower))
     used, way = solve_rows(system, start, tolerance_of(system), 1.0, impulse)
     if way >= UNSOLVED:
-        raise several(system, start, ()) if way == SEVERAL else unsolved(system, impulse)
+        raise SimulationError("several solutions" if way == SEVERAL else "no solution")
     velocity_after(system, lower, own.free_velocity, impulse, velocity)
     pieces = np.empty((size, 4))
     look_at(system, impulse, speed, pieces, np.empty((len(own.frictions), 3)))

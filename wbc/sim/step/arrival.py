@@ -207,8 +207,8 @@ def drifts(
 
 
 @compiled(inside=True)
-def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
-    """Write the end of a part; return whether some overlap is left.
+def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> None:
+    """Write the end of a part.
 
     These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
     of overlaps, and overlaps beyond what is taken back.
@@ -226,13 +226,12 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
     place(joints, shapes, end.position, poses)
     advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
-    pressed, drift, left = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes)), False
+    pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
     off, deepest = drifts(plant, pushes, step, pressed, drift)
     end.moved[:], end.depth[:] = 0.0, 0.0
     if off > plant.bounds[DRIFT_FROM]:
         furthest = plant.bounds[RETURN_SPEED] * step
-        left = deepest < -furthest - plant.bounds[TOUCH]
-        for i in range(rigid_ones(plant) if left else 0):
+        for i in range(rigid_ones(plant) if deepest < -furthest - plant.bounds[TOUCH] else 0):
             if end.closed[i]:
                 end.depth[i] = max(-end.gap[i] - furthest, 0.0)
         take_back(plant, matrix, pressed, drift, furthest)
@@ -240,7 +239,6 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> bool:
     if len(plant.flight.bases):
         look(plant)
         set_momentum(plant, end.velocity)
-    return left
 
 
 @compiled

@@ -209,7 +209,6 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     if plant.bounds[HERTZ] > 0.0:
         plant.bounds[REACH] = AHEAD
         touch_ground(plant, np.zeros(0, dtype=np.bool_))
-        plant.obstacles.stands[:] = np.nan
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     return energy, deepest, lowest

@@ -11,8 +11,8 @@ from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import field_gap
-from wbc.sim.step.pairs import FAR, meet_all
-from wbc.sim.step.peaks import meet_fields
+from wbc.sim.step.pairs import FAR, meet
+from wbc.sim.step.peaks import meet_field
 from wbc.sim.step.tables import REACH, RETURN_SPEED, Opened, point_of_reference
 
 _JUMPED = 0.1
@@ -112,9 +112,15 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
-    if len(plant.bodies.pairs):
-        meet_all(plant, ground, closed[limits + ground :] if some else closed)
-        meet_fields(plant, ground, closed[limits + ground :] if some else closed)
+    for pair in range(len(plant.bodies.pairs)):
+        first, end = ground + plant.bodies.pairs[pair, 2], ground + plant.bodies.pairs[pair, 4]
+        asked = not some
+        for i in range(limits + first, limits + end if some else 0):
+            asked = asked or closed[i]
+        if asked and plant.bodies.pairs[pair, 5] < 0:
+            meet(plant.bodies, poses, pair, touch[first:end])
+        elif asked:
+            meet_field(plant, pair, some, touch[first:end])
 
 
 @inner
@@ -133,9 +139,6 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
         gap[i] = q[limit_at[i, 0]] - limit_range[i, 0]
         gap[j + i] = limit_range[i, 1] - q[limit_at[i, 0]]
     touch_ground(plant, closed)
-    known = len(closed) == 0 and plant.obstacles.asked == 0
-    for i in range(len(q)):
-        plant.obstacles.stands[i] = q[i] if known else np.nan
     for b in range(len(plant.obstacles.touch)):
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
 

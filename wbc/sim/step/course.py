@@ -13,13 +13,15 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Flags, OutRow, Row, ask, compiled, inner
+from wbc.compiled import Flags, OutRow, OutTable, Row, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
-from wbc.mechanics.newton import UNSOLVED
+from wbc.mechanics.newton import UNSOLVED, distance, tolerance_of
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.impact import HIT, WAY, gaps_of, settle
-from wbc.sim.step.part import LANDED, part_with_mesh
+from wbc.sim.step.impact import HIT, WAY, gaps_of, impact_rows, settle
+from wbc.sim.step.part import LANDED, begin, part_with_mesh
+from wbc.sim.step.part_rows import part_system
+from wbc.sim.step.self_locking import tell_ranges
 from wbc.sim.step.tables import LENGTH, NOTED, SLOW, STAGE, TIME, TOUCH, Opened
 
 _TRIES = 40
@@ -141,7 +143,7 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     """Do the part to the end of a step, or to the next touchdown.
 
     Args:
-        plant: what moves, with its state; `kept`, `slow` and `jumps` of its end are written, too.
+        plant: what moves, with its state; `kept` and `jumps` of its end are written, too.
         step: that is left [s].
 
     Returns:
@@ -150,17 +152,14 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
     size = len(now.closed)
     for i in range(size):
-        end.kept[i], end.slow[i], end.jumps[i] = now.kept[i], False, False
+        end.kept[i], end.jumps[i] = now.kept[i], False
     result = part_with_mesh(plant, step)
     if result >= 10 or result != LANDED:
         return result, step, False
     start = np.empty(size)
     gaps_of(plant, now.position, start)
     while result < 10 and result == LANDED:
-        if lands_slowly(plant, start, short):
-            for i in range(size):
-                end.slow[i] = end.slow[i] or end.jumps[i]
-        else:
+        if not lands_slowly(plant, start, short):
             result, length = to_landing(plant, start, (result, step))
             if length > 0.0:
                 return result, length, True
@@ -194,7 +193,7 @@ def begin_step(
         now.motor_speed[i] = speed[i] if len(speed) else dot(v, plant.gears.rows[i])
     for i in range(len(now.closed)):
         now.closed[i] = known and closed[i]
-        now.kept[i], now.slow[i], now.struck[i] = False, False, False
+        now.kept[i], now.struck[i] = False, False
     return known
 
 
@@ -214,7 +213,6 @@ def end_part(plant: Opened, more: bool) -> bool:
     copy_to(end.motor_speed, now.motor_speed)
     for i in range(len(now.closed)):
         if more:
-            now.slow[i] = now.slow[i] or end.slow[i]
             now.kept[i] = end.kept[i] or end.jumps[i]
         now.closed[i] = end.closed[i] and not now.kept[i]
         keeps = keeps or now.kept[i]
@@ -297,3 +295,28 @@ def take_step(
         if keeps or not over:
             failed = meet(plant, step if over else left, keeps and not over)
     return failed
+
+
+@compiled
+def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, float, float]:
+    """Say what is known of the rows of a part or an impact that has just failed, without coupling.
+
+    Args:
+        plant: that took it.
+        in_impact: whether it was an impact.
+        told: (s, m) to write, see `tell_ranges`.
+
+    Returns:
+        the number of solutions, how far from its law a row of the nearest to one is, and how far it
+        may be [m/s, rad/s].
+    """
+    if in_impact:
+        rows = impact_rows(plant, plant.hit.closed)
+        copy_to(plant.hit.aims[: len(rows.targets)], rows.targets)
+        system, found = part_system(rows, plant.obstacles.tangents), plant.hit.impulse.copy()
+    else:
+        rows, system = begin(plant, plant.forces.length[0])
+        found = plant.end.impulse[rows.places]
+    tolerance, found = tolerance_of(system), found[: len(rows.start)]
+    off = distance(system, found)
+    return tell_ranges(system, rows.start, tolerance, told), off, tolerance

@@ -19,8 +19,6 @@ from wbc.errors import SimulationError
 from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
-_NOTHING = np.zeros(0)
-
 
 class EffectForces(NamedTuple):
     """Forces of all effects over one step.
@@ -30,18 +28,14 @@ class EffectForces(NamedTuple):
         friction: level of dry friction on the coordinates (nv,).
         rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
         memory: of the effects, at the end of the step.
-        kept_joint: part of `joint` (nv,) that the effects in `stores` exert.
-        kept_rotor: the same part of `rotor` (m,).
-        stores: effects that store energy of their own, and the motions that they saw.
+        seen: the motion as each effect that acts by its hooks saw it.
     """
 
     joint: FloatArray
     friction: FloatArray
     rotor: FloatArray
-    memory: EffectMemory
-    kept_joint: FloatArray = _NOTHING
-    kept_rotor: FloatArray = _NOTHING
-    stores: tuple[tuple[Effect, Motion], ...] = ()
+    memory: EffectMemory = ()
+    seen: tuple[Motion, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -103,26 +97,20 @@ class PlantEffects:
         joint, dry = np.empty(len(v)), np.empty(len(v))
         fill_joint_torques(table.joints, table.numbers, q, v, joint, dry)
         if not self.hooks:
-            return EffectForces(joint, dry, self.delivered(command), ())
-        kept_joint, kept_rotor = np.zeros(len(joint)), np.zeros(len(command))
+            return EffectForces(joint, dry, self.delivered(command))
         rotor, seen = command, [motion] * len(self.hooks)
         following: list[FloatArray | None] = []
-        stores = []
         for i, effect in enumerate(self.hooks):
             own = memory[i] if memory else None
             if own is not None:
                 seen[i] = motion.replace(memory=Memory(own, step))
                 own = effect.next_memory(self.robot, seen[i], rotor)
-                if type(effect).memory_energy is not Effect.memory_energy:
-                    stores.append((effect, seen[i]))
             if memory:
                 following.append(own)
             rotor = effect.drive(self.robot, seen[i], rotor)
             smooth = effect.joint_torque(self.robot, seen[i])
             if smooth is not None:
                 joint += smooth
-                if stores and stores[-1][0] is effect:
-                    kept_joint += smooth
             level = effect.joint_friction(self.robot, seen[i])
             if level is not None:
                 dry += level
@@ -131,11 +119,7 @@ class PlantEffects:
             added = effect.rotor_torque(self.robot, view)
             if added is not None:
                 rotor = rotor + added
-                if any(effect is own for own, _ in stores):
-                    kept_rotor = kept_rotor + added
-        return EffectForces(
-            joint, dry, rotor, tuple(following), kept_joint, kept_rotor, tuple(stores)
-        )
+        return EffectForces(joint, dry, rotor, tuple(following), tuple(seen))
 
     def delivered(self, command: FloatArray) -> FloatArray:
         """Return what the drives of the table give for a command (m,)."""

@@ -13,7 +13,6 @@ from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
 from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
-from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.field import AHEAD
@@ -152,7 +151,7 @@ def reaches(plant: Opened, goes_on: bool) -> bool:
 def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> bool:
     """Write at which speeds the barriers are to part; return whether one of them is coming.
 
-    What landed slowly, or was reached in the step before, does not spring back. Arguments as of
+    What is kept, or was reached in the step before, does not spring back. Arguments as of
     `impact_at`; found[SHARE] is that share where any springs back.
     """
     hit, now, v, row, coming = plant.hit, plant.now, plant.now.velocity, 0, False
@@ -163,7 +162,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
         approach = dot(v, rows.matrix[len(rows.laws) + row])
         ahead = not before[i] and not hit.fresh[i]
         least = -2.0 * plant.end.gap[i] / left if ahead else 0.0
-        back = 0.0 if ahead or now.struck[i] or now.slow[i] else plant.bounds[RESTITUTION]
+        back = 0.0 if ahead or now.struck[i] or now.kept[i] else plant.bounds[RESTITUTION]
         opening = -share * back * min(approach, 0.0)
         if back * min(approach, 0.0) < 0.0:
             hit.found[SHARE] = share
@@ -286,12 +285,3 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
             low, lost_low = share, found[CONTACT]
     impact_at(plant, low, left, goes_on)
     return kind
-
-
-@compiled
-def impact_in_rows(plant: Opened) -> tuple[PartRows, RowSystem]:
-    """Return the rows of the impact that has just failed, without coupling, and their system."""
-    rows = impact_rows(plant, plant.hit.closed)
-    for i in range(len(rows.targets)):
-        rows.targets[i] = plant.hit.aims[i]
-    return rows, part_system(rows, plant.obstacles.tangents)

@@ -168,15 +168,6 @@ def look_ahead(plant: Opened, step: float) -> None:
 
 
 @inner
-def stands_at(plant: Opened, q: Row) -> bool:
-    """Return whether the touches are those at q (nq,)."""
-    same = True
-    for i in range(len(q)):
-        same = same and plant.obstacles.stands[i] == q[i]
-    return same
-
-
-@inner
 def to_middle(plant: Opened, half: float) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
@@ -198,9 +189,7 @@ def to_middle(plant: Opened, half: float) -> None:
     if plant.obstacles.fields:
         look_ahead(plant, 2.0 * half)
     if touching:
-        if not stands_at(plant, q):
-            touch_ground(plant, closed)
-            plant.obstacles.stands[:] = np.nan
+        touch_ground(plant, closed)
         rates_at(plant, closed, v, rate)
     copy_to(v, speed)
     if len(bases):

@@ -12,10 +12,10 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import placed_at, turned
 from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
-from wbc.sim.step.tables import Bodies, Opened
+from wbc.sim.step.tables import Bodies
 
 FAR = 10.0
 """Gap [m] of a barrier whose features do not face each other; nothing acts on it."""
@@ -317,26 +317,3 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     for i in range(slot, len(touch)):
         if touch[i, 0] < FAR and doubled(touch, i):
             touch[i, 0] = FAR
-
-
-@inner
-def is_asked(plant: Opened, pair: int, closed: Flags) -> bool:
-    """Return whether a flag of the pairs' barriers (s,) is set for a pair, or there are none."""
-    found = len(closed) == 0
-    for i in range(0 if found else plant.bodies.pairs[pair, 2], plant.bodies.pairs[pair, 4]):
-        found = found or closed[i]
-    return found
-
-
-@inner
-def meet_all(plant: Opened, first: int, closed: Flags) -> None:
-    """Write the touches of pairs of hulls, which begin at `first`, for the poses in memory.
-
-    `closed` are flags of the pairs' barriers, see `is_asked`.
-    """
-    bodies, touch = plant.bodies, plant.obstacles.touch
-    for pair in range(len(bodies.pairs)):
-        start = first + bodies.pairs[pair, 2]
-        end = first + bodies.pairs[pair, 4]
-        if bodies.pairs[pair, 5] < 0 and is_asked(plant, pair, closed):
-            meet(bodies, plant.placed.poses, pair, touch[start:end])

@@ -140,7 +140,7 @@ def part_of_step(plant: Opened, step: float) -> int:
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
     matrix = rows.matrix[elements : elements + both]
-    end.work[2] = 1.0 if arrive(plant, step, matrix, pressed) else 0.0
+    arrive(plant, step, matrix, pressed)
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
@@ -179,9 +179,3 @@ def part_with_mesh(plant: Opened, step: float) -> int:
             break
         add_times(1.0, change, taken)
     return result
-
-
-@compiled
-def part_in_rows(plant: Opened, step: float) -> tuple[PartRows, RowSystem]:
-    """Return the rows of the part that has just failed, without coupling, and their system."""
-    return begin(plant, step)

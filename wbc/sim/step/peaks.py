@@ -15,11 +15,11 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import turned
 from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
-from wbc.sim.step.pairs import FAR, is_asked, pose_of, to_segment
+from wbc.sim.step.pairs import FAR, pose_of, to_segment
 from wbc.sim.step.tables import REACH, Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
@@ -223,33 +223,14 @@ def least_along(field: Row, start: Row, way: Row, low: float, high: float, at: O
         low, high: shares between which the height stops falling.
         at: (6,) to write, see `surface_at`.
     """
-    share, size, step = 0.5 * (low + high), sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2), np.inf
-    for _ in range(_ROUNDS):
+    share, size = 0.5 * (low + high), sqrt(dot(way, way))
+    while True:
         surface_at(field, start[0] + share * way[0], start[1] + share * way[1], at)
-        if abs(step) * size < _SETTLED:
-            break
-        slope = way[2] - at[1] * way[0] - at[2] * way[1]
-        low, high = (share, high) if slope < 0.0 else (low, share)
-        rise = rise_along(at, way)
-        further = share - slope / rise if rise > 0.0 else 0.5 * (low + high)
-        if not low <= further <= high:
-            further = 0.5 * (low + high)
-        step, share = further - share, further
-    return share
-
-
-@inner
-def cell_ahead(field: Row, x: float, y: float, way: Row) -> tuple[float, float]:
-    """Return the largest curvature in the cell of a place, and the share of a way that is in it."""
-    a, b, share = int(field[1]), int(field[2]), np.inf
-    i, j = cell_of(field, 3, a, x), cell_of(field, 3 + a, b, y)
-    bend = field[4 + a + b + 4 * a * b + 4 * (i * (b - 1) + j) + 3]
-    for k in range(2):
-        line, here = (3 + i, x) if k == 0 else (3 + a + j, y)
-        beyond = field[line + (way[k] > 0.0)] - here
-        if way[k] * beyond > 0.0:
-            share = min(share, beyond / way[k])
-    return bend, share
+        if not (high - low) * size > _SETTLED:
+            return share
+        falls = way[2] < at[1] * way[0] + at[2] * way[1]
+        low, high = (share, high) if falls else (low, share)
+        share = 0.5 * (low + high)
 
 
 @inner
@@ -308,10 +289,8 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
             if share >= 1.0:
                 break
             beyond = start[2] + share * way[2] - at[0] - reach * (1.0 + abs(at[1]) + abs(at[2]))
-            own, within = cell_ahead(field, x, y, way)
-            step = min(steady_share(slope, beyond, own * level), within)
-            step = max(step, steady_share(slope, beyond, bend * level))
-            came, before, share = share, slope, min(share + max(step, part), 1.0)
+            step = max(steady_share(slope, beyond, bend * level), part)
+            came, before, share = share, slope, min(share + step, 1.0)
 
 
 @inner
@@ -402,36 +381,35 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
 
 
 @inner
-def meet_fields(plant: Opened, first: int, closed: Flags) -> None:
-    """Write the touches of pairs with fields, as `meet_all` does those of all other pairs."""
+def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
+    """Write the touches (s, 7) of a pair with a field.
+
+    `some` says that touches of contact points have been written for closed barriers alone.
+    """
     bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)
-    for pair in range(len(bodies.pairs)):
-        own, solid = bodies.pairs[pair], bodies.pairs[pair, 5]
-        if solid < 0 or not is_asked(plant, pair, closed):
-            continue
-        hull, field = bodies.hulls[own[0]], obstacles.solids[solid]
-        touch = obstacles.touch[first + own[2] : first + own[4]]
-        for i in range(len(touch)):
-            if touch[i, 0] < FAR:
-                touch[i] = 0.0
-                touch[i, 0], touch[i, 3] = FAR, 1.0
-        known, least = solid * len(obstacles.contacts) + hull[8], np.inf
-        radius, reach = bodies.shapes[own[0], 4], plant.bounds[REACH]
-        for i in range(hull[3]):
-            point, one = obstacles.points[hull[8] + i], obstacles.touch[known + i]
-            if len(closed):  # those of open corners have not been written
-                one[0] = field_gap(field, point, radius + reach, one[1:4]) - radius
-                for k in range(3):
-                    one[4 + k] = point[k] - radius * one[1 + k]
-            least = min(least, one[0])
-            if radius > 0.0:
-                one[0] = FAR
-        a, b, around = int(field[1]), int(field[2]), bodies.shapes[own[0], 3]
-        if least > reach + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
-            continue
+    which, solid = bodies.pairs[pair, 0], bodies.pairs[pair, 5]
+    hull, field = bodies.hulls[which], obstacles.solids[solid]
+    for i in range(len(touch)):
+        if touch[i, 0] < FAR:
+            touch[i] = 0.0
+            touch[i, 0], touch[i, 3] = FAR, 1.0
+    known, least = solid * len(obstacles.contacts) + hull[8], np.inf
+    radius, reach = bodies.shapes[which, 4], plant.bounds[REACH]
+    for i in range(hull[3]):
+        point, one = obstacles.points[hull[8] + i], obstacles.touch[known + i]
+        if some:
+            one[0] = field_gap(field, point, radius + reach, one[1:4]) - radius
+            for k in range(3):
+                one[4 + k] = point[k] - radius * one[1 + k]
+        least = min(least, one[0])
         if radius > 0.0:
-            meet_round(plant, own[0], field, touch)
-        else:
-            pose_of(plant.placed.poses, hull[0], pose)
-            meet_faces(plant, own[0], field, pose, touch)
-            meet_edges(plant, own[0], field, known, touch)
+            one[0] = FAR
+    a, b, around = int(field[1]), int(field[2]), bodies.shapes[which, 3]
+    if least > reach + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
+        return
+    if radius > 0.0:
+        meet_round(plant, which, field, touch)
+    else:
+        pose_of(plant.placed.poses, hull[0], pose)
+        meet_faces(plant, which, field, pose, touch)
+        meet_edges(plant, which, field, known, touch)

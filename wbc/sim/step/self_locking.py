@@ -24,9 +24,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
-from wbc.errors import SimulationError
+from wbc.arrays import FloatArray, IntArray
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, OutTable, Places, Row, compiled, inner
 from wbc.mechanics.linear import copy_to, dot, factor_inertia
 from wbc.mechanics.newton import (
     FULL_STEPS,
@@ -37,7 +36,6 @@ from wbc.mechanics.newton import (
     newton,
     proximal,
     solve_system,
-    tolerance_of,
 )
 from wbc.mechanics.rows import RowSystem
 
@@ -65,7 +63,7 @@ def falls(law: Row) -> bool:
     return bool(law[4] < 0.0 and law[7] == np.inf and fast)
 
 
-@compiled
+@compiled(inside=True)
 def undecided_rows(system: RowSystem) -> OutPlaces:
     """Return the falling rows (f,) if the step may have several solutions; none where it has one.
 
@@ -86,7 +84,7 @@ def undecided_rows(system: RowSystem) -> OutPlaces:
     return rows[: 0 if factor_inertia(total, np.empty((size, size))) else count]
 
 
-@compiled(counted=False)
+@inner
 def range_of(law: Row, impulse: float) -> int:
     """Return the range of a falling row (9,) at an impulse."""
     up = law[0] > 0.0
@@ -141,7 +139,7 @@ def is_new(system: RowSystem, impulse: Row, found: Dense, tolerance: float) -> b
     return True
 
 
-@compiled
+@compiled(inside=True)
 def solve_in_ranges(
     system: RowSystem, rows: Places, start: Row, tolerance: float, found: OutDense
 ) -> tuple[int, int]:
@@ -214,32 +212,47 @@ def solve_rows(
     return used, RANGES if count == 1 or (count and dot(start, start) > 0.0) else SEVERAL
 
 
-def several(system: RowSystem, start: FloatArray, names: Sequence[str]) -> SimulationError:
-    """Return the error for rows of which self-locking gears leave several solutions, or none.
+@compiled(inside=True)
+def tell_ranges(system: RowSystem, start: Row, tolerance: float, told: OutTable) -> int:
+    """Write the ranges (s, m) of the undecided rows in each solution of a step; return how many.
+
+    Arguments as of `solve_in_ranges`. Other rows get -1; without a solution the first ones are 0.
+    """
+    rows, found = undecided_rows(system), np.empty((len(told), len(start)))
+    told[:] = -1
+    if len(rows) == 0:
+        return 0
+    _, count = solve_in_ranges(system, rows, start, tolerance, found)
+    for i in rows:
+        told[0, i] = 0
+        for k in range(count):
+            told[k, i] = range_of(system.laws[i], found[k, i])
+    return count
+
+
+def several(told: IntArray, count: int, joints: Sequence[str], yields: FloatArray) -> str:
+    """Return what to say of a step of which self-locking gears leave several solutions, or none.
 
     Args:
-        system: of the rows.
-        start: (r,) impulses of the step before, or zeros.
-        names: of the dissipative rows; may be shorter.
+        told: (s, m) see `tell_ranges`.
+        count: of solutions.
+        joints: names of the m gears.
+        yields: (m,) [kg m^2] below which a gear that gives leaves one solution.
     """
-    rows, found = undecided_rows(system), np.empty((27, len(start)))
-    called = ", ".join(f"'{names[i]}'" if i < len(names) else f"row {i}" for i in rows.tolist())
+    rows = np.flatnonzero(told[0] >= 0).tolist()
+    called = ", ".join(f"'{joints[i]}'" for i in rows)
     if len(rows) > _MOST:
-        return SimulationError(
+        return (
             f"{len(rows)} self-locking gears ({called}) turn at once against rotors so light that "
             f"their steps may have several solutions; no more than {_MOST} are tried. Give them "
             "more rotor inertia or backward efficiencies nearer to zero."
         )
-    _, count = solve_in_ranges(system, rows, start, tolerance_of(system), found)
-    told = (
-        ", ".join(_NAMES[range_of(system.laws[i], one[i])] for i in rows) for one in found[:count]
-    )
-    ways = f" ({'; '.join(told)})" if count else ""
-    yields = float((system.laws[rows, 2] / -system.laws[rows, 4]).min())
-    return SimulationError(
+    ways = "; ".join(", ".join(_NAMES[k] for k in one[rows]) for one in told[:count])
+    return (
         f"the step has {f'{count} solutions' if count else 'no solution that could be found'} with "
-        f"the self-locking gears {called}{ways}: they turn against rotors too light for what their "
-        "gears lock. Let the gears yield, as real teeth do (`stiffness`): with "
-        f"stiffness dt^2 / 4 + damping dt below {yields:.3g} kg m^2 every step has one solution. "
-        "Or give them more rotor inertia, or backward efficiencies nearer to zero."
+        f"the self-locking gears {called}{f' ({ways})' if count else ''}: they turn against rotors "
+        "too light for what their gears lock. Let the gears yield, as real teeth do (`stiffness`): "
+        f"with stiffness dt^2 / 4 + damping dt below {yields[rows].min():.3g} kg m^2 every step "
+        "has one solution. Or give them more rotor inertia, or backward efficiencies nearer to "
+        "zero."
     )

@@ -10,21 +10,20 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
-from wbc.mechanics.newton import SEVERAL, WAYS, distance, tolerance_of
-from wbc.mechanics.rows import RowSystem
+from wbc.mechanics.newton import SEVERAL, WAYS
 from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup, memory_before
 from wbc.sim.state import SimState
 from wbc.sim.step import books, impact
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.course import IMPACT_FAILED, take_step
+from wbc.sim.step.course import IMPACT_FAILED, look_again, take_step
 from wbc.sim.step.forces import EffectForces
-from wbc.sim.step.part import part_in_rows
 from wbc.sim.step.self_locking import several
 from wbc.sim.step.solution import NO_INERTIA
 from wbc.sim.step.tables import LENGTH, TIME
 
+_SOLUTIONS = 27  # most that an error tells of
 _STATE = "position", "velocity", "closed", "impulse", "deflection", "motor_speed"
 
 
@@ -118,7 +117,7 @@ class Flow(Stage):
         found = self.course.acts.get(self.stage)
         if found is None:
             delivered = setup.effects.delivered(self.course.command)
-            found = EffectForces(setup.still, setup.still, delivered, ())
+            found = EffectForces(setup.still, setup.still, delivered)
         return found
 
     @property
@@ -130,21 +129,6 @@ class Flow(Stage):
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
         return float(self.end.books[books.MISSED])
-
-    @property
-    def gap(self) -> FloatArray:
-        """(2 j + c,) at its end."""
-        return np.asarray(self.end.gap)
-
-    @property
-    def overlap(self) -> FloatArray:
-        """(2 j + c,) depth [m, rad] beyond the plant's return speed; empty where none is left."""
-        return np.asarray(self.end.depth if self.end.work[2] else self.end.depth[:0])
-
-    @property
-    def mesh_impulse(self) -> FloatArray:
-        """T (m,) [N m s] after each mesh."""
-        return np.asarray(self.end.mesh_impulse)
 
     @property
     def iterations(self) -> int:
@@ -167,18 +151,19 @@ class Flow(Stage):
         Effects that store energy of their own have lines of their own (`Effect.memory_energy`).
         """
         setup, step, external, end = self.course.setup, self.step, self.course.external, self.end
-        found, forces = end.books.tolist(), self.forces
+        found, robot, drive = end.books.tolist(), setup.robot, setup.drive
         motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
         joint = end.force if external is None else end.force - external
-        if forces.stores:
-            joint = joint - forces.kept_joint
-            before = setup.drive.motion(self.start)[1]
-            turned = 0.5 * step * setup.drive.gears.gear_ratio * (before + end.motor_speed)
-            motor -= float(forces.kept_rotor @ turned)
-            for effect, motion in forces.stores:
-                own = effect.memory_energy(setup.robot, motion)
-                if own is not None:
-                    stored += EnergyFlow(reloaded=own.reloaded, bent=own.stored, bristles=own.lost)
+        for effect, motion in zip(setup.effects.hooks, self.forces.seen, strict=True):
+            own = effect.memory_energy(robot, motion)
+            if own is None:
+                continue
+            stored += EnergyFlow(reloaded=own.reloaded, bent=own.stored, bristles=own.lost)
+            smooth, rotor = effect.joint_torque(robot, motion), effect.rotor_torque(robot, motion)
+            joint = joint if smooth is None else joint - smooth
+            if rotor is not None:
+                turned = 0.5 * step * (drive.motion(self.start)[1] + end.motor_speed)
+                motor -= float(rotor @ (drive.gears.gear_ratio * turned))
         if external is not None or setup.robot.effects:
             mean = 0.5 * (end.speed + end.after)
             work = float(step * (joint @ mean))
@@ -275,36 +260,22 @@ def stepped(
 
 def _failure(setup: Setup, code: int) -> SimulationError:
     """Return the error for a part or an impact that has no solution, see IMPACT_FAILED."""
-    plant, inertia = setup.plant, setup.plant.placed.inertia.copy()
-    impulse, velocity = plant.end.impulse.copy(), plant.now.velocity
+    plant, joints = setup.plant, setup.robot.transmission.joints
+    inertia, velocity = plant.placed.inertia.copy(), plant.now.velocity
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
         return blown_up(inertia, velocity)
-    if code >= IMPACT_FAILED:
-        rows, system = impact.impact_in_rows(plant)
-        found = plant.hit.impulse[: len(rows.start)]
-    else:
-        rows, system = part_in_rows(plant, float(plant.forces.length[0]))
-        found = impulse[rows.places]
-        if not np.isfinite(system.free).all():
-            return blown_up(inertia, velocity)
+    told = np.empty((_SOLUTIONS, len(joints)), dtype=np.int64)
+    count, off, tolerance = look_again(plant, code >= IMPACT_FAILED, told)
+    if not np.isfinite(off):
+        return blown_up(inertia, velocity)
     if code % 10 == SEVERAL:
-        return several(system, rows.start, setup.robot.transmission.joints)
-    return unsolved(system, found)
-
-
-def unsolved(system: RowSystem, impulse: FloatArray) -> SimulationError:
-    """Return the error for a step of which `impulse` (r,) is the nearest to a solution."""
-    if not (np.isfinite(system.delassus).all() and np.isfinite(system.free).all()):
-        return SimulationError(
-            "the step has no numbers: the state has blown up. Look at the events of the steps "
-            "before, and at the torques."
-        )
+        yields = plant.gears.inertia / -plant.gears.backward
+        return SimulationError(several(told, count, joints, yields))
     return SimulationError(
-        f"a step with {len(system.laws)} gears and joints and {len(system.frictions)} contacts "
-        f"has no solution within {tolerance_of(system):.1e} (nearest: "
-        f"{distance(system, impulse):.1e}). Usual causes: a contact target that the joints cannot "
-        "reach (a limit and the ground in conflict), or a self-locking gear whose falling branch "
-        "leaves no solution; shorten the step or change the state."
+        f"a step has no solution within {tolerance:.1e} (nearest: {off:.1e}). Usual causes: a "
+        "contact target that the joints cannot reach (a limit and the ground in conflict), or a "
+        "self-locking gear whose falling branch leaves no solution; shorten the step or change the "
+        "state."
     )
 
 

@@ -27,7 +27,6 @@ class Obstacles(NamedTuple):
         frictions: (c,).
         solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
-        stands: (nq,) memory: q of `touch`.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
         tangents: d per contact, one where contact points move in x-z only, else two.
         fields: whether any of it is a height field.
@@ -42,7 +41,6 @@ class Obstacles(NamedTuple):
     frictions: OutRow
     solids: OutDense
     points: OutDense
-    stands: OutRow
     touch: OutDense
     tangents: int
     fields: bool
@@ -192,8 +190,8 @@ class Now(NamedTuple):
         deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
         numbers: (4,) TIME to NOTED.
         closed: (2 j + c,) barriers that hold.
-        kept, slow, struck: (2 j + c,) barriers that may close within the next part, those that
-            landed slowly in the step, and those that were reached in it.
+        kept, struck: (2 j + c,) barriers that may close within the next part, and those that were
+            reached in the step.
         words: all of this memory in one.
     """
 
@@ -205,7 +203,6 @@ class Now(NamedTuple):
     numbers: OutRow
     closed: OutFlags
     kept: OutFlags
-    slow: OutFlags
     struck: OutFlags
     words: OutRow
 
@@ -226,15 +223,14 @@ class Ending(NamedTuple):
             world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
-        work: (3,) linear systems solved, what found the impulses, see `mechanics.newton`, and
-            whether some overlap is left.
+        work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
         closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
-        kept, slow, jumps: (2 j + c,) barriers that may close within the part, those of them that
-            land slowly, and those that are to be kept from its end on, see `landing`.
+        kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
+            kept from its end on: they land slowly, or their gap jumps.
         words: see `Now`.
     """
 
@@ -257,7 +253,6 @@ class Ending(NamedTuple):
     moved: OutRow
     closed: OutFlags
     kept: OutFlags
-    slow: OutFlags
     jumps: OutFlags
     words: OutRow
 
