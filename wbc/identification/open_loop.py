@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
-from wbc.identification.readings.torque import DriveLaw, drive_law
+from wbc.identification.records.channels import DriveLaw, drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps

@@ -18,7 +18,7 @@ from wbc.effects.links import GravityDirection
 from wbc.errors import IdentificationError
 from wbc.files import as_json
 from wbc.identification.answer.shown import plain
-from wbc.identification.records.not_judged import require_robot_and_logs
+from wbc.identification.readings.checks import require_robot_and_logs
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.sim.servo import DcDrive, ServoRun

@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import LogError
-from wbc.identification.readings.torque import contact_forces, positions, velocities
+from wbc.identification.records.channels import contact_forces, positions, velocities
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.transmission import Transmission, direction

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
-from wbc.identification.readings.torque import contact_forces
+from wbc.identification.records.channels import contact_forces
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.view.channels import (

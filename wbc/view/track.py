@@ -13,8 +13,8 @@ from wbc.dynamics import Workspace, evaluate, link_torque
 from wbc.dynamics import rotor_torque as needed_torque
 from wbc.errors import ViewError
 from wbc.identification.model.residual import condensed_residual, raw_residual
-from wbc.identification.readings.torque import contact_forces
-from wbc.identification.records.not_judged import require_readable
+from wbc.identification.readings.checks import require_readable
+from wbc.identification.records.channels import contact_forces
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log

@@ -19,9 +19,10 @@ from wbc.identification.answer.diagnose import about_silent
 from wbc.identification.answer.words import verdict_sentence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.readings import SuspiciousLogError, find_suspicions
+from wbc.identification.records.channels import read_channels
 from wbc.identification.records.filters import Bandwidth, low_passed
 from wbc.identification.records.not_judged import reported_torque
-from wbc.identification.records.preparation import away_from_impacts, read_channels
+from wbc.identification.records.preparation import away_from_impacts
 from wbc.measurement import Log, LogSource, load_logs
 from wbc.measurement.checks import resting_joints
 from wbc.sim import Plane, Plant, SimState, simulate

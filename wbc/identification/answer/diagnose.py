@@ -46,9 +46,10 @@ from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import condensed_residual
+from wbc.identification.readings.checks import without_copies
 from wbc.identification.readings.first_guess import guessed_numbers
 from wbc.identification.records.noise import NoiseFloor
-from wbc.identification.records.not_judged import without_copies, without_links
+from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot

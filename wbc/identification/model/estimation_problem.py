@@ -19,6 +19,7 @@ from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
+from wbc.identification.readings.checks import require_readable, require_robot_and_logs
 from wbc.identification.records.noise import (
     NoiseFloor,
     close_repeats,
@@ -31,8 +32,6 @@ from wbc.identification.records.not_judged import (
     low_passed_torques,
     moving_bases,
     not_judged,
-    require_readable,
-    require_robot_and_logs,
     sensed_joints,
     silent_drives,
     standing_joints,

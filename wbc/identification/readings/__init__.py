@@ -5,11 +5,10 @@ from wbc.identification.readings.checks import (
     check_log,
     check_logs,
     check_robot,
-    moving_contact,
     refusal,
 )
 from wbc.identification.readings.mistakes import SuspiciousLogError, find_suspicions, suspicions
-from wbc.identification.readings.torque import (
+from wbc.identification.records.channels import (
     feedback_torques,
     joint_position,
     rotor_torques,
@@ -31,7 +30,6 @@ __all__ = [
     "find_repeats",
     "find_suspicions",
     "joint_position",
-    "moving_contact",
     "refusal",
     "rotor_torques",
     "suspicions",

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import pi
+from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import Workspace
-from wbc.errors import LogError
+from wbc.errors import IdentificationError, LogError
 from wbc.identification.readings.evidence import Bench, evidence
 from wbc.identification.readings.kinds import Reading
 from wbc.identification.readings.log_rows import rows_of
-from wbc.identification.readings.mistakes import find_suspicions, motionless, single_ratios
-from wbc.identification.readings.torque import (
+from wbc.identification.readings.mistakes import (
+    SuspiciousLogError,
+    find_suspicions,
+    motionless,
+    single_ratios,
+)
+from wbc.identification.records.channels import (
     ASKED,
     placeless_joints,
     positions,
     tells_torque,
     without_position,
 )
+from wbc.identification.records.contacts import moving_contact
 from wbc.measurement.checks import (
     check_channels,
     check_clock,
@@ -33,6 +38,7 @@ from wbc.measurement.checks import (
     check_set,
     check_stuck,
     check_velocities,
+    find_duplicates,
     resolution,
     resting_joints,
 )
@@ -49,7 +55,6 @@ from wbc.robot import Robot, state_gear
 _TORQUES = (*REPORTED, "joint_torque")
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
 _SURE = 0.9
-_STANDS = 0.01  # [m] that a point may move while its robot stands; a foot that steps moves more
 _PLACES = 400  # of a log at which contacts are looked at
 _BEYOND = 3.0  # times the limit of a joint
 _MANY_TURNS = 6.0 * pi
@@ -64,6 +69,84 @@ def refusal(log: Log, robot: Robot) -> LogFinding | None:
     beyond = (finding for finding in check_ranges(log, robot) if finding.severity == "error")
     unknown = unknown_joints(log, robot) or unknown_base(log, robot)
     return too_short(log) or next(beyond, None) or unknown
+
+
+def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
+    """Check the kinds of the arguments, and that the robot has gears.
+
+    Raises:
+        IdentificationError: a name in place of a robot, one log in place of a sequence, something
+            else in place of a log, or a robot whose description has no gears.
+    """
+    if not isinstance(robot, Robot):
+        raise IdentificationError(
+            f"a robot is expected first, not {robot!r}; load it with load_robot(...)."
+        )
+    require_logs(logs)
+    if not robot.transmission.size:
+        raise IdentificationError(
+            f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
+            "describe each driven joint in robot.toml:\n"
+            "    [gears.JOINT]\n"
+            '    gear_ratio = { value = VALUE, unit = "1", source = "data sheet" }\n'
+            '    rotor_inertia = { value = VALUE, unit = "kg m^2", source = "data sheet" }'
+        )
+
+
+def require_logs(logs: Sequence[Log]) -> None:
+    """Check that logs are a sequence of logs.
+
+    Raises:
+        IdentificationError: one log in place of a sequence, or something else in place of a log.
+    """
+    if isinstance(logs, Log):
+        raise IdentificationError("a sequence of logs is expected; give one log as [log].")
+    if isinstance(logs, str | Path) or not isinstance(logs, Iterable):
+        raise IdentificationError(
+            f"logs are expected, not {str(logs)!r}; read files with load_logs([...])."
+        )
+    for log in logs:
+        if not isinstance(log, Log):
+            raise IdentificationError(
+                f"a log is expected, not {log!r}; read files with load_logs([...])."
+            )
+
+
+def require_readable(robot: Robot, log: Log) -> None:
+    """Check that something can be said of a robot from a log, see `refusal`.
+
+    Raises:
+        IdentificationError: too short a log.
+        SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
+            joint's limits; the message says what to do.
+    """
+    found = refusal(log, robot)
+    if found is not None and found.kind == "short":
+        raise IdentificationError(f"{log.source.label}: {found.text} {found.way_out}")
+    if found is not None:
+        column = f"{found.column}: " if found.column else ""
+        message = f"{log.source.label}: {column}{found.text} {found.way_out}"
+        raise SuspiciousLogError(message, [found])
+
+
+def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """Return the logs without copies of one another, and a warning for each copy.
+
+    A copy is no second observation: it would be held out against itself.
+
+    Raises:
+        IdentificationError: one log in place of a sequence, or something else than logs.
+    """
+    require_logs(logs)
+    warnings, dropped = [], set()
+    for first, *copies in find_duplicates(logs):
+        for copy in copies:
+            dropped.add(copy)
+            warnings.append(
+                f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and "
+                "is left out; record the motion again for a repeat."
+            )
+    return [log for k, log in enumerate(logs) if k not in dropped], warnings
 
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
@@ -219,23 +302,6 @@ def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
     )
     severity = "warning" if moved is None else "error"
     return [LogFinding(severity, "no_contact_force", "", text, way)]
-
-
-def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | None:
-    """Return the contact point that moves most along q (N, nq) and how far [m], None if all stand.
-
-    What one row in fifty shows does not count.
-    """
-    space = Workspace(robot)
-    places = np.empty((len(position), len(robot.contacts), 3))
-    for row, q in enumerate(position):
-        pin.framesForwardKinematics(space.model, space.data, q)
-        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
-    low, high = np.quantile(places, [0.01, 0.99], axis=0)
-    distances = np.linalg.norm(high - low, axis=1)
-    most = int(np.argmax(distances))
-    moves = distances[most] > _STANDS
-    return (robot.contacts[most].name, float(distances[most])) if moves else None
 
 
 def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:

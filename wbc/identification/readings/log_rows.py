@@ -12,14 +12,14 @@ from scipy import stats
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque, link_torque, rotor_torque
-from wbc.errors import LogError
-from wbc.identification.readings.torque import (
-    contact_forces,
-    positions,
-    rotor_torques,
+from wbc.errors import IdentificationError, LogError
+from wbc.identification.records.channels import (
+    read_channels,
     torque_sources,
+    typical_inertia,
     without_position,
 )
+from wbc.identification.records.filters import smoothed
 from wbc.measurement.checks import resting_joints
 from wbc.measurement.clocks import longest_piece, too_short
 from wbc.measurement.filters import derivative, differentiate, low_pass
@@ -56,6 +56,7 @@ class LogRows:
         samples: (m,) independent samples that each report amounts to.
         sensed: (N, m) what a torque sensor behind the gear measured [N m], NaN where none is: then
             it stands for the need of the links.
+        inertia: (m,) the typical inertia of each driven joint with its rotor [kg m^2].
     """
 
     robot: Robot
@@ -70,6 +71,7 @@ class LogRows:
     quantities: tuple[str, ...]
     samples: FloatArray
     sensed: FloatArray
+    inertia: FloatArray
 
     @cached_property
     def torque(self) -> FloatArray:
@@ -87,15 +89,6 @@ class LogRows:
         """(m,) the columns of the torques."""
         pairs = zip(self.robot.transmission.joints, self.quantities, strict=True)
         return [f"{joint}.{quantity}" for joint, quantity in pairs]
-
-    @cached_property
-    def inertia(self) -> FloatArray:
-        """(m,) the typical inertia of each driven joint with its rotor."""
-        robot = self.robot
-        data = robot.model.createData()
-        places = self.position[:: max(1, len(self.position) // 8)]
-        own = [np.diag(pin.crba(robot.model, data, q))[robot.actuated] for q in places]
-        return np.asarray(np.mean(own, axis=0) + robot.transmission.reflected_inertia)
 
     @cached_property
     def weighs(self) -> bool:
@@ -168,63 +161,52 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     reading explains next to nothing, and the one that needs least torque, such as degrees, would
     be called the best.
     """
-    robot, log = robot if log.machine is None else log.machine.of(robot), longest_piece(log)
-    joints = robot.transmission.joints
+    log = longest_piece(log)
+    own = robot if log.machine is None else log.machine.of(robot)
+    joints, resting = own.transmission.joints, resting_joints(log)
+    quantities = torque_sources(log, own.transmission)
     if (
         too_short(log)
         or not joints
-        or without_position(robot, log)
-        or not {*(quantities := torque_sources(log, robot.transmission))} <= {*REPORTED}
+        or without_position(own, log)
+        or not {*quantities} <= {*REPORTED}
+        or resting >= {*own.single_joints}
     ):
         return None
-    forces = contact_forces(robot, log)
-    flagged = any(log.has(f"{c.name}.active") and c.name not in forces for c in robot.contacts)
-    if robot.floating_size and robot.contacts and (flagged or not forces):
-        return None
+    # Behind gears that drive several joints nothing says whose need a sensor measures.
+    serial = np.array_equal(own.transmission.topology, np.eye(len(joints)))
+    sensors = [joint for joint in joints if serial and log.has(f"{joint}.joint_torque")]
     try:
-        raw = positions(robot, log)
-        reported = rotor_torques(log, robot.transmission) * robot.transmission.gear_ratio
-    except LogError:
+        told = read_channels(own.with_torque_sensors(sensors), log)
+    except (LogError, IdentificationError):
         return None
-    grid = np.linspace(log.time[0], log.time[-1], round(log.duration / log.sample_time) + 1)
-    resting = resting_joints(log)
-    if resting >= set(robot.single_joints):
+    if own.floating_size and own.contacts and (told.active or not told.forces):
         return None
-
-    def even(values: FloatArray) -> FloatArray:
-        return np.stack([np.interp(grid, log.time, column) for column in values.T], axis=1)
-
-    position = even(raw)
-    cutoff = _cutoff(position[:, [robot.position_index(n) for n in robot.single_joints]], grid)
-    if not 1.0 / log.duration < cutoff < 0.45 / log.sample_time:
+    length, rate = len(told.time), told.rate
+    cutoff = _cutoff(told.position[:, [own.position_index(n) for n in own.single_joints]], rate)
+    if not rate / length < cutoff < 0.45 * rate:
         return None
-    rate, on_grid = 1.0 / float(grid[1] - grid[0]), even(reported)
-    q, torque = (low_pass(values, cutoff, rate, _ORDER) for values in (position, on_grid))
-    if robot.has_free_flyer:
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    v = differentiate(q, rate, robot.model)
-    a = derivative(v, rate)
-    held = {name: low_pass(even(f), cutoff, rate, _ORDER) for name, f in forces.items()}
-    sensed = np.full_like(torque, np.nan)
-    sensors = [k for k, joint in enumerate(joints) if log.has(f"{joint}.joint_torque")]
-    if sensors and np.array_equal(robot.transmission.topology, np.eye(len(joints))):
-        behind = even(log.stack("joint_torque", [joints[k] for k in sensors]))
-        sensed[:, sensors] = low_pass(behind, cutoff, rate, _ORDER)
-    inside = slice(int(_EDGE * grid.size), grid.size - int(_EDGE * grid.size))
-    pairs = zip(on_grid[inside].T, torque[inside].T, strict=True)
+    reported = told.torque * own.transmission.gear_ratio
+    torque, behind = (low_pass(x, cutoff, rate, _ORDER) for x in (reported, told.sensed))
+    inside = slice(int(_EDGE * length), length - int(_EDGE * length))
+    pairs = zip(reported[inside].T, torque[inside].T, strict=True)
     if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
         return None
-    thin = np.arange(grid.size)[inside][:: max(1, grid.size // _ROWS)]
+    thin = np.arange(length)[inside][:: max(1, length // _ROWS)]
+    position = smoothed(own, told.position, cutoff, rate, _ORDER)
+    velocity = differentiate(position, rate, own.model)
+    sensed = np.full_like(torque, np.nan)
+    sensed[:, [joints.index(joint) for joint in sensors]] = behind
     rows = LogRows(
-        robot=robot.with_acting(()),
-        position=q[thin],
-        velocity=v[thin],
-        acceleration=a[thin],
+        robot=own.with_acting(()),
+        position=position[thin],
+        velocity=velocity[thin],
+        acceleration=derivative(velocity, rate)[thin],
         whole=torque,
         kept=thin,
         rate=rate,
-        conversion=_conversion(robot, tuple(quantities)),
-        forces={name: force[thin] for name, force in held.items()},
+        conversion=_conversion(own, tuple(quantities)),
+        forces={n: low_pass(f, cutoff, rate, _ORDER)[thin] for n, f in told.forces.items()},
         quantities=tuple(quantities),
         # What holds a joint at rest is stiction, too: its torque may be any within it.
         samples=np.array(
@@ -234,6 +216,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
             ]
         ),
         sensed=sensed[thin],
+        inertia=typical_inertia(robot, [told]),
     )
     need = rows.need().links
     if np.all(np.std(need, axis=0) <= _ROUNDING * np.std(rows.torque, axis=0)):
@@ -295,18 +278,19 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
     return change
 
 
-def _cutoff(position: FloatArray, grid: FloatArray) -> float:
-    """Return twice the frequency [Hz] below which the joints' motion lies."""
-    window = np.hanning(grid.size)[:, None]
+def _cutoff(position: FloatArray, rate: float) -> float:
+    """Return twice the frequency [Hz] below which the joints' motion (N, n) lies."""
+    length = len(position)
+    window = np.hanning(length)[:, None]
     power = np.abs(np.fft.rfft((position - position.mean(axis=0)) * window, axis=0)) ** 2
     total = power.sum(axis=0)
     moving = total > 0.0
     if not moving.any():
         return _HIGHEST
     share = np.cumsum((power[:, moving] / total[moving]).mean(axis=1))
-    frequency = np.fft.rfftfreq(grid.size, float(grid[1] - grid[0]))
+    frequency = np.fft.rfftfreq(length, 1.0 / rate)
     found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
-    return float(np.clip(found, 4.0 / (grid[-1] - grid[0]), min(_HIGHEST, 0.4 * frequency[-1])))
+    return float(np.clip(found, 4.0 * rate / (length - 1), min(_HIGHEST, 0.4 * frequency[-1])))
 
 
 def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:

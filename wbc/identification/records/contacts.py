@@ -22,11 +22,11 @@ from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.batch import contact_jacobians, level_normal
 from wbc.errors import IdentificationError
-from wbc.identification.readings import moving_contact
 from wbc.measurement import Log
 from wbc.measurement.checks import true_runs
 from wbc.robot import Robot
 
+_STANDS = 0.01  # [m] that a point may move while its robot stands; a foot that steps moves more
 _RANK = 1e-3  # of the largest singular value: directions below it are not told by the base
 
 
@@ -209,6 +209,23 @@ def active_contacts(
             f"'{moved[0]}' moves by {moved[1]:.2g} m."
         )
     return {name: np.ones(len(grid), dtype=bool) for name in names}
+
+
+def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | None:
+    """Return the contact point that moves most along q (N, nq) and how far [m], None if all stand.
+
+    What one row in fifty shows does not count.
+    """
+    space = Workspace(robot)
+    places = np.empty((len(position), len(robot.contacts), 3))
+    for row, q in enumerate(position):
+        pin.framesForwardKinematics(space.model, space.data, q)
+        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
+    low, high = np.quantile(places, [0.01, 0.99], axis=0)
+    distances = np.linalg.norm(high - low, axis=1)
+    most = int(np.argmax(distances))
+    moves = distances[most] > _STANDS
+    return (robot.contacts[most].name, float(distances[most])) if moves else None
 
 
 def _held(log: Log, name: str, grid: FloatArray) -> BoolArray:

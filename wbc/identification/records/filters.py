@@ -10,7 +10,8 @@ from scipy.signal import welch
 from scipy.signal.windows import hann
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.measurement.filters import WINDOW_SAMPLES, unsmooth
+from wbc.measurement.filters import WINDOW_SAMPLES, low_pass, unsmooth
+from wbc.robot import Robot
 
 _LOWEST, _HIGHEST = 3.0, 15.0
 _MOVES = 4.0  # times the noise of the smoothed speed
@@ -247,6 +248,16 @@ def quantisation_level(values: FloatArray, rate: float) -> FloatArray:
             continue
         crossings = float(np.sum(parts)) / (len(samples) / rate)
         result[column] = step**2 / 12.0 * 2.0 / np.clip(crossings, _SLOWEST, rate)
+    return result
+
+
+def smoothed(
+    robot: Robot, position: FloatArray, cutoff: float, rate: float, order: int = 2
+) -> FloatArray:
+    """Return q (N, nq) of a robot low-passed as by `low_pass`; the base keeps unit quaternions."""
+    result = low_pass(position, cutoff, rate, order)
+    if robot.has_free_flyer:
+        result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     return result
 
 

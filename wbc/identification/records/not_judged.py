@@ -6,16 +6,14 @@ behind gears leave of the links, and drives whose report has nothing to do with 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
-from wbc.errors import IdentificationError, LogError
-from wbc.identification.readings import SuspiciousLogError, find_duplicates, refusal
+from wbc.errors import LogError
 from wbc.identification.records.record import Record, output_count, output_gear, output_row
 from wbc.measurement import Log
 from wbc.robot import Robot
@@ -23,84 +21,6 @@ from wbc.tables import FEW
 
 _BASE_MOVES = 5e-3  # [m, rad] between the 5 % and 95 % quantiles: more than a sensor's noise
 _SEEN = 0.5  # of a row, below which it is named as hardly seen
-
-
-def require_robot_and_logs(robot: Robot, logs: Sequence[Log]) -> None:
-    """Check the kinds of the arguments, and that the robot has gears.
-
-    Raises:
-        IdentificationError: a name in place of a robot, one log in place of a sequence, something
-            else in place of a log, or a robot whose description has no gears.
-    """
-    if not isinstance(robot, Robot):
-        raise IdentificationError(
-            f"a robot is expected first, not {robot!r}; load it with load_robot(...)."
-        )
-    require_logs(logs)
-    if not robot.transmission.size:
-        raise IdentificationError(
-            f"'{robot.name}' has no gears, so no joint is driven and nothing can be compared; "
-            "describe each driven joint in robot.toml:\n"
-            "    [gears.JOINT]\n"
-            '    gear_ratio = { value = VALUE, unit = "1", source = "data sheet" }\n'
-            '    rotor_inertia = { value = VALUE, unit = "kg m^2", source = "data sheet" }'
-        )
-
-
-def require_logs(logs: Sequence[Log]) -> None:
-    """Check that logs are a sequence of logs.
-
-    Raises:
-        IdentificationError: one log in place of a sequence, or something else in place of a log.
-    """
-    if isinstance(logs, Log):
-        raise IdentificationError("a sequence of logs is expected; give one log as [log].")
-    if isinstance(logs, str | Path) or not isinstance(logs, Iterable):
-        raise IdentificationError(
-            f"logs are expected, not {str(logs)!r}; read files with load_logs([...])."
-        )
-    for log in logs:
-        if not isinstance(log, Log):
-            raise IdentificationError(
-                f"a log is expected, not {log!r}; read files with load_logs([...])."
-            )
-
-
-def require_readable(robot: Robot, log: Log) -> None:
-    """Check that something can be said of a robot from a log, see `refusal`.
-
-    Raises:
-        IdentificationError: too short a log.
-        SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
-            joint's limits; the message says what to do.
-    """
-    found = refusal(log, robot)
-    if found is not None and found.kind == "short":
-        raise IdentificationError(f"{log.source.label}: {found.text} {found.way_out}")
-    if found is not None:
-        column = f"{found.column}: " if found.column else ""
-        message = f"{log.source.label}: {column}{found.text} {found.way_out}"
-        raise SuspiciousLogError(message, [found])
-
-
-def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
-    """Return the logs without copies of one another, and a warning for each copy.
-
-    A copy is no second observation: it would be held out against itself.
-
-    Raises:
-        IdentificationError: one log in place of a sequence, or something else than logs.
-    """
-    require_logs(logs)
-    warnings, dropped = [], set()
-    for first, *copies in find_duplicates(logs):
-        for copy in copies:
-            dropped.add(copy)
-            warnings.append(
-                f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and "
-                "is left out; record the motion again for a repeat."
-            )
-    return [log for k, log in enumerate(logs) if k not in dropped], warnings
 
 
 def low_passed_torques(records: Sequence[Record]) -> list[str]:

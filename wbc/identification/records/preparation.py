@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,15 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import IdentificationError
-from wbc.identification.readings import (
-    feedback_torques,
-    rotor_torques,
-    tells_torque,
-    torque_sources,
-    without_position,
-)
-from wbc.identification.readings.torque import contact_forces, loaded, positions, velocities
-from wbc.identification.records.contacts import active_contacts
+from wbc.identification.records.channels import Channels, read_channels, typical_inertia
 from wbc.identification.records.filters import (
     Bandwidth,
     NoiseDensity,
@@ -27,6 +19,7 @@ from wbc.identification.records.filters import (
     gate,
     low_passed,
     quantisation_level,
+    smoothed,
     steady_level,
     white_level,
 )
@@ -35,126 +28,6 @@ from wbc.identification.records.not_judged import not_judged_at_rest, rubbing
 from wbc.identification.records.record import Record, output_count
 from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
-from wbc.transmission import DRIVE_TIMES
-
-_EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
-
-
-@dataclass(frozen=True, eq=False)
-class Channels:
-    """The channels of one log that a robot understands, resampled where stamps jitter.
-
-    Attributes:
-        name: of the log.
-        rate: [Hz].
-        time: (N,) [s].
-        position: (N, nq); of `placeless` joints the integral of the velocity.
-        velocity: (N, nv), or None if some joint has no velocity channel.
-        torque: (N, m) on the rotors [N m].
-        feedback: (N, m) [N m], the part of `torque` that position drives make of what they measure;
-            None where no torque comes from a target.
-        reported: (m,) whether the drive of a joint reports or is told a torque; 0 stands where not.
-        currents: (m,) whether the torque of a drive is the current that it reports.
-        sensed: (N, s) torque behind the gears of the robot's torque sensors [N m].
-        forces: contact name -> (N, 3) [N].
-        active: contact name -> (N,) whether it touches, of contacts without a force sensor.
-        temperature: (N, m) [deg C], or None.
-        supply_voltage: (N, m) [V], or None.
-        inertia: (10 n_links,) what the links of this log's machine have more, or None.
-        placeless: joints whose position was not measured and changes nothing.
-    """
-
-    name: str
-    rate: float
-    time: FloatArray
-    position: FloatArray
-    velocity: FloatArray | None
-    torque: FloatArray
-    feedback: FloatArray | None
-    reported: BoolArray
-    currents: BoolArray
-    sensed: FloatArray
-    forces: dict[str, FloatArray]
-    active: dict[str, BoolArray]
-    temperature: FloatArray | None
-    supply_voltage: FloatArray | None
-    inertia: FloatArray | None = None
-    placeless: tuple[str, ...] = ()
-
-
-def read_channels(robot: Robot, log: Log) -> Channels:
-    """Return what a log that `require_readable` let pass says about `robot`.
-
-    Raises:
-        LogError: the torque of a driven joint or the position of a joint is missing.
-        IdentificationError: a free base without forces.
-    """
-    step = log.sample_time
-    count = int(np.floor(log.duration / step + 1e-6)) + 1
-    grid = log.time[0] + step * np.arange(count)
-    even = count == len(log) and np.abs(log.time - grid).max() < _EVEN * step
-
-    def on_grid(values: FloatArray) -> FloatArray:
-        if even:
-            return values
-        found = np.empty((count, values.shape[1]))
-        for k, column in enumerate(values.T):
-            found[:, k] = np.interp(grid, log.time, column)
-        return found
-
-    def optional(quantity: str) -> FloatArray | None:
-        joints = robot.transmission.joints
-        known = log.has(*(f"{joint}.{quantity}" for joint in joints))
-        return on_grid(log.stack(quantity, joints)) if known else None
-
-    velocity = velocities(robot, log)
-    forces = {name: on_grid(force) for name, force in contact_forces(robot, log).items()}
-    position = on_grid(positions(robot, log))
-    active = active_contacts(robot, log, grid, position)
-    torque, feedback, reported = _torque(robot, log)
-    return Channels(
-        name=log.source.label,
-        rate=1.0 / step,
-        time=grid,
-        position=position,
-        velocity=None if velocity is None else on_grid(velocity),
-        torque=on_grid(torque),
-        feedback=None if feedback is None else on_grid(feedback),
-        reported=reported,
-        currents=(np.array(torque_sources(log, robot.transmission)) == "current") & reported,
-        sensed=on_grid(log.stack("joint_torque", robot.torque_sensors)),
-        forces=forces,
-        active=active,
-        temperature=optional("temperature"),
-        supply_voltage=optional("voltage"),
-        inertia=None if log.machine is None else log.machine.inertia,
-        placeless=() if velocity is None else without_position(robot, log),
-    )
-
-
-def _torque(robot: Robot, log: Log) -> tuple[FloatArray, FloatArray | None, BoolArray]:
-    """Return the drives' torque (N, m), their feedback's share, and who has one.
-
-    It is 0 where only a sensor behind the gear reports.
-
-    Raises:
-        LogError: a joint has neither.
-    """
-    gears = robot.transmission
-    if log.machine is not None:
-        times = {name: getattr(gears, name) for name in DRIVE_TIMES}
-        gears = log.machine.transmission.replace(**times)
-    reported = tells_torque(log, gears)
-    reported |= [joint not in robot.torque_sensors for joint in gears.joints]
-    reported &= [joint not in robot.sensor_only for joint in gears.joints]
-    nothing = {
-        f"{joint}.rotor_torque": np.zeros(len(log))
-        for joint, yes in zip(gears.joints, reported, strict=True)
-        if not yes
-    }
-    told = log.with_columns(nothing)
-    return rotor_torques(told, gears), feedback_torques(told, gears), reported
-
 
 _PATH = 0.05  # of the rate: below this a base moves, far below where its noise is read
 _OVERSAMPLING = 6.0  # samples kept per period of the kinematic band
@@ -188,7 +61,7 @@ def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tu
         raise IdentificationError("no log was given.")
     channels = [read_channels(robot, log) for log in logs]
     noises = [_noise(robot, channel) for channel in channels]
-    inertia = _typical_inertia(robot, channels)
+    inertia = typical_inertia(robot, channels)
     rate = min(channel.rate for channel in channels)
     band = choose_bandwidth(noises, inertia, robot.actuated, rate)
     records = [
@@ -233,21 +106,9 @@ def _integrated(positions: FloatArray, velocities: FloatArray, rate: float) -> B
 
 def _shaken_pose(robot: Robot, channels: Channels) -> FloatArray:
     """Return how far (N, 6) the measured base strays from a smooth path, in its own frame."""
-    smooth = low_pass(channels.position, _PATH * channels.rate, channels.rate)
-    smooth[:, 3:7] /= np.linalg.norm(smooth[:, 3:7], axis=1, keepdims=True)
+    smooth = smoothed(robot, channels.position, _PATH * channels.rate, channels.rate)
     pairs = zip(smooth, channels.position, strict=True)
     return np.array([pin.difference(robot.model, path, q)[:6] for path, q in pairs])
-
-
-def _typical_inertia(robot: Robot, channels: Sequence[Channels]) -> FloatArray:
-    found = []
-    for channel in channels:
-        model = loaded(robot.model, channel.inertia)
-        data = model.createData()
-        for q in channel.position[:: max(1, len(channel.position) // 10)]:
-            mass = pin.crba(model, data, q)
-            found.append(np.diag(mass)[robot.actuated])
-    return np.asarray(np.mean(found, axis=0) + robot.transmission.reflected_inertia)
 
 
 def _record(
@@ -322,9 +183,7 @@ def _smooth_motion(
 ) -> Motion:
     """Return smoothed q, v, a; each joint from the sensor that gives the quieter acceleration."""
     rate, cutoff = channels.rate, band.kinematics
-    position = low_pass(channels.position, cutoff, rate)
-    if robot.has_free_flyer:
-        position[:, 3:7] /= np.linalg.norm(position[:, 3:7], axis=1, keepdims=True)
+    position = smoothed(robot, channels.position, cutoff, rate)
     velocity = differentiate(position, rate, robot.model)
     if channels.velocity is not None:
         measured = low_pass(channels.velocity, cutoff, rate)

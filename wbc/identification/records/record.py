@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
-from wbc.identification.readings.torque import loaded
+from wbc.identification.records.channels import loaded
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
 from wbc.links import LinkResponse
