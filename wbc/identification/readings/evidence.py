@@ -64,9 +64,7 @@ MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
 _WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
 ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
-# Of a log, in each of which a correction must bring the reports closer to the need, and one joint
-# alone must be as late.
-_PARTS = 3
+_PARTS = 3  # of a log: what strays far in one counts once, and one joint alone is late in each
 
 
 class Report(NamedTuple):

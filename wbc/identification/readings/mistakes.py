@@ -224,7 +224,6 @@ _PAIRS = 7  # driven joints up to which any may be exchanged: half a second per 
 _LEAST_EXPLAINED = 0.25
 _OTHER_RATIO = float(np.log(0.02))  # as often as another unit of all columns
 _SAME_RATIO = 0.1  # of ln of the factor, below which nobody would call it another gear
-_MOST_PARTS = 0.6  # of the logs, in which a correction must bring reports closer to the need
 # Standard deviation of ln of a gain where nothing is wrong: root mean square .036 of 32 joints of
 # twelve recorded and generated machines whose gains are known to .05.
 _SAME_SCALE = 0.036
@@ -341,27 +340,24 @@ def _weight(text: str, judged: _Tables, logs: Sequence[int]) -> float:
 
 
 def _closer(text: str, judged: _Tables) -> bool:
-    """Whether a reading brings reports closer to the need: in all, and in most parts of the logs.
+    """Whether a reading brings reports closer to the need.
 
     A correction that does not, explains the reports by its gain and friction, and not by the links.
     Nor does an exchange take a joint's columns away whose report follows its need already. Joints
     have errors of their own size: a report of friction alone strays a hundred times as far as one
     that follows its need, and does not outweigh it.
     """
-    if not text:
-        return True
-    parts = []
+    nearer = 0.0
     for table in judged.values():
         both = as_is, read = table[""], table[text]
-        follows = [k for k in read.reading.exchanged if as_is.reports[k].left < _DOUBTFUL]
-        taken = read.strays.sum(axis=0) > as_is.strays.sum(axis=0)
-        if taken[follows].any():
-            return False
-        # What follows no need, read in either way, strays as chance has it.
-        told = [k for k in _changed(*both) if min(o.reports[k].left for o in both) < _LOST]
-        parts.append([np.log(one.strays[:, told]).sum(axis=1) for one in both])
-    before, after = np.concatenate(parts, axis=1)
-    return bool(after.sum() < before.sum() and np.mean(after < before) > _MOST_PARTS)
+        for k in _changed(*both):
+            farther = float(np.log(read.strays[:, k] / as_is.strays[:, k]).sum())
+            if k in read.reading.exchanged and as_is.reports[k].left < _DOUBTFUL and farther > 0.0:
+                return False
+            # What follows no need, read in either way, strays as chance has it.
+            if min(one.reports[k].left for one in both) < _LOST:
+                nearer -= farther
+    return nearer > 0.0 or not text
 
 
 def _changed(as_is: Judged, read: Judged) -> list[int]:
