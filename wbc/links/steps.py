@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.mechanics.linear import dot, factor, solve_factored
 from wbc.structures import structured
 from wbc.transmission.flank_steps import flank_impulse
@@ -95,7 +95,7 @@ class LinkStep(NamedTuple):
     pivots: OutPlaces
 
 
-@compiled(counted=False)
+@inner
 def rub(own: LinkStep, rubs: OutRow, h: float) -> None:
     """Change the rates `new` of links at a step's end, and the friction (n,) that they have had.
 
@@ -119,7 +119,7 @@ def rub(own: LinkStep, rubs: OutRow, h: float) -> None:
             break
 
 
-@compiled(counted=False)
+@inner
 def place_step(links: Links, own: LinkStep, i: int, part: int, h: float) -> None:
     """Write a step of h [s], a `part` of the interval that begins with sample i."""
     middle, end = (part + 0.5) / links.parts, (part + 1.0) / links.parts
@@ -140,7 +140,7 @@ def place_step(links: Links, own: LinkStep, i: int, part: int, h: float) -> None
             own.by_place[a, b] = h * k
 
 
-@compiled(counted=False)
+@inner
 def lean(
     gears: Dense, own: LinkStep, place: Row, rate: Row, h: float, steepest: bool
 ) -> tuple[int, bool]:
@@ -176,7 +176,7 @@ def lean(
     return pattern, met
 
 
-@compiled(counted=False)
+@inner
 def invert(own: LinkStep) -> None:
     """Write the inverse `gain` of impulse per rate at the end with the flanks."""
     n = len(own.new)
@@ -192,7 +192,7 @@ def invert(own: LinkStep) -> None:
         solve_factored(own.whole, own.pivots, own.gain[a])
 
 
-@compiled(counted=False)
+@inner
 def next_rates(
     gears: Dense, own: LinkStep, place: Row, rate: Row, rubs: OutRow, h: float, known: int
 ) -> int:
@@ -231,7 +231,7 @@ def next_rates(
     return known
 
 
-@compiled(counted=False)
+@inner
 def pass_interval(links: Links, own: LinkStep, i: int, h: float, farthest: float) -> None:
     """Move all motions from sample i to the next one, in steps of h [s]; see `follow_links`."""
     gears = links.gears

@@ -23,7 +23,7 @@ from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_iner
 from wbc.mechanics.tree import FIRST, JOINT, ROWS, Tree
 
 
-@compiled(counted=False)
+@inner
 def momentum_of(body: Row, motion: Row, momentum: OutRow) -> None:
     """Write the momentum (6,) of a body (10,) with a spatial velocity (6,)."""
     m, x, y, z = body[0], body[1], body[2], body[3]
@@ -97,7 +97,7 @@ def inertia_at(rows: Table, composite: Dense, columns: Dense, inertia: OutDense)
             i = rows[i, 1]
 
 
-@compiled(counted=False)
+@inner
 def motion_at(joints: Table, columns: Dense, v: Vector, motion: OutDense) -> None:
     """Write the spatial velocity (n, 6) of each body at v (nv,): V_i = V_parent + S_i v_i."""
     for i in range(len(joints)):

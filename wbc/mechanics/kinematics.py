@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, Table, compiled, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, Table, compiled, inner, local
 from wbc.mechanics.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
-@compiled(counted=False)
+@inner
 def turned(pose: Row, way: Row, out: OutRow) -> None:
     """Write a direction (3,) in the outer axes of a pose (9,) or (12,)."""
     for k in range(3):
         out[k] = pose[3 * k] * way[0] + pose[3 * k + 1] * way[1] + pose[3 * k + 2] * way[2]
 
 
-@compiled(counted=False)
+@inner
 def placed_at(pose: Row, point: Row, out: OutRow) -> None:
     """Write a point (3,) in the outer axes of a pose (12,)."""
     turned(pose, point, out)
@@ -27,7 +27,7 @@ def placed_at(pose: Row, point: Row, out: OutRow) -> None:
         out[k] += pose[9 + k]
 
 
-@compiled(counted=False)
+@inner
 def _about_axis(axis: Row, cos: float, sin: float, turn: OutRow) -> None:
     """Write the rotation (9,) about a unit axis (3,)."""
     x, y, z, rest = axis[0], axis[1], axis[2], 1.0 - cos
@@ -36,7 +36,7 @@ def _about_axis(axis: Row, cos: float, sin: float, turn: OutRow) -> None:
     turn[6], turn[7], turn[8] = rest * x * z - sin * y, rest * y * z + sin * x, cos + rest * z * z
 
 
-@compiled(counted=False)
+@inner
 def _of_quaternion(quaternion: Row, turn: OutRow) -> None:
     """Write the rotation (9,) of a quaternion (x, y, z, w)."""
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
@@ -45,7 +45,7 @@ def _of_quaternion(quaternion: Row, turn: OutRow) -> None:
     turn[6], turn[7], turn[8] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@compiled(counted=False)
+@inner
 def _product(left: Row, right: Row, turn: OutRow) -> None:
     for i in range(3):
         for j in range(3):
@@ -127,7 +127,7 @@ def columns_at(joints: Table, shapes: Dense, poses: Dense, about: Row, columns: 
             column[3], column[4], column[5] = a, b, c
 
 
-@compiled(counted=False)
+@inner
 def _fly(q: Row, v: Row, time: float, moved: OutRow) -> None:
     """Write the pose (7,) after flying with the constant body velocity v (6,): SE(3)'s exponential.
 

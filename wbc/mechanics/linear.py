@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 
 
-@compiled(counted=False)
+@inner
 def dot(left: Row, right: Row) -> float:
     """Return the sum of products of two vectors, as long as the left one."""
     total = 0.0
@@ -16,28 +16,28 @@ def dot(left: Row, right: Row) -> float:
     return total
 
 
-@compiled(counted=False)
+@inner
 def add_times(share: float, given: Row, total: OutRow) -> None:
     """Add a share of a vector to another one, at least as long."""
     for i in range(len(given)):
         total[i] += share * given[i]
 
 
-@compiled(counted=False)
+@inner
 def add_all(shares: Row, vectors: Dense, total: OutRow) -> None:
     """Add vectors (r, n), each with its share (r,), to another one (n,)."""
     for i in range(len(shares)):
         add_times(shares[i], vectors[i], total)
 
 
-@compiled(counted=False)
+@inner
 def go_along(start: Row, end: Row, share: float, place: OutRow) -> None:
     """Write the place a share of the way from one point to another."""
     for i in range(len(start)):
         place[i] = start[i] + share * (end[i] - start[i])
 
 
-@compiled(counted=False)
+@inner
 def add_cross(share: float, left: Row, right: Row, total: OutRow) -> None:
     """Add a share of the cross product of two vectors (3,)."""
     for k in range(3):
@@ -45,7 +45,7 @@ def add_cross(share: float, left: Row, right: Row, total: OutRow) -> None:
         total[k] += share * (left[i] * right[j] - left[j] * right[i])
 
 
-@compiled(counted=False)
+@inner
 def apart(left: Row, right: Row) -> float:
     """Return the square of the distance of two points."""
     square = 0.0
@@ -54,14 +54,14 @@ def apart(left: Row, right: Row) -> float:
     return square
 
 
-@compiled(counted=False)
+@inner
 def copy_to(given: Row, copied: OutRow) -> None:
     """Write the entries of a vector."""
     for i in range(len(given)):
         copied[i] = given[i]
 
 
-@compiled(counted=False)
+@inner
 def take_pivot(matrix: OutDense, k: int, end: int, pivots: OutPlaces) -> bool:
     """Bring the largest entry of column k to row k and eliminate below, up to column `end`.
 
@@ -157,7 +157,7 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
     return True
 
 
-@compiled(counted=False)
+@inner
 def halfway(lower: Dense, columns: OutDense) -> None:
     """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
@@ -170,7 +170,7 @@ def halfway(lower: Dense, columns: OutDense) -> None:
                     columns[j, c] -= share * columns[i, c]
 
 
-@compiled(counted=False)
+@inner
 def rest_of_way(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by L^-1 of it."""
     for i in range(len(lower)):
@@ -180,7 +180,7 @@ def rest_of_way(lower: Dense, right: OutRow) -> None:
         right[i] = (right[i] - total) / lower[i, i]
 
 
-@compiled(counted=False)
+@inner
 def solve_inertia(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by H^-1 of it, where H = L' L."""
     for i in range(len(lower) - 1, -1, -1):
@@ -191,7 +191,7 @@ def solve_inertia(lower: Dense, right: OutRow) -> None:
     rest_of_way(lower, right)
 
 
-@compiled(counted=False)
+@inner
 def products(columns: Dense, gram: OutDense) -> None:
     """Write columns' columns (r, r)."""
     size = columns.shape[1]

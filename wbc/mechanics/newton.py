@@ -91,7 +91,7 @@ def tolerance_of(system: RowSystem) -> float:
     return TOLERANCE * (1.0 + fastest)
 
 
-@compiled
+@compiled(inside=True)
 def distance(system: RowSystem, impulse: Row) -> float:
     """Return how far the row farthest from its law is at row impulses (r,), as a speed."""
     size = len(impulse)
@@ -108,7 +108,7 @@ def merit_of(pieces: Dense) -> float:
     return merit
 
 
-@compiled
+@compiled(inside=True)
 def newton(
     system: RowSystem, start: Row, tolerance: float, whole: int, shortened: int, impulse: OutRow
 ) -> int:
@@ -184,7 +184,7 @@ def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     )  # fmt: skip
 
 
-@compiled
+@compiled(inside=True)
 def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow) -> int:
     """Write the row impulses (r,) by proximal rounds, like `newton`.
 
@@ -276,7 +276,7 @@ def shift_cones(
     return used, least
 
 
-@compiled
+@compiled(inside=True)
 def solve_system(
     system: RowSystem, start: Row, tolerance: float, work: float, impulse: OutRow
 ) -> tuple[int, int]:

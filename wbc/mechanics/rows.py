@@ -170,7 +170,7 @@ def branch_of(law: Row, point: float, slope: float) -> tuple[float, float, float
     return 0.0, 0.0, 0.0
 
 
-@compiled(counted=False)
+@inner
 def meeting_speed(law: Row, point: float, slope: float) -> float:
     """Return w at which a law (9,) meets the line T - slope w = point."""
     sign, gain, bring = branch_of(law, point, slope)

@@ -5,10 +5,10 @@ Loading the compiler takes a moment that most programs need not wait for.
 
 from __future__ import annotations
 
-from wbc.compiled import compiled
+from wbc.compiled import inner
 
 
-@compiled
+@inner
 def flank_impulse(
     stiffness: float,
     damping: float,
