@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.dynamics import Workspace
 from wbc.errors import SimulationError, require_known
 from wbc.mechanics.tree import Tree
 from wbc.robot import BodySurface, Robot
@@ -43,15 +42,12 @@ class Barriers:
         names: of the barriers (2 j + c).
     """
 
-    def __init__(
-        self, robot: Robot, terrain: Terrain, space: Workspace, tree: Tree, hulls: tuple[Hull, ...]
-    ) -> None:
+    def __init__(self, robot: Robot, terrain: Terrain, tree: Tree, hulls: tuple[Hull, ...]) -> None:
         """Collect the finite limits and prepare the contacts.
 
         Args:
             robot: with all points that touch the ground.
             terrain: what they touch.
-            space: of the robot.
             tree: of the robot.
             hulls: of its links that meet edges of the ground, and each other.
         """
@@ -67,10 +63,10 @@ class Barriers:
         both, pairs = _pairs_of(hulls, robot.surface, terrain)
         last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
         self.bodies = _tables_of(both, pairs, last, len(robot.contacts))
-        points = _points_of(space, self.bodies, last, len(terrain.solids))
+        points = _points_of(robot, self.bodies, last, len(terrain.solids))
         self.tables = self._at, self._range, *points
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
-        self.tangents = 1 if _moves_in_plane(space) and not pairs else 2
+        self.tangents = 1 if _moves_in_plane(robot) and not pairs else 2
         self.limits, self.points = 2 * len(single), len(robot.contacts)
         self.contacts = self.points * len(terrain.solids) + len(self.bodies.slots)
         self.size = self.limits + self.contacts
@@ -94,16 +90,18 @@ def _finite(limits: FloatArray) -> FloatArray:
     return np.where(np.abs(values) > 1e18, np.copysign(np.inf, values), values)
 
 
-def _moves_in_plane(space: Workspace) -> bool:
-    """Return whether no contact point can leave its x-z plane, whatever the configuration."""
-    model, data = space.model, space.data
-    generator = np.random.default_rng(0)
+def _moves_in_plane(robot: Robot) -> bool:
+    """Return whether no contact point can leave its x-z plane, whatever the configuration.
+
+    So it is where the joints that carry them move along and turn about this plane alone.
+    """
+    model, data, generator = robot.model, robot.model.createData(), np.random.default_rng(0)
+    carriers = {robot.contact_place(contact)[0] for contact in robot.contacts} - {0}
     for _ in range(3):
         q = pin.integrate(model, pin.neutral(model), generator.uniform(-1.0, 1.0, model.nv))
         pin.computeJointJacobians(model, data, q)
-        for frame in space.frames:
-            pin.updateFramePlacement(model, data, frame)
-            whole = pin.getFrameJacobian(model, data, frame, _WORLD).reshape(6, -1)
+        for joint in carriers:
+            whole = pin.getJointJacobian(model, data, joint, _WORLD).reshape(6, -1)
             if np.abs(whole[[1, 3, 5]]).max() > 1e-9:
                 return False
     return True
@@ -155,21 +153,18 @@ def _pairs_of(
 
 
 def _points_of(
-    space: Workspace, bodies: Bodies, last: Mapping[int, int], solids: int
+    robot: Robot, bodies: Bodies, last: Mapping[int, int], solids: int
 ) -> tuple[IntArray, FloatArray, IntArray, FloatArray]:
     """Return contact points, and what stands on both sides of barriers, as of `Obstacles`."""
-    frames, contacts = [space.model.frames[i] for i in space.frames], space.robot.contacts
-    joints = np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64)
-    balls = [
-        (*frame.placement.translation, contact.radius)
-        for frame, contact in zip(frames, contacts, strict=True)
-    ]
+    contacts, placed = robot.contacts, [robot.contact_place(one) for one in robot.contacts]
+    joints = np.array([joint - 1 for joint, _ in placed], dtype=np.int64)
+    balls = [(*at, one.radius) for (_, at), one in zip(placed, contacts, strict=True)]
     slots = bodies.slots[:, 0]
     ground = [(last.get(joint, -1), -1, i) for i, joint in enumerate(joints.tolist())] * solids
     met = np.column_stack((bodies.hulls[bodies.pairs[slots, :2], 1], len(joints) + slots))
     sides = np.concatenate((np.reshape(ground, (-1, 3)), met)).astype(np.int64)
     rubbing = [contact.friction for contact in contacts] * solids
-    frictions = [*rubbing, *[space.robot.surface.friction] * len(slots)]
+    frictions = [*rubbing, *[robot.surface.friction] * len(slots)]
     return joints, np.reshape(balls, (-1, 4)), sides, np.array(frictions, dtype=np.float64)
 
 

@@ -121,7 +121,7 @@ class StepResult:
     @property
     def rotor_torque(self) -> FloatArray:
         """(m,) [N m] that the drives delivered, mean over the step."""
-        pushes = [part.step * part.forces.rotor for part in self.parts]
+        pushes = [part.step * part.end.torque for part in self.parts]
         return np.asarray(reduce(add, pushes) / self.duration)
 
     @property

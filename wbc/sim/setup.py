@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.effects.tables import fill_efficiencies
@@ -19,11 +19,10 @@ from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Motion, Robot
 from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import TOUCH, Barriers
-from wbc.sim.ground import FIELD, Terrain
+from wbc.sim.ground import Terrain
 from wbc.sim.state import EffectMemory, SimState
 from wbc.sim.step import tables
 from wbc.sim.step.arrival import DRIFT
-from wbc.sim.step.field import AHEAD
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import gaps_of
@@ -48,13 +47,12 @@ class Setup:
         drive: its gears.
         barriers: its limits and contacts.
         effects: of the robot.
-        still: (nv,) zeros, the forces of no effects.
         limits: least and greatest torque (m,) on the rotors [N m].
         varying: whether efficiencies of gears depend on the motion.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle: for effects that no table holds, for
-            efficiencies that vary, or for rotor coupling. Loops evaluate effects where it does not.
+            efficiencies that vary, or for rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
         now_kind, end_kind, hit_kind: how the words of `Now`, `Ending` and `Hit` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
@@ -91,13 +89,12 @@ class Setup:
                 "body without mass moves freely. Give every moving body a mass."
             )
         self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
-        self.barriers = Barriers(robot, terrain, self.space, self.tree, hulls)
+        self.barriers = Barriers(robot, terrain, self.tree, hulls)
         self.effects = PlantEffects.of(robot)
         self.varying = bool(robot.varying_gears.any())
         self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
         self.waits = bool(self.effects.hooks) or self.varying or robot.rotors_turn_with_links
         self.limits = -robot.transmission.torque_limit, robot.transmission.torque_limit
-        self.still = frozen(np.zeros(robot.model.nv))
         bases = free_bases(robot)
         self.flies, self._pushed = bool(len(bases)), False
         self._error: BaseException | None = None
@@ -113,19 +110,17 @@ class Setup:
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv
+        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv
         now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 3)
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 3)
         hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 6, *[size] * 2)
         width = len(now.words) + max(len(ending.words), len(hit.words))
-        laws = self.effects.table
-        told = (np.zeros((0, 3), np.int64), np.zeros((0, 3))) if self.waits else laws[:2]
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
         springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_stages)
-        forces = map(np.zeros, (m, nv, nv, 1, m if self.meshed else 0))
+        forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if self.meshed else 0))
         return stored(
             tables.Opened(
                 stored(self.tree),
@@ -134,12 +129,12 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*told, *forces, asked, full))),
+                stored(tables.Forces._make((*self.effects.table[:3], *forces, asked, full))),
                 now,
                 ending,
                 hit,
                 np.zeros((_STAGES, width)),
-                np.array([*bounds, AHEAD, slow, self.restitution]),
+                np.array([*bounds, slow, self.restitution]),
             )
         )
 
@@ -157,7 +152,6 @@ class Setup:
             np.zeros((barriers.points, 3)),
             np.zeros((barriers.contacts, 7)),
             barriers.tangents,
-            any(numbers[0] == FIELD for numbers in known) and not barriers.asked,
             asked,
         )
 
@@ -189,10 +183,11 @@ class Setup:
             forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
             self.tell_losses(q, v)
             self.tell_coupling(q, v)
-            told.torque[:], told.friction[:] = forces.rotor, forces.friction
+            told.command[:], told.added[:] = forces.command, forces.added
+            told.dry[:] = forces.friction
             told.outer[:] = forces.joint if external is None else forces.joint + external
         except BaseException as error:
-            self._error, told.torque[:], told.outer[:] = error, np.nan, np.nan
+            self._error, told.command[:], told.outer[:] = error, np.nan, np.nan
 
     def _take_stages(self) -> None:
         """Keep stages of a step that has more of them than the loops have room for."""
@@ -214,7 +209,7 @@ class Setup:
         if self.waits:
             self._given, self.acts = (state, command, external), {}
             return
-        self.plant.forces.torque[:] = self.effects.delivered(command)
+        self.plant.forces.command[:] = command
         if external is not None or self._pushed:
             self.plant.forces.outer[:] = 0.0 if external is None else external
             self._pushed = external is not None

@@ -96,18 +96,25 @@ def made_by_rows(result: sim.StepResult) -> float:
     pinocchio's inertia and forces make of the start alone, at the inertia of the middle. A free
     base carries its momentum there. Soft gears push at the links; their springs are no row.
     """
-    worst, drive, model = -np.inf, result.setup.drive, result.setup.robot.model
-    data, reflected, gears = model.createData(), drive.gears.reflected_inertia, drive.gears
+    drive, model = result.setup.drive, result.setup.robot.model
+    data, reflected, ratio = (
+        model.createData(),
+        drive.gears.reflected_inertia,
+        drive.gears.gear_ratio,
+    )
     bases = result.setup.plant.flight.bases[:, 2:4].tolist()
     b = [row for first, size in bases for row in range(first, first + size)]
 
     def inertia_at(q: np.ndarray) -> np.ndarray:
         return np.triu(pin.crba(model, data, q)) + np.triu(data.M, 1).T
 
-    cases = [
-        (one.state, one.before, drive.motion(one.state)[1], one.after, drive.rows @ one.after)
-        for one in result.impacts
-    ]
+    def energy(q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> float:
+        return 0.5 * (v @ inertia_at(q) @ v + (reflected * motor**2)[~drive.loose].sum())
+
+    pairs = []
+    for one in result.impacts:
+        q, motor = one.state.position, drive.motion(one.state)[1]
+        pairs.append((energy(q, one.before, motor), energy(q, one.after, drive.rows @ one.after)))
     for part in result.parts:
         end, q, v = part.end, part.end.before, part.end.speed
         links, bias = inertia_at(q), pin.nonLinearEffects(model, data, q, v)
@@ -115,14 +122,6 @@ def made_by_rows(result: sim.StepResult) -> float:
         bias = bias - links[:, b] @ np.linalg.solve(links[np.ix_(b, b)], bases_turn)
         push = drive.rows.T @ np.where(drive.loose, end.mesh_impulse, 0.0)
         free = v + np.linalg.solve(links, part.step * (end.force - bias) + push)
-        given = gears.gear_ratio * part.step * part.forces.rotor / reflected
-        rotor = drive.motion(part.start)[1] + given
-        cases.append((part.state.replace(position=q), free, rotor, end.after, end.motor_speed))
-    for state, *ends in cases:
-        links, (before, after) = inertia_at(state.position), (ends[:2], ends[2:])
-        had, has = (
-            0.5 * v @ links @ v + 0.5 * (reflected * w**2)[~drive.loose].sum()
-            for v, w in (before, after)
-        )
-        worst = max(worst, (has - had) / (1e-3 + had))
-    return float(worst)
+        motor = drive.motion(part.start)[1] + ratio * part.step * end.torque / reflected
+        pairs.append((energy(q, free, motor), energy(q, end.after, end.motor_speed)))
+    return max(((has - had) / (1e-3 + had) for had, has in pairs), default=-np.inf)

@@ -23,10 +23,9 @@ from wbc.mechanics.linear import (
     solve_factored,
 )
 from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
-from wbc.sim.step.field import AHEAD
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.tables import DRIFT_FROM, HERTZ, REACH, RETURN_SPEED, TOUCH, Gears, Opened
+from wbc.sim.step.tables import DRIFT_FROM, HERTZ, RETURN_SPEED, TOUCH, Gears, Opened
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
@@ -255,7 +254,6 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
     n, size, d = len(stiff), len(gap), plant.obstacles.tangents
     near, here, start = np.empty(size, dtype=np.bool_), np.empty(size), q.copy()
     shift, last = np.empty(n), np.empty(len(q))
-    plant.bounds[REACH] = AHEAD
     for turn in range(_TRIES):
         place(joints, shapes, q, placed.poses)
         gaps_at(plant, q, near[:0], here)

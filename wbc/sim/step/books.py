@@ -19,12 +19,11 @@ from wbc.mechanics.kinematics import columns_at, place
 from wbc.mechanics.linear import dot
 from wbc.mechanics.newton import TOLERANCE
 from wbc.sim.step.contacts import solid_gap, touch_ground
-from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import set_momentum
 from wbc.sim.step.part_rows import PartRows, Solved
 from wbc.sim.step.solution import stored_at
-from wbc.sim.step.tables import HERTZ, REACH, Gears, Opened, point_of_reference
+from wbc.sim.step.tables import HERTZ, Gears, Opened, point_of_reference
 
 MOTOR, MESH, ROTOR, GEAR, FRICTION, CONTACT = range(6)
 NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 11)
@@ -81,7 +80,7 @@ def loose_losses(
     if rows.laws[which, 7] == 0.0:
         return lost, 0.0
     rubbed = step * (gears.coulomb[which] * np.sign(after) + gears.viscous[which] * after)
-    pushed = step * gears.ratio[which] * plant.forces.torque[which] - rubbed
+    pushed = step * gears.ratio[which] * plant.end.torque[which] - rubbed
     stored = 0.5 * gears.inertia[which] * (after * after - before * before)
     balance = 0.5 * (pushed - mesh) * (before + after) - stored
     together = balance + damped
@@ -99,7 +98,7 @@ def book_gears(plant: Opened, rows: PartRows, solved: Solved) -> None:
     for i in range(m):
         size = abs(motor[i])
         turned = 0.5 * step * gears.ratio[i] * (rows.motor[i] + motor[i])
-        books[MOTOR] += plant.forces.torque[i] * turned
+        books[MOTOR] += plant.end.torque[i] * turned
         books[ROTOR] += step * (gears.coulomb[i] + gears.viscous[i] * size) * size
         gain = gears.inverse[i] if motor[i] * mesh[i] > 0.0 else gears.backward[i]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
@@ -207,7 +206,6 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
         if gears.stiffness[g] < np.inf:
             energy += spring_energy(gears, g, deflection[g])
     if plant.bounds[HERTZ] > 0.0:
-        plant.bounds[REACH] = AHEAD
         touch_ground(plant, np.zeros(0, dtype=np.bool_))
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])

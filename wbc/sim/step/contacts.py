@@ -10,10 +10,10 @@ from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, ask, co
 from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
-from wbc.sim.step.field import field_gap
+from wbc.sim.step.field import AHEAD, field_gap
 from wbc.sim.step.pairs import FAR, meet
 from wbc.sim.step.peaks import meet_field
-from wbc.sim.step.tables import REACH, RETURN_SPEED, Opened, point_of_reference
+from wbc.sim.step.tables import RETURN_SPEED, Opened, point_of_reference
 
 _JUMPED = 0.1
 """Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
@@ -81,43 +81,52 @@ def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> No
 
 
 @inner
+def place_contact(plant: Opened, i: int) -> None:
+    """Write where a contact point is, for the poses in memory."""
+    joint, own = plant.obstacles.contact_at[i], plant.obstacles.contacts[i]
+    if joint >= 0:
+        placed_at(plant.placed.poses[joint], own, plant.obstacles.points[i])
+    else:
+        copy_to(own[:3], plant.obstacles.points[i])
+
+
+@inner
 def touch_ground(plant: Opened, closed: Flags) -> None:
     """Write gap, normal and place of contact barriers, for the poses in memory.
 
     Of those whose flag (2 j + c,) is set, or, without flags, of all.
     """
-    obstacles, poses = plant.obstacles, plant.placed.poses
+    obstacles, poses, pairs = plant.obstacles, plant.placed.poses, plant.bodies.pairs
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
-    for i in range(len(contacts)):
-        joint = obstacles.contact_at[i]
-        if joint >= 0:
-            placed_at(poses[joint], contacts[i], points[i])
-        else:
-            copy_to(contacts[i, :3], points[i])
+    limits, some = 2 * len(obstacles.limit_at), len(closed) > 0
+    apart = some and obstacles.asked == 0 and len(pairs) == 0
+    for i in range(0 if apart else len(contacts)):
+        place_contact(plant, i)
     if obstacles.asked != 0:
         ask(obstacles.asked)
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
-    limits, some = 2 * len(obstacles.limit_at), len(closed) > 0
     for b in range(ground):
         if some and not closed[limits + b]:
             continue
         contact, one = b % count, touch[b]
+        if apart:
+            place_contact(plant, contact)
         radius = contacts[contact, 3]
         if obstacles.asked == 0:
             solid, point = obstacles.solids[b // count], points[contact]
             if solid[0] == FIELD:
-                one[0] = field_gap(solid, point, radius + plant.bounds[REACH], one[1:4])
+                one[0] = field_gap(solid, point, radius + AHEAD, one[1:4])
             else:
                 one[0] = solid_gap(solid, point, one[1:4])
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
-    for pair in range(len(plant.bodies.pairs)):
-        first, end = ground + plant.bodies.pairs[pair, 2], ground + plant.bodies.pairs[pair, 4]
+    for pair in range(len(pairs)):
+        first, end = ground + pairs[pair, 2], ground + pairs[pair, 4]
         asked = not some
         for i in range(limits + first, limits + end if some else 0):
             asked = asked or closed[i]
-        if asked and plant.bodies.pairs[pair, 5] < 0:
+        if asked and pairs[pair, 5] < 0:
             meet(plant.bodies, poses, pair, touch[first:end])
         elif asked:
             meet_field(plant, pair, some, touch[first:end])

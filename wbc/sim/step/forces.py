@@ -1,4 +1,4 @@
-"""What the effects of a robot exert in the plant: laws of tables, and hooks, once per kind."""
+"""What those effects of a robot exert in the plant that no table holds: hooks, once per kind."""
 
 from __future__ import annotations
 
@@ -8,34 +8,30 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.tables import (
-    EffectTable,
-    effect_table,
-    fill_delivered,
-    fill_joint_torques,
-    left_for_hooks,
-)
+from wbc.effects.tables import EffectTable, effect_table, left_for_hooks
 from wbc.errors import SimulationError
 from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
 
 class EffectForces(NamedTuple):
-    """Forces of all effects over one step.
+    """What effects that act by their hooks do over one step.
 
     Attributes:
         joint: smooth torque on the coordinates (nv,).
         friction: level of dry friction on the coordinates (nv,).
-        rotor: torque delivered on the rotors (m,), the drive's and what effects add to it.
+        command: torque (m,) that reaches the drives of the table.
+        added: torque on the rotors (m,).
         memory: of the effects, at the end of the step.
-        seen: the motion as each effect that acts by its hooks saw it.
+        seen: the motion as each of them saw it.
     """
 
     joint: FloatArray
     friction: FloatArray
-    rotor: FloatArray
-    memory: EffectMemory = ()
-    seen: tuple[Motion, ...] = ()
+    command: FloatArray
+    added: FloatArray
+    memory: EffectMemory
+    seen: tuple[Motion, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -47,14 +43,12 @@ class PlantEffects:
         table: those that compiled loops evaluate.
         hooks: the others, one per kind; `SimState.memory` has one entry for each of them.
         first: what these start with; empty where none has a state of its own.
-        on_drives: whether the table changes what drives give.
     """
 
     robot: Robot
     table: EffectTable
     hooks: tuple[Effect, ...]
     first: EffectMemory
-    on_drives: bool
 
     @classmethod
     def of(cls, robot: Robot) -> PlantEffects:
@@ -62,7 +56,7 @@ class PlantEffects:
         table, hooks = effect_table(robot), left_for_hooks(robot)
         held = tuple(effect.first_memory(robot) for effect in hooks)
         first = held if any(memory is not None for memory in held) else ()
-        return cls(robot, table, hooks, first, table.act_on_drives)
+        return cls(robot, table, hooks, first)
 
     def checked(self, given: EffectMemory) -> EffectMemory:
         """Return a memory `given`, or the first one where it is empty.
@@ -93,12 +87,8 @@ class PlantEffects:
             memory: of the effects at the start of the step; empty where none has any.
             step: h [s].
         """
-        (q, v), table = (motion.position, motion.velocity), self.table
-        joint, dry = np.empty(len(v)), np.empty(len(v))
-        fill_joint_torques(table.joints, table.numbers, q, v, joint, dry)
-        if not self.hooks:
-            return EffectForces(joint, dry, self.delivered(command))
-        rotor, seen = command, [motion] * len(self.hooks)
+        joint, dry = np.zeros((2, len(motion.velocity)))
+        rotor, added, seen = command, np.zeros(len(command)), [motion] * len(self.hooks)
         following: list[FloatArray | None] = []
         for i, effect in enumerate(self.hooks):
             own = memory[i] if memory else None
@@ -108,23 +98,12 @@ class PlantEffects:
             if memory:
                 following.append(own)
             rotor = effect.drive(self.robot, seen[i], rotor)
-            smooth = effect.joint_torque(self.robot, seen[i])
-            if smooth is not None:
-                joint += smooth
-            level = effect.joint_friction(self.robot, seen[i])
-            if level is not None:
-                dry += level
-        rotor = self.delivered(np.ascontiguousarray(rotor))
-        for effect, view in zip(self.hooks, seen, strict=True):
-            added = effect.rotor_torque(self.robot, view)
-            if added is not None:
-                rotor = rotor + added
-        return EffectForces(joint, dry, rotor, tuple(following), tuple(seen))
-
-    def delivered(self, command: FloatArray) -> FloatArray:
-        """Return what the drives of the table give for a command (m,)."""
-        if not self.on_drives:
-            return command
-        rotor = np.empty(len(command))
-        fill_delivered(self.table.drives, command, rotor)
-        return rotor
+            for total, hook in (
+                (joint, effect.joint_torque),
+                (dry, effect.joint_friction),
+                (added, effect.rotor_torque),
+            ):
+                given = hook(self.robot, seen[i])
+                if given is not None:
+                    total += given
+        return EffectForces(joint, dry, rotor, added, tuple(following), tuple(seen))

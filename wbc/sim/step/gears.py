@@ -99,15 +99,15 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         step: h [s].
         laws: to write, see `RowSystem`.
     """
-    gears, forces = plant.gears, plant.forces
+    gears, friction = plant.gears, plant.forces.friction
     for i in range(len(speed)):
         law, rubs = laws[i], step * gears.coulomb[i]
-        brought = step * gears.ratio[i] * forces.torque[i] + gears.inertia[i] * speed[i]
+        brought = step * gears.ratio[i] * plant.end.torque[i] + gears.inertia[i] * speed[i]
         law[0], law[1], law[2] = brought - rubs, brought + rubs, gears.inertia[i]
         law[2] += step * gears.viscous[i]
         law[3], law[4], law[5], law[6] = gears.inverse[i], gears.backward[i], 0.0, 0.0
         if gears.direct and gears.backward[i] >= 0.0:
-            law[5] = step * forces.friction[gears.row[i]]
+            law[5] = step * friction[gears.row[i]]
         law[7], law[8] = np.inf, 0.0
 
 

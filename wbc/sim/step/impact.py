@@ -15,12 +15,11 @@ from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_at
-from wbc.sim.step.field import AHEAD
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, solve_part
-from wbc.sim.step.tables import REACH, RESTITUTION, TOUCH, Gears, Opened
+from wbc.sim.step.tables import RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
@@ -114,7 +113,6 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
 def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
     """Write all gaps (2 j + c,) at q (nq,)."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    plant.bounds[REACH] = AHEAD
     gaps_at(plant, q, plant.hit.closed[:0], gap)
 
 

@@ -12,7 +12,6 @@ their part on the joints.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -21,14 +20,12 @@ from wbc.arrays import IntArray
 from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
-from wbc.mechanics.linear import add_times, copy_to, dot
+from wbc.mechanics.linear import add_times, copy_to
 from wbc.mechanics.tree import JOINT, PLACES, ROWS
 from wbc.robot import Robot
 from wbc.sim.step.contacts import rates_at, touch_ground
-from wbc.sim.step.field import AHEAD
-from wbc.sim.step.tables import REACH, Opened, point_of_reference
+from wbc.sim.step.tables import Opened, point_of_reference
 
-_NEAR = 1e-3  # [m] beside what speed and weight do in a step
 _PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
 
 
@@ -143,31 +140,6 @@ def advance(plant: Opened, half: float, q: OutRow) -> None:
 
 
 @inner
-def look_ahead(plant: Opened, step: float) -> None:
-    """Write up to which gap height fields are known: how far a body may come in a step, twice.
-
-    Args:
-        plant: whose poses and columns stand at the start.
-        step: h [s].
-    """
-    v = plant.now.velocity
-    poses, bodies, gravity, far = plant.placed.poses, plant.bodies, plant.tree.gravity, 0.0
-    about, speed = point_of_reference(plant), 0.0
-    for h in range(len(bodies.hulls)):
-        joint, around, own = bodies.hulls[h, 0], bodies.shapes[h, 3], 0.0
-        for k in range(3):
-            around += abs(bodies.shapes[h, k])
-            own += (poses[joint, 9 + k] - about[k]) ** 2 if joint >= 0 else 0.0
-        far = max(far, sqrt(own) + around)
-    for i in range(len(v)):
-        straight, turning = plant.placed.columns[i, :3], plant.placed.columns[i, 3:]
-        size = sqrt(dot(straight, straight)) + far * sqrt(dot(turning, turning))
-        speed += abs(v[i]) * size
-    weight = dot(gravity, gravity)
-    plant.bounds[REACH] = min(_NEAR + 2.0 * step * (speed + step * sqrt(weight)), AHEAD)
-
-
-@inner
 def to_middle(plant: Opened, half: float) -> None:
     """Write the middle of a part: q (nq,), v (nv,) half a step later, with the same momentum.
 
@@ -183,11 +155,9 @@ def to_middle(plant: Opened, half: float) -> None:
     for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
-    if len(bases) or touching or plant.obstacles.fields:
+    if len(bases) or touching:
         place(joints, shapes, q, poses)
         look(plant)
-    if plant.obstacles.fields:
-        look_ahead(plant, 2.0 * half)
     if touching:
         touch_ground(plant, closed)
         rates_at(plant, closed, v, rate)

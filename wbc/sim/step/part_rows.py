@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner
-from wbc.effects.tables import fill_joint_torques
+from wbc.effects.tables import fill_delivered, fill_joint_torques
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
 from wbc.mechanics.rows import RowSystem, system_of
@@ -192,14 +192,13 @@ def aim(plant: Opened, rows: PartRows) -> None:
 
 @inner
 def act(plant: Opened) -> None:
-    """Write the forces in the middle, and the level of dry friction."""
-    forces, end = plant.forces, plant.end
-    if len(forces.joints):
-        q, v = end.before, end.speed
-        fill_joint_torques(forces.joints, forces.numbers, q, v, end.force, forces.friction)
-    else:
-        end.force[:] = 0.0
+    """Write the forces in the middle, the level of dry friction, and torques on the rotors."""
+    forces, end, dry = plant.forces, plant.end, plant.forces.friction
+    fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
+    fill_delivered(forces.drives, forces.command, end.torque)
     add_times(1.0, forces.outer, end.force)
+    add_times(1.0, forces.dry, dry)
+    add_times(1.0, forces.added, end.torque)
 
 
 @compiled(inside=True)

@@ -18,9 +18,17 @@ import numpy as np
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.kinematics import turned
 from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
-from wbc.sim.step.field import cell_of, field_gap, go_nearest, newton_step, surface_at, way_out
+from wbc.sim.step.field import (
+    AHEAD,
+    cell_of,
+    field_gap,
+    go_nearest,
+    newton_step,
+    surface_at,
+    way_out,
+)
 from wbc.sim.step.pairs import FAR, pose_of, to_segment
-from wbc.sim.step.tables import REACH, Opened
+from wbc.sim.step.tables import Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
 _SAME = 2e-6  # [m] twice what the curvature lifts a place that is one with another, at most
@@ -184,7 +192,7 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     place, at, spot, normal, low, high = (
         local(3), local(6), local(3), local(3), local(3), local(3)
     )  # fmt: skip
-    ahead, fine, tube = plant.bounds[REACH], min(spacing_of(field), radius), local(7)
+    ahead, fine, tube = AHEAD, min(spacing_of(field), radius), local(7)
     reach, tube[6] = radius + ahead, radius
     for k in range(3):
         tube[k], tube[3 + k] = start[k], end[k]
@@ -259,7 +267,7 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
     hull, a, b = bodies.hulls[which], int(field[1]), int(field[2])
     way, spot, at, normal, spacing = local(3), local(3), local(6), local(3), spacing_of(field)
     bend, deepest = field[3 + a + b + 4 * a * b], -0.5 * bodies.shapes[which, 5]
-    reach = plant.bounds[REACH]
+    reach = AHEAD
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
         start = points[hull[8] + first]
@@ -361,7 +369,7 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
             planes[up, 3] = out
     if down == 0:
         return
-    places, reach, under = np.empty((_STARTS, 2)), plant.bounds[REACH], planes[:down]
+    places, reach, under = np.empty((_STARTS, 2)), AHEAD, planes[:down]
     count = starts_of(field, low, high, _PART * spacing, reach, under, local(7), places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
@@ -394,7 +402,7 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
             touch[i] = 0.0
             touch[i, 0], touch[i, 3] = FAR, 1.0
     known, least = solid * len(obstacles.contacts) + hull[8], np.inf
-    radius, reach = bodies.shapes[which, 4], plant.bounds[REACH]
+    radius, reach = bodies.shapes[which, 4], AHEAD
     for i in range(hull[3]):
         point, one = obstacles.points[hull[8] + i], obstacles.touch[known + i]
         if some:

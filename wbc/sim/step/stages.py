@@ -110,16 +110,6 @@ class Flow(Stage):
         """At its end."""
         return self.course.state(self.stage + 1)
 
-    @cached_property
-    def forces(self) -> EffectForces:
-        """Of the effects."""
-        setup = self.course.setup
-        found = self.course.acts.get(self.stage)
-        if found is None:
-            delivered = setup.effects.delivered(self.course.command)
-            found = EffectForces(setup.still, setup.still, delivered)
-        return found
-
     @property
     def step(self) -> float:
         """h [s]."""
@@ -154,7 +144,8 @@ class Flow(Stage):
         found, robot, drive = end.books.tolist(), setup.robot, setup.drive
         motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
         joint = end.force if external is None else end.force - external
-        for effect, motion in zip(setup.effects.hooks, self.forces.seen, strict=True):
+        acted = self.course.acts.get(self.stage)
+        for effect, motion in zip(setup.effects.hooks, acted.seen if acted else (), strict=True):
             own = effect.memory_energy(robot, motion)
             if own is None:
                 continue

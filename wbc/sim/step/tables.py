@@ -29,7 +29,6 @@ class Obstacles(NamedTuple):
         points: (k, 3) memory: places of the contact points, world.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
         tangents: d per contact, one where contact points move in x-z only, else two.
-        fields: whether any of it is a height field.
         asked: address of a function of Python that fills `touch`, else zero.
     """
 
@@ -43,7 +42,6 @@ class Obstacles(NamedTuple):
     points: OutDense
     touch: OutDense
     tangents: int
-    fields: bool
     asked: int
 
 
@@ -151,23 +149,27 @@ class Forces(NamedTuple):
     """What acts over a part beside gravity and the gears' losses.
 
     Attributes:
-        joints, numbers: effects that loops evaluate in the middle, see `EffectTable`; empty where
-            Python does.
-        torque: (m,) memory: [N m] on the rotors.
+        joints, numbers, drives: effects that loops evaluate in the middle, see `EffectTable`.
+        command: (m,) memory: [N m] that reaches these drives.
+        added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
-        friction: (nv,) memory: level of dry friction.
+        dry: (nv,) memory: level of dry friction of the latter.
+        friction: (nv,) memory: level of all dry friction.
         length: (1,) memory: h [s] of the part, zero in an impact.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
-        asked: address of a function of Python that fills torque, outer and friction in the middle,
-            and coupling and efficiencies of gears, also before an impact; else zero.
+        asked: address of a function of Python that fills command, added, outer and dry in the
+            middle, and coupling and efficiencies of gears, also before an impact; else zero.
         full: address of one that takes `Opened.stages`, which are all used.
     """
 
     joints: Table
     numbers: Dense
-    torque: OutRow
+    drives: Dense
+    command: OutRow
+    added: OutRow
     outer: OutRow
+    dry: OutRow
     friction: OutRow
     length: OutRow
     mesh: OutRow
@@ -218,6 +220,7 @@ class Ending(NamedTuple):
         gap: (2 j + c,).
         after: v (nv,) at the middle, after forces and impulses.
         mesh_impulse: T (m,) [N m s].
+        torque: (m,) [N m] that drives delivered on the rotors.
         depth: (2 j + c,) that is left to take back.
         pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
             world axes.
@@ -241,6 +244,7 @@ class Ending(NamedTuple):
     gap: OutRow
     after: OutRow
     mesh_impulse: OutRow
+    torque: OutRow
     depth: OutRow
     pushes: OutRow
     deflection: OutRow
@@ -290,11 +294,10 @@ class Opened(NamedTuple):
         tree, flight, obstacles, gears, placed, bodies, forces, now, end, hit: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
             those of `end` and `hit` at their end.
-        bounds: (8,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
+        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
             from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
-            HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; REACH: memory,
-            gap up to which those from height fields are known; SLOW: way of a slow landing per
-            square of the step, see `landing`; RESTITUTION.
+            HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a
+            slow landing per square of the step, see `landing`; RESTITUTION.
     """
 
     tree: Tree
@@ -311,7 +314,7 @@ class Opened(NamedTuple):
     bounds: OutRow
 
 
-RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, REACH, SLOW, RESTITUTION = range(8)
+RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, SLOW, RESTITUTION = range(7)
 
 
 @compiled(inside=True)
