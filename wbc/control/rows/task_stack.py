@@ -53,8 +53,8 @@ class TaskStack:
     (`StateTask`) are evaluated all at once by the tick, other tasks are asked one by one before it.
     A task without weight is not evaluated.
 
-    Targets stand where the tick reads them. Beside them are those of the last tick that was
-    remembered: they come back where a tick was not.
+    Targets stand where the tick reads them. The stack keeps those of the last tick that was
+    remembered, by task: they come back where a tick was not.
 
     Attributes:
         tasks: of one level.
@@ -79,11 +79,9 @@ class TaskStack:
         self._jacobian, self._drift = np.zeros((total, nv)), np.zeros(total)
         # what `_PARTS` names, and what each counts for
         self._parts, gains = np.zeros((5, whole)), np.zeros((5, whole))
-        self._weights, limits = np.zeros(whole), np.full(whole, np.inf)
+        limits = np.full(whole, np.inf)
         # a placement for every row of the table, or more, and what selecting tasks aim at
-        self._targets = np.zeros(12 * len(self.tasks) + whole - total)
-        places, goals = np.split(self._targets, [12 * len(self.tasks)])
-        places = places.reshape(-1, 12)
+        places, goals = np.zeros((len(self.tasks), 12)), np.zeros(whole - total)
         gravity = float(np.linalg.norm(robot.model.gravity.linear))
         self._entries: list[_Entry] = []
         table: list[StateRows] = []
@@ -114,12 +112,13 @@ class TaskStack:
             goals=goals,
             gains=gains,
             limits=limits,
-            weights=self._weights,
+            weights=np.zeros(whole),
             parts=self._parts,
         )
         self._by_name = {entry.task.name: entry for entry in self._entries}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
-        self._moves, self._active = True, list[_Entry]()
+        self._moves, self._active = True, dict[str, _Entry]()
+        self._missing, self._asked = list[_Entry](), list[_Entry]()
         self.forget()
         self.weigh(None, None)
 
@@ -134,48 +133,34 @@ class TaskStack:
         """
         if self._shares == (weights or _NONE, activation or _NONE):
             return
-        self._shares = dict(weights or _NONE), dict(activation or _NONE)
-        self._active, idle = list[_Entry](), set[str]()
-        for task, _, rows, number, _, _ in self._entries:
-            own = self._shares[0].get(task.name, task.weight)
-            share = self._shares[1].get(task.name, 1.0)
-            self._weights[rows] = share * np.asarray(own) if share > 0.0 else 0.0
-            active = bool(self._weights[rows].any())
-            if number >= 0:
-                self.memory.rows.used[number] = active
+        self._shares = own, shares = dict(weights or _NONE), dict(activation or _NONE)
+        self._active, self._changed, memory = {}, True, self.memory
+        for entry in self._entries:
+            name, rows, share = entry.task.name, entry.rows, shares.get(entry.task.name, 1.0)
+            weight = np.asarray(own.get(name, entry.task.weight))
+            memory.weights[rows] = share * weight if share > 0.0 else 0.0
+            active = bool(memory.weights[rows].any())
+            if entry.number >= 0:
+                memory.rows.used[entry.number] = active
             if active:
-                self._active.append(self._by_name[task.name])
+                self._active[name] = entry
             else:
-                idle.add(task.name)
                 self._parts[:, rows] = self._drift[rows] = 0.0
-        self._idle = frozenset(idle)
-        self._asked = [entry for entry in self._active if entry.asked]
-        self._unknown = [entry for entry in self._active if entry.task.name not in self._held]
-        self._changed = True
-        memory = self.memory
+        self._asked = [entry for entry in self._active.values() if entry.asked]
         memory.diagonal[:] = 0.0
-        np.add.at(memory.diagonal, memory.chosen, self._weights[len(self._jacobian) :])
+        np.add.at(memory.diagonal, memory.chosen, memory.weights[len(self._jacobian) :])
 
     def forget(self) -> None:
         """Forget the targets held so far."""
-        self._own: dict[str, Target] = {}
-        self._kept = self._targets.copy(), dict(self._own)
-        self._given: set[str] = set()
-        self._held: frozenset[str] = frozenset()
-        self._missing: list[_Entry] = []
-        self._unknown = list(self._active)
-        self._written, self._changed = False, True
+        self._held: dict[str, Target] = {}
+        self._targets, self._changed = self._held, True
 
     def remember(self) -> None:
         """Hold the targets taken last from now on; tasks without weight hold nothing."""
-        if self._written:
-            np.copyto(self._kept[0], self._targets)
-            if self._asked:
-                self._kept = self._kept[0], dict(self._own)
-            self._written = False
         if self._changed:
-            self._held = frozenset([entry.task.name for entry in self._active])
-            self._unknown, self._changed = [], False
+            self._targets = {name: self._targets[name] for name in self._active}
+            self._changed = False
+        self._held = self._targets
 
     def take(self, references: Mapping[str, Reference]) -> bool:
         """Take references; return whether a task must be asked at the state.
@@ -186,19 +171,20 @@ class TaskStack:
         Raises:
             TickInputError: a reference that does not fit its task; nothing is remembered then.
         """
-        if self._written:
-            self._targets[:], self._own = self._kept[0], dict(self._kept[1])
-            self._written = False
+        if self._targets is not self._held:
+            self._targets = self._held
+            for name, target in self._held.items():
+                self._write(self._by_name[name], target)
         if self._moves:
             self._parts[3:] = 0.0
             self._moves = False
-        self._given.clear()
         for name, reference in references.items():
             entry = self._by_name.get(name)
             if entry is not None:
                 self._admit(entry, reference)
-        self._missing = [e for e in self._unknown if e.task.name not in self._given]
-        return bool(self._missing or self._asked)
+        unknown = self._active.keys() - self._targets.keys() if self._changed else ()
+        self._missing = [self._active[name] for name in unknown]
+        return bool(unknown or self._asked)
 
     def ask(self, kinematics: Kinematics) -> None:
         """Ask the tasks whose target or rows only they know; call where `take` returns True."""
@@ -208,18 +194,18 @@ class TaskStack:
             task, rows = entry.task, entry.rows
             self._jacobian[rows] = task.jacobian(kinematics)
             self._drift[rows] = task.drift(kinematics)
-            self._parts[0, rows] = task.error(kinematics, self._own[task.name])
+            self._parts[0, rows] = task.error(kinematics, self._targets[task.name])
 
     def _admit(self, entry: _Entry, reference: Reference) -> None:
         """Take the reference of one task; without weight it is only checked."""
         name = entry.task.name
-        idle, ahead = name in self._idle, ((3, reference.velocity), (4, reference.acceleration))
+        idle, ahead = name not in self._active, (reference.velocity, reference.acceleration)
         try:
             if reference.position is not None:
                 target = entry.task.admitted(reference.position, entry.size)
                 if not idle:
                     self._put(entry, target)
-            for part, asked in ahead:
+            for part, asked in enumerate(ahead, _PARTS.index("velocity")):
                 if asked is not None:
                     values = vector_target(asked, entry.size, _PARTS[part])
                     if not idle:
@@ -230,12 +216,15 @@ class TaskStack:
             raise TickInputError(f"the reference of task '{name}' is not finite.")
 
     def _put(self, entry: _Entry, target: Target) -> None:
-        """Write a target to where the tick reads it."""
-        self._written = True
-        self._given.add(entry.task.name)
+        """Take a target for this tick."""
+        if self._targets is self._held:
+            self._targets = dict(self._held)
+        self._targets[entry.task.name] = target
+        self._write(entry, target)
+
+    def _write(self, entry: _Entry, target: Target) -> None:
+        """Write a target to where the tick reads it, unless the task is asked itself."""
         if entry.slot is not None:
             entry.slot[:] = target
         elif entry.place is not None:
             cast(StateTask, entry.task).pack(target, entry.place)
-        else:
-            self._own[entry.task.name] = target
