@@ -41,7 +41,7 @@ def test_turns_of_any_size():
             axis /= np.linalg.norm(axis)
             start = pin.SE3.Random().rotation
             target = pin.exp3(angle * axis) @ start
-            one, two = (frozen([*turn.T.reshape(-1), 0, 0, 0]) for turn in (start, target))
+            one, two = (frozen([*turn.reshape(-1), 0, 0, 0]) for turn in (start, target))
             place_turn(one, two, found)
             if angle < 3.14:
                 np.testing.assert_allclose(found, angle * axis, atol=1e-8)

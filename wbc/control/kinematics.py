@@ -36,7 +36,6 @@ class Kinematics:
         gravity: magnitude of the acceleration of gravity [m/s^2].
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
-        joint_places: rotation, column by column, and translation of every joint (j, 12).
         tree: all of it, as compiled functions read it.
         known_by_joints: whether `move_joints` is all that a state takes, once pinocchio knows it.
     """
@@ -60,19 +59,16 @@ class Kinematics:
         self.gravity = float(np.linalg.norm(model.gravity.linear))
         self._rest = np.zeros(nv)
         self._moved = False
-        jacobian: FloatArray = data.J.reshape(6, nv)
-        self.joint_places = _places(model, data)
         starts, columns = joint_columns(model)
         joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
         joints[:, [0, 4]] += 1
         self.tree = TREE.of(
             {"j": model.njoints, "v": nv},
-            jacobian=jacobian,
-            places=self.joint_places,
+            places=_places(model, data),
             mass_matrix=self.mass_matrix,
             momentum=data.Ag.reshape(6, nv),  # one column comes as a vector
             com=data.com[0],
-            motions=jacobian.T,
+            motions=data.J.reshape(6, nv).T,
             joints=np.insert(joints, 0, [-1, -1, 0, 0, 0], axis=0),
             shapes=np.insert(shapes, 0, 0.0, axis=0),
             gravity=frozen(model.gravity.linear),
@@ -252,7 +248,7 @@ def _fixed_at(model: pin.Model, frame: str) -> tuple[int, FloatArray]:
     if not frame:
         return 0, np.zeros(12)
     found = model.frames[model.getFrameId(frame)]
-    turn, place = found.placement.rotation.T.reshape(-1), found.placement.translation
+    turn, place = found.placement.rotation.reshape(-1), found.placement.translation
     return int(found.parentJoint), np.concatenate([turn, place])
 
 

@@ -11,7 +11,18 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Places, Row, Vector, compiled, view
+from wbc.compiled import (
+    Dense,
+    OutDense,
+    OutPlaces,
+    OutRow,
+    Places,
+    Row,
+    Vector,
+    compiled,
+    inner,
+    view,
+)
 from wbc.control.qp.active_set import STEPS, SolverMemory, place_multipliers, settle
 from wbc.control.qp.gear_rows import GearsMemory, place_loads, place_map, place_output
 from wbc.control.qp.solvers import INFINITE
@@ -27,6 +38,8 @@ from wbc.control.tree import (
     place_missing,
 )
 from wbc.effects.tables import fill_commands
+from wbc.mechanics.kinematics import placed_at
+from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.structures import Structure
 
 TASKS = Structure(
@@ -150,10 +163,8 @@ def keep_over_feet(
     points, mx, my, height = np.empty((count, 3)), 0.0, 0.0, com[2]
     for i in range(count):
         e = int(corners[i, 0])
-        for a in range(3):
-            points[i, a] = rows.places[e, 9 + a] - rows.offsets[e, 12 + a]
-            for b in range(3):
-                points[i, a] += rows.places[e, 3 * b + a] * corners[i, 1 + b]
+        placed_at(rows.places[e], corners[i, 1:], points[i])
+        add_times(-1.0, rows.offsets[e, 12:15], points[i])
         mx, my = mx + points[i, 0] / count, my + points[i, 1] / count
         height -= points[i, 2] / count
     if height <= 0.0:
@@ -184,13 +195,13 @@ def keep_over_feet(
             return
 
 
-@compiled
+@inner
 def want(
     tree: TreeMemory,
     tasks: TasksMemory,
     contacts: ContactsMemory,
-    position: Vector,
-    velocity: Vector,
+    position: Row,
+    velocity: Row,
     mass: float,
 ) -> None:
     """Write what all tasks want (k + c,): gains * parts, what is fed back within its limits.
@@ -208,10 +219,7 @@ def want(
     plan, total = rows.plan, len(tasks.wanted)
     count = total - len(chosen)
     for i in range(count):
-        rate = 0.0
-        for j in range(len(velocity)):
-            rate += jacobian[i, j] * velocity[j]
-        parts[1, i], parts[2, i] = rate, rows.drift[i]
+        parts[1, i], parts[2, i] = dot(jacobian[i], velocity), rows.drift[i]
     for e in range(len(plan)):
         if rows.used[e] == 0:
             continue
@@ -240,39 +248,32 @@ def want(
         pull[chosen[i]] += tasks.weights[count + i] * wanted[count + i]
 
 
-@compiled
-def rest(tree: TreeMemory, contacts: ContactsMemory, velocity: Vector, mass: float) -> None:
+@compiled(counted=False)
+def rest(tree: TreeMemory, contacts: ContactsMemory, velocity: Row, mass: float) -> None:
     """Write the rows of contacts, and -damping J v - drift (k,), which brings them to rest."""
     fill_state_rows(tree, contacts.rows, mass)
     jacobian, drift = contacts.rows.jacobian, contacts.rows.drift
     for i in range(len(drift)):
-        rate = 0.0
-        for j in range(len(velocity)):
-            rate += jacobian[i, j] * velocity[j]
-        contacts.target[i] = -contacts.damping[i] * rate - drift[i]
+        contacts.target[i] = -contacts.damping[i] * dot(jacobian[i], velocity) - drift[i]
 
 
-@compiled
+@inner
 def place_balance(program: ProgramMemory) -> None:
     """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts."""
-    solver, gears, rows = program.solver, program.gears, program.contacts.rows
-    rows_of, right, first = solver.rows, solver.right, program.counts[COST]
-    nv, scale, jacobian = len(gears.bias), program.numbers[SCALE], rows.jacobian
-    for i in range(len(program.undriven)):
-        row = program.undriven[i]
-        right[first + i] = -gears.bias[row]
-        for j in range(nv):
-            rows_of[first + i, j] = gears.mass[row, j]
+    gears, rows, right = program.gears, program.solver.rows, program.solver.right
+    jacobian, at, nv = program.contacts.rows.jacobian, program.counts[COST], len(gears.bias)
+    for row in program.undriven:
+        right[at] = -gears.bias[row]
+        copy_to(gears.mass[row], rows[at])
         for k in range(len(jacobian)):
-            rows_of[first + i, nv + k] = -scale * jacobian[k, row]
-    first += len(program.undriven)
-    for i in range(len(jacobian)):
-        right[first + i] = program.contacts.target[i]
-        for j in range(nv):
-            rows_of[first + i, j] = jacobian[i, j]
+            rows[at, nv + k] = -program.numbers[SCALE] * jacobian[k, row]
+        at += 1
+    for k in range(len(jacobian)):
+        right[at + k] = program.contacts.target[k]
+        copy_to(jacobian[k], rows[at + k])
 
 
-@compiled
+@inner
 def place_tasks(program: ProgramMemory) -> float:
     """Write the rows of tasks and the diagonal of the accelerations.
 
@@ -290,8 +291,7 @@ def place_tasks(program: ProgramMemory) -> float:
         if weights[i] > 0.0:
             place -= 1
             right[place], solver.softness[place] = wanted[i], 1.0 / weights[i]
-            for j in range(nv):
-                solver.rows[place, j] = jacobian[i, j]
+            copy_to(jacobian[i], solver.rows[place])
     counts[FIRST] = place
     for j in range(nv):
         solver.diagonal[j] = tasks.diagonal[j] + program.numbers[REGULAR]
@@ -302,14 +302,13 @@ def place_tasks(program: ProgramMemory) -> float:
     return total
 
 
-@compiled
+@compiled(counted=False)
 def place_efforts(program: ProgramMemory, positive: Places) -> None:
     """Write the rows of efforts for directions (m,) of T, see `Effort`.
 
     They are root weight (e T + rotor share) or root weight T; what the mesh loses is a parabola.
     """
-    gears, solver, torque_map = program.gears, program.solver, program.map
-    m, nv = len(torque_map), len(gears.bias)
+    gears, solver, m = program.gears, program.solver, len(program.map)
     row = program.counts[COST] - program.counts[EFFORTS] * m
     for effort in range(program.counts[EFFORTS]):
         rotor, least = program.effort_kinds[effort, 0], program.effort_kinds[effort, 1]
@@ -320,16 +319,15 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
                 weight *= rate / max(abs(program.output[i]), least)
             root = sqrt(weight)
             slope = root * (e if rotor > 0.0 else 1.0)
-            for j in range(torque_map.shape[1]):
-                solver.rows[row, j] = slope * torque_map[i, j]
-            for j in range(nv):
-                solver.rows[row, j] += rotor * root * gears.rotor[i, j]
+            solver.rows[row] = 0.0
+            add_times(slope, program.map[i], solver.rows[row])
+            add_times(rotor * root, gears.rotor[i], solver.rows[row])
             right = slope * program.output_bias[i] + rotor * root * gears.rotor_bias[i]
             solver.right[row] = -right
             row += 1
 
 
-@compiled
+@compiled(counted=False)
 def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
     """Write the convex rows of all gears, and one half-space of some; call after the map.
 
@@ -350,10 +348,9 @@ def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
         steeper = slopes[1, gear] - slopes[0, gear]
         for side in range(2):
             row, slope = i + side * count, slopes[side, gear]
-            for j in range(C.shape[1]):
-                C[row, j] = slope * program.map[gear, j]
-            for j in range(len(gears.bias)):
-                C[row, j] += gears.rotor[gear, j]
+            C[row] = 0.0
+            add_times(slope, program.map[gear], C[row])
+            add_times(1.0, gears.rotor[gear], C[row])
             offset = slope * program.output_bias[gear] + gears.rotor_bias[gear]
             both = choice[gear] == 2 * side - 1 if steeper != 0.0 else side == 0
             has_low, has_high = both or steeper < 0.0, both or steeper > 0.0
@@ -361,7 +358,7 @@ def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
             upper[row] = gears.upper[gear] - offset if has_high else INFINITE
 
 
-@compiled
+@compiled(counted=False)
 def finish(program: ProgramMemory, dt: float, block: OutRow) -> int:
     """Write what a solution leads to: torques, drive commands, the velocity expected next.
 

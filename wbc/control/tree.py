@@ -6,27 +6,28 @@ from enum import IntEnum
 from math import atan2, sqrt
 from typing import Annotated, Any
 
-import numpy as np
-
 from wbc.compiled import (
     Dense,
     Matrix,
     OutDense,
     OutFlags,
     OutRow,
-    OutVector,
     Places,
     Row,
     Table,
     Vector,
     compiled,
+    inner,
+    local,
+    view,
 )
 from wbc.mechanics.inertia import bodies_at, move_bodies
+from wbc.mechanics.kinematics import placed_at, product
+from wbc.mechanics.linear import add_cross, add_times, apart, copy_to, dot
 from wbc.structures import Structure
 
 TREE = Structure(
     "Tree",
-    jacobian=Matrix,
     places=Dense,
     mass_matrix=Dense,
     momentum=Matrix,
@@ -49,11 +50,11 @@ TREE = Structure(
 )
 """A robot at one state. World axes, spatial vectors at the world's origin, linear over angular.
 
-jacobian (6, nv), momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before
-translation, motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory.
-joints and shapes are those of a `wbc.mechanics.tree.Tree`, without axes and placements, behind a
-world without mass; from starts on stand the columns of J that move each joint; moved (1,) says
-whether the rest stands at the state, too. That `move_joints` writes.
+momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before translation,
+motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. joints and
+shapes are those of a `wbc.mechanics.tree.Tree`, without axes and placements, behind a world without
+mass; from starts on stand the columns of J that move each joint; moved (1,) says whether the rest
+stands at the state, too. That `move_joints` writes.
 """
 TreeMemory = Annotated[Any, TREE.kind]
 
@@ -89,6 +90,7 @@ ROWS = Structure(
 plan (e, 7): kind, joint, first row, first component, their number and step, the other joint;
 offsets (e, 27): rotation and origin in the joint's frame, the arm of a rolling ball, rotation and
 origin of the other frame; used (e,): 0 where nothing is to be written; places (e, 12): result.
+Here and in poses (j, 12) rotations stand row by row.
 """
 RowsMemory = Annotated[Any, ROWS.kind]
 
@@ -108,7 +110,7 @@ def move_joints(tree: TreeMemory, velocity: Vector) -> None:
     tree.moved[0] = True
     places, poses, whole = tree.places, tree.poses, tree.momentum_drift
     com, force, gravity = tree.com, tree.forces[0], tree.gravity
-    for i in range(1, len(places)):
+    for i in range(len(places)):
         for a in range(3):
             for b in range(3):
                 poses[i, 3 * a + b] = places[i, 3 * b + a]
@@ -127,47 +129,37 @@ def move_joints(tree: TreeMemory, velocity: Vector) -> None:
     whole[5] = force[5] - com[0] * force[1] + com[1] * force[0]
 
 
-@compiled
-def place_turn(place: Vector, target: Vector, turn: OutVector) -> None:
+@compiled(counted=False)
+def place_turn(place: Row, target: Row, turn: OutRow) -> None:
     """Write log3(R_target R') (3,) [rad], world axes: what turns a placement into its target.
 
     By way of the unit quaternion of the largest component (Shepperd, 1978), which is exact for
     small turns and for turns of nearly pi.
 
     Args:
-        place, target: rotation, column by column, and translation (12,).
+        place, target: rotation, row by row, and translation (12,).
         turn: result.
     """
-    # M = R_target R', both given column by column
-    m00 = target[0] * place[0] + target[3] * place[3] + target[6] * place[6]
-    m01 = target[0] * place[1] + target[3] * place[4] + target[6] * place[7]
-    m02 = target[0] * place[2] + target[3] * place[5] + target[6] * place[8]
-    m10 = target[1] * place[0] + target[4] * place[3] + target[7] * place[6]
-    m11 = target[1] * place[1] + target[4] * place[4] + target[7] * place[7]
-    m12 = target[1] * place[2] + target[4] * place[5] + target[7] * place[8]
-    m20 = target[2] * place[0] + target[5] * place[3] + target[8] * place[6]
-    m21 = target[2] * place[1] + target[5] * place[4] + target[8] * place[7]
-    m22 = target[2] * place[2] + target[5] * place[5] + target[8] * place[8]
-    trace = m00 + m11 + m22
-    if trace >= m00 and trace >= m11 and trace >= m22:
-        w, x, y, z = 1.0 + trace, m21 - m12, m02 - m20, m10 - m01
-    elif m00 >= m11 and m00 >= m22:
-        w, x, y, z = m21 - m12, 1.0 + 2.0 * m00 - trace, m01 + m10, m02 + m20
-    elif m11 >= m22:
-        w, x, y, z = m02 - m20, m01 + m10, 1.0 + 2.0 * m11 - trace, m12 + m21
+    matrix, i = view(local(9), 0, 3, 3), 0
+    for a in range(3):
+        for b in range(3):
+            matrix[a, b] = dot(target[3 * a : 3 * a + 3], place[3 * b : 3 * b + 3])
+        i = a if matrix[a, a] > matrix[i, i] else i
+    j, k, trace = (i + 1) % 3, (i + 2) % 3, matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
+    if trace >= matrix[i, i]:
+        w, turn[0] = 1.0 + trace, matrix[2, 1] - matrix[1, 2]
+        turn[1], turn[2] = matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]
     else:
-        w, x, y, z = m10 - m01, m02 + m20, m12 + m21, 1.0 + 2.0 * m22 - trace
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = sqrt(x * x + y * y + z * z)
-    scale = 2.0 / w if sine <= 1e-9 * w else 2.0 * atan2(sine, w) / sine
-    turn[0], turn[1], turn[2] = scale * x, scale * y, scale * z
+        w, turn[i] = matrix[k, j] - matrix[j, k], 1.0 + 2.0 * matrix[i, i] - trace
+        turn[j], turn[k] = matrix[i, j] + matrix[j, i], matrix[i, k] + matrix[k, i]
+    sine, sign = sqrt(dot(turn, turn)), 1.0 if w >= 0.0 else -1.0
+    scale = 2.0 / abs(w) if sine <= 1e-9 * abs(w) else 2.0 * atan2(sine, abs(w)) / sine
+    for a in range(3):
+        turn[a] *= sign * scale
 
 
-@compiled
-def place_missing(
-    rows: RowsMemory, e: int, target: Vector, rates: Vector, missing: OutVector
-) -> None:
+@compiled(counted=False)
+def place_missing(rows: RowsMemory, e: int, target: Row, rates: Row, missing: OutRow) -> None:
     """Write what the present state misses of the target of an entry; call after its rows.
 
     Args:
@@ -177,7 +169,7 @@ def place_missing(
         rates: J v of all rows (k,); a momentum is a rate itself.
         missing: result (k,), of the rows of this entry.
     """
-    plan, place, turn = rows.plan, rows.places[e], np.empty(3)
+    plan, place, turn = rows.plan, rows.places[e], local(3)
     row, begin, width, step = plan[e, 2], plan[e, 3], plan[e, 4], plan[e, 5]
     if plan[e, 0] != MOMENTUM and begin + (width - 1) * step >= 3:
         place_turn(place, target, turn)
@@ -189,33 +181,27 @@ def place_missing(
             missing[row + k] = target[9 + a] - place[9 + a] if a < 3 else turn[a - 3]
 
 
-@compiled
-def _turn_back(places: OutDense, number: int, six: OutVector) -> None:
+@inner
+def _turn_back(place: Row, six: OutRow) -> None:
     """Turn a linear and an angular vector (6,) from world axes into those of a placement."""
     for first in range(0, 6, 3):
         x, y, z = six[first], six[first + 1], six[first + 2]
         for a in range(3):
-            along, across = places[number, 3 * a] * x, places[number, 3 * a + 1] * y
-            six[first + a] = along + across + places[number, 3 * a + 2] * z
+            six[first + a] = place[a] * x + place[3 + a] * y + place[6 + a] * z
 
 
-@compiled
-def _moved(
-    rates: Dense, drifts: Dense, joint: int, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return velocity, and acceleration at qdd = 0, of a point of a joint's body."""
-    wx, wy, wz = rates[joint, 3], rates[joint, 4], rates[joint, 5]
-    vx = rates[joint, 0] + wy * z - wz * y
-    vy = rates[joint, 1] + wz * x - wx * z
-    vz = rates[joint, 2] + wx * y - wy * x
-    ax, ay, az = drifts[joint, 3], drifts[joint, 4], drifts[joint, 5]
-    bx = drifts[joint, 0] + ay * z - az * y + wy * vz - wz * vy
-    by = drifts[joint, 1] + az * x - ax * z + wz * vx - wx * vz
-    bz = drifts[joint, 2] + ax * y - ay * x + wx * vy - wy * vx
-    return vx, vy, vz, bx, by, bz
+@inner
+def _move(tree: TreeMemory, joint: int, point: Row, velocity: OutRow, drift: OutRow) -> None:
+    """Write v and, at qdd = 0, its rate (3,) of a point of a joint's body, world axes."""
+    rates, drifts = tree.rates[joint], tree.drifts[joint]
+    copy_to(rates[:3], velocity)
+    copy_to(drifts[:3], drift)
+    add_cross(1.0, rates[3:], point, velocity)
+    add_cross(1.0, drifts[3:], point, drift)
+    add_cross(1.0, rates[3:], velocity, drift)
 
 
-@compiled
+@inner
 def place_apart(
     tree: TreeMemory, joint: int, other: int, points: Row, row: OutRow
 ) -> tuple[float, float, float]:
@@ -231,63 +217,39 @@ def place_apart(
         n'(v_other - v_one), the same of their accelerations at qdd = 0, and the square of what of
         v_other - v_one is across n.
     """
-    jacobian, starts, columns = tree.jacobian, tree.starts, tree.columns
-    nx, ny, nz = points[6], points[7], points[8]
-    row[:] = 0.0
-    rx, ry, rz, bend = 0.0, 0.0, 0.0, 0.0
+    normal, pull, rate, velocity, drift = points[6:], local(6), local(3), local(3), local(3)
+    row[:], rate[:], bend = 0.0, 0.0, 0.0
+    copy_to(normal, pull)
     for side in range(2):
-        sign = 2.0 * side - 1.0
-        at = other if side == 1 else joint
-        px, py, pz = points[3 * side], points[3 * side + 1], points[3 * side + 2]
-        mx, my, mz = py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
-        for place in range(starts[at], starts[at + 1]):
-            j = columns[place]
-            along = nx * jacobian[0, j] + ny * jacobian[1, j] + nz * jacobian[2, j]
-            along += mx * jacobian[3, j] + my * jacobian[4, j] + mz * jacobian[5, j]
-            row[j] += sign * along
-        vx, vy, vz, bx, by, bz = _moved(tree.rates, tree.drifts, at, px, py, pz)
-        rx, ry, rz = rx + sign * vx, ry + sign * vy, rz + sign * vz
-        bend += sign * (nx * bx + ny * by + nz * bz)
-    speed = nx * rx + ny * ry + nz * rz
-    return speed, bend, rx * rx + ry * ry + rz * rz - speed * speed
+        sign, at, point = 2.0 * side - 1.0, other if side == 1 else joint, points[3 * side :]
+        pull[3:] = 0.0
+        add_cross(1.0, point, normal, pull[3:])
+        for place in range(tree.starts[at], tree.starts[at + 1]):
+            column = tree.columns[place]
+            row[column] += sign * dot(pull, tree.motions[column])
+        _move(tree, at, point, velocity, drift)
+        add_times(sign, velocity, rate)
+        bend += sign * dot(normal, drift)
+    speed = dot(normal, rate)
+    return speed, bend, dot(rate, rate) - speed * speed
 
 
-@compiled
-def place_frame(
-    tree: TreeMemory, joint: int, offsets: Dense, entry: int, first: int, places: OutDense, row: int
-) -> None:
-    """Write the placement (12,) of a frame whose offset (12,) begins at `first` into a row."""
-    joints = tree.places
-    for a in range(3):
-        for c in range(4):
-            total = joints[joint, 9 + a] if c == 3 else 0.0
-            for b in range(3):
-                total += joints[joint, 3 * b + a] * offsets[entry, first + 3 * c + b]
-            places[row, 3 * c + a] = total
-
-
-@compiled
+@inner
 def _place_distance(tree: TreeMemory, rows: RowsMemory, e: int) -> None:
     """Write the row of the distance of two frames; its place holds the distance at 9."""
-    plan, places, points = rows.plan, rows.places, np.empty((2, 12))
-    place_frame(tree, plan[e, 1], rows.offsets, e, 0, points, 0)
-    place_frame(tree, plan[e, 6], rows.offsets, e, 15, points, 1)
-    ends, distance = np.empty(9), 0.0
+    plan, offsets, ends, row = rows.plan, rows.offsets, local(9), rows.plan[e, 2]
+    placed_at(tree.poses[plan[e, 1]], offsets[e, 9:12], ends[:3])
+    placed_at(tree.poses[plan[e, 6]], offsets[e, 24:], ends[3:6])
+    distance = sqrt(apart(ends[:3], ends[3:6]))
     for a in range(3):
-        ends[a], ends[3 + a] = points[0, 9 + a], points[1, 9 + a]
-        ends[6 + a] = ends[3 + a] - ends[a]
-        distance += ends[6 + a] * ends[6 + a]
-    distance = sqrt(distance)
+        ends[6 + a] = (ends[3 + a] - ends[a]) / max(distance, NO_DISTANCE)
     if distance < NO_DISTANCE:
-        distance, ends[6], ends[7], ends[8] = NO_DISTANCE, 0.0, 0.0, NO_DISTANCE
-    for a in range(3):
-        ends[6 + a] /= distance
-    row = plan[e, 2]
+        distance, ends[6], ends[7], ends[8] = NO_DISTANCE, 0.0, 0.0, 1.0
     _, bend, across = place_apart(tree, plan[e, 1], plan[e, 6], ends, rows.jacobian[row])
-    rows.drift[row], places[e, 9] = bend + across / distance, distance
+    rows.drift[row], rows.places[e, 9] = bend + across / distance, distance
 
 
-@compiled
+@inner
 def _place_whole(tree: TreeMemory, rows: RowsMemory, e: int, mass: float) -> None:
     """Write rows of the centre of mass, or those of the momentum where `mass` is one."""
     plan, jacobian, momentum = rows.plan, rows.jacobian, tree.momentum
@@ -302,7 +264,7 @@ def _place_whole(tree: TreeMemory, rows: RowsMemory, e: int, mass: float) -> Non
         rows.places[e, 9 + a] = tree.com[a] if of_mass else 0.0
 
 
-@compiled
+@compiled(counted=False)
 def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
     """Write the rows of ROWS; call after `move_joints`.
 
@@ -317,15 +279,12 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
         tree, rows: a TREE and ROWS.
         mass: of the robot [kg].
     """
-    plan, offsets, used, places = rows.plan, rows.offsets, rows.used, rows.places
-    found, drift = rows.jacobian, rows.drift
-    jacobian, starts, columns = tree.jacobian, tree.starts, tree.columns
-    rates, drifts = tree.rates, tree.drifts
-    six = np.empty(6)
+    plan, offsets, jacobian, drift = rows.plan, rows.offsets, rows.jacobian, rows.drift
+    six, touches, velocity = local(6), local(3), local(3)
     for e in range(len(plan)):
-        if used[e] == 0:
+        if rows.used[e] == 0:
             continue
-        kind, joint, row = plan[e, 0], plan[e, 1], plan[e, 2]
+        kind, joint, row, place = plan[e, 0], plan[e, 1], plan[e, 2], rows.places[e]
         begin, count, step = plan[e, 3], plan[e, 4], plan[e, 5]
         if kind in (CENTER_OF_MASS, MOMENTUM, BALANCE):
             _place_whole(tree, rows, e, 1.0 if kind == MOMENTUM else mass)
@@ -333,33 +292,25 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
         if kind == DISTANCE:
             _place_distance(tree, rows, e)
             continue
-        place_frame(tree, joint, offsets, e, 0, places, e)
-        px, py, pz = places[e, 9], places[e, 10], places[e, 11]
-        ux, uy, uz = offsets[e, 12], offsets[e, 13], offsets[e, 14]
-        qx, qy, qz = px - ux, py - uy, pz - uz
-        for place in range(starts[joint], starts[joint + 1]):
-            j = columns[place]
-            wx, wy, wz = jacobian[3, j], jacobian[4, j], jacobian[5, j]
-            six[0] = jacobian[0, j] + wy * qz - wz * qy
-            six[1] = jacobian[1, j] + wz * qx - wx * qz
-            six[2] = jacobian[2, j] + wx * qy - wy * qx
-            six[3], six[4], six[5] = wx, wy, wz
+        product(tree.poses[joint], offsets[e], place)
+        placed_at(tree.poses[joint], offsets[e, 9:], place[9:])
+        for a in range(3):
+            touches[a] = place[9 + a] - offsets[e, 12 + a]
+        for at in range(tree.starts[joint], tree.starts[joint + 1]):
+            column = tree.columns[at]
+            copy_to(tree.motions[column], six)
+            add_cross(1.0, tree.motions[column, 3:], touches, six)
             if kind == OWN:
-                _turn_back(places, e, six)
+                _turn_back(place, six)
             for k in range(count):
-                found[row + k, j] = six[begin + k * step]
-        wx, wy, wz = drifts[joint, 3], drifts[joint, 4], drifts[joint, 5]
-        six[3], six[4], six[5] = wx, wy, wz
+                jacobian[row + k, column] = six[begin + k * step]
+        copy_to(tree.drifts[joint], six)
         if kind == OWN:
-            six[0] = drifts[joint, 0] + wy * pz - wz * py
-            six[1] = drifts[joint, 1] + wz * px - wx * pz
-            six[2] = drifts[joint, 2] + wx * py - wy * px
-            _turn_back(places, e, six)
+            add_cross(1.0, tree.drifts[joint, 3:], place[9:], six)
+            _turn_back(place, six)
         else:
-            _, _, _, ax, ay, az = _moved(rates, drifts, joint, px, py, pz)
-            six[0] = ax - wy * uz + wz * uy
-            six[1] = ay - wz * ux + wx * uz
-            six[2] = az - wx * uy + wy * ux
+            _move(tree, joint, place[9:], velocity, six)
+            add_cross(-1.0, six[3:], offsets[e, 12:], six)
         for k in range(count):
             drift[row + k] = six[begin + k * step]
 

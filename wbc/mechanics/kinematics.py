@@ -46,7 +46,8 @@ def _of_quaternion(quaternion: Row, turn: OutRow) -> None:
 
 
 @inner
-def _product(left: Row, right: Row, turn: OutRow) -> None:
+def product(left: Row, right: Row, turn: OutRow) -> None:
+    """Write the product (9,) of two rotations, each the first nine of its numbers."""
     for i in range(3):
         for j in range(3):
             turn[3 * i + j] = left[3 * i] * right[j] + left[3 * i + 1] * right[3 + j]
@@ -72,7 +73,7 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
             for k in range(9, 12):
                 pose[k] = shape[k]
         else:
-            _product(poses[parent, :9], shape[:9], mounted)
+            product(poses[parent, :9], shape[:9], mounted)
             placed_at(poses[parent], shape[9:12], pose[9:])
         if kind == PRISMATIC:
             turned(mounted, shape[12:15], way)
@@ -90,7 +91,7 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
             _about_axis(shape[12:15], np.cos(q[at]), np.sin(q[at]), own)
         else:
             _about_axis(shape[12:15], q[at], q[at + 1], own)
-        _product(mounted, own, pose[:9])
+        product(mounted, own, pose[:9])
 
 
 @compiled(counted=False)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, compiled
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, Table, compiled, inner
 from wbc.control.tree import TreeMemory
 from wbc.effects.tables import fill_joint_torques
+from wbc.mechanics.linear import add_times, dot
 from wbc.structures import Structure
 
 GEARS = Structure(
@@ -123,7 +124,7 @@ def place_loads(
         bias[i] -= gears.disturbance[i]
 
 
-@compiled
+@inner
 def place_map(
     gears: GearsMemory, jacobian: Dense, scale: float, torque_map: OutDense, output_bias: OutRow
 ) -> None:
@@ -139,13 +140,12 @@ def place_map(
                 continue
             row = driven[i]
             output_bias[gear] += share * bias[row]
-            for j in range(nv):
-                torque_map[gear, j] += share * mass[row, j]
+            add_times(share, mass[row], torque_map[gear])
             for k in range(len(jacobian)):
                 torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
 
 
-@compiled
+@inner
 def place_output(
     gears: GearsMemory, torque_map: Dense, output_bias: Row, x: Row, output: OutRow, share: OutRow
 ) -> None:
@@ -158,8 +158,5 @@ def place_output(
         output, share: results.
     """
     for i in range(len(output)):
-        output[i], share[i] = output_bias[i], gears.rotor_bias[i]
-        for j in range(len(x)):
-            output[i] += torque_map[i, j] * x[j]
-        for j in range(len(gears.bias)):
-            share[i] += gears.rotor[i, j] * x[j]
+        output[i] = output_bias[i] + dot(torque_map[i], x)
+        share[i] = gears.rotor_bias[i] + dot(gears.rotor[i], x)

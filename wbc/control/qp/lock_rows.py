@@ -21,6 +21,7 @@ from wbc.control.tick import (
     ProgramMemory,
     TasksMemory,
 )
+from wbc.mechanics.linear import dot
 from wbc.structures import Structure
 
 _HALF = 0.5
@@ -62,7 +63,7 @@ def place_above(tasks: TasksMemory, rows: OutDense, start: int) -> int:
     return int(start + count + len(tasks.chosen))
 
 
-@compiled
+@compiled(counted=False)
 def _gather_binding(
     program: ProgramMemory, lock: LockMemory, start: int, x: Row, reach: float
 ) -> int:
@@ -70,9 +71,8 @@ def _gather_binding(
     C, lower, upper = program.solver.C, program.stated_lower, program.stated_upper
     binding, scales, count = lock.binding, lock.scales, 0
     for i in range(start, program.counts[BOUNDS]):
-        value, length = 0.0, 0.0
+        value, length = dot(C[i], x), 0.0
         for j in range(len(x)):
-            value += C[i, j] * x[j]
             length += (C[i, j] * scales[j]) ** 2
         high = value > upper[i] - reach
         if length > 0.0 and (high or value < lower[i] + reach):
@@ -113,7 +113,7 @@ def extend_by_bounds(lock: Any) -> None:
     lock.ends[1] = extend_basis(found, lock.left, lock.kept, last, n)
 
 
-@compiled
+@compiled(counted=False)
 def let_pass(
     program: ProgramMemory, lock: LockMemory, x: Row, slack: float, start: int, stop: int
 ) -> None:
@@ -129,9 +129,7 @@ def let_pass(
         if lock.decided[i] != 0:
             solver.lower[i], solver.upper[i] = -INFINITE, INFINITE
             continue
-        low, high, value = program.stated_lower[i], program.stated_upper[i], 0.0
-        for j in range(len(x)):
-            value += solver.C[i, j] * x[j]
+        low, high, value = program.stated_lower[i], program.stated_upper[i], dot(solver.C[i], x)
         solver.upper[i] = high + min(max(value - high, 0.0), room)
         solver.lower[i] = low - min(max(low - value, 0.0), room)
 
@@ -148,7 +146,7 @@ def _forces_balance(program: ProgramMemory, lock: LockMemory) -> bool:
     return spanned == count
 
 
-@compiled
+@compiled(counted=False)
 def place_lock(
     program: ProgramMemory, lock: LockMemory, x: Row, width: int, unlocked: int, reach: float
 ) -> int:
@@ -159,11 +157,10 @@ def place_lock(
     solver, counts, first, last = program.solver, program.counts, lock.ends[0], lock.ends[1]
     counts[HARD] = unlocked + last - first
     for i in range(first, last):
-        row, right = counts[COST] + unlocked + i - first, 0.0
+        row = counts[COST] + unlocked + i - first
         for j in range(len(x)):
             solver.rows[row, j] = lock.kept[i, j] if j < width else 0.0
-            right += solver.rows[row, j] * x[j]
-        solver.right[row], solver.softness[row] = right, 0.0
+        solver.right[row], solver.softness[row] = dot(solver.rows[row], x), 0.0
     let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
     return int(width - last)
 

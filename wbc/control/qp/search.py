@@ -25,6 +25,7 @@ from wbc.control.tick import (
     place_directed_rows,
     place_efforts,
 )
+from wbc.mechanics.linear import dot
 
 # What it takes to write a program out and to begin it, to try bounds that may bind, and a step of
 # that, in iterations of daqp.
@@ -60,7 +61,7 @@ class DirectedSolution(NamedTuple):
     solve_time: float
 
 
-@compiled
+@compiled(counted=False)
 def weigh(
     program: ProgramMemory,
     x: Row,
@@ -91,9 +92,7 @@ def weigh(
     for j in range(len(x)):
         cost += (0.5 * solver.diagonal[j] * x[j] - solver.pull[j]) * x[j]
     for i in range(counts[FIRST], counts[COST]):
-        miss = -solver.right[i]
-        for j in range(len(x)):
-            miss += solver.rows[i, j] * x[j]
+        miss = dot(solver.rows[i], x) - solver.right[i]
         cost += 0.5 * miss * miss / solver.softness[i]
     return cost, some
 

@@ -139,9 +139,9 @@ class CollisionRows:
 
     def fill(self, kinematics: Kinematics) -> None:
         """Evaluate all pairs at the present state."""
-        joints, points, data = kinematics.joint_places[self._carriers], self._points, self._data
-        turns = joints[:, :9].reshape(-1, 3, 3)  # column by column
-        centers = np.einsum("sab,sa->sb", turns, self._centers) + joints[:, 9:]
+        joints, points, data = kinematics.tree.poses[self._carriers], self._points, self._data
+        turns = joints[:, :9].reshape(-1, 3, 3)
+        centers = np.einsum("sab,sb->sa", turns, self._centers) + joints[:, 9:]
         between = centers[self._pairs[:, 0]] - centers[self._pairs[:, 1]]
         self.distances[:] = np.linalg.norm(between, axis=1) - self._radii
         kinematics.place_solids(self._geometry, data)

@@ -138,7 +138,7 @@ class FrameOrientationTask(FrameTask, AxesTask):
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return the rotation matrix, world from frame, (3, 3)."""
-        return np.array(self.evaluated(kinematics).places[0, :9]).reshape(3, 3).T
+        return np.array(self.evaluated(kinematics).places[0, :9]).reshape(3, 3)
 
     def admitted(self, target: Target, size: int) -> FloatArray:
         """Return a rotation matrix (3, 3), checked and copied."""
@@ -146,7 +146,7 @@ class FrameOrientationTask(FrameTask, AxesTask):
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write the target (3, 3) as the rotation of a placement (12,)."""
-        place[:9] = target.T.reshape(-1)
+        place[:9] = target.reshape(-1)
 
 
 @final
@@ -161,7 +161,7 @@ class FramePoseTask(FrameTask):
     def value(self, kinematics: Kinematics) -> pin.SE3:
         """Return the placement, world from frame."""
         place = self.evaluated(kinematics).places[0]
-        return pin.SE3(place[:9].reshape(3, 3).T, place[9:])
+        return pin.SE3(place[:9].reshape(3, 3), place[9:])
 
     def admitted(self, target: Target, size: int) -> pin.SE3:
         """Return a `pin.SE3`, checked and copied."""
@@ -172,7 +172,7 @@ class FramePoseTask(FrameTask):
 
     def pack(self, target: Target, place: FloatArray) -> None:
         """Write the target as a placement (12,)."""
-        place[:9], place[9:] = target.rotation.T.reshape(-1), target.translation
+        place[:9], place[9:] = target.rotation.reshape(-1), target.translation
 
 
 @final

@@ -8,12 +8,14 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, Vector, compiled
+from wbc.compiled import Dense, OutDense, Vector, compiled, local
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.rows.task import Gains, StateTask, Task
-from wbc.control.tree import RowKind, RowsMemory, TreeMemory, place_frame
+from wbc.control.tree import RowKind, RowsMemory, TreeMemory
 from wbc.errors import ControlError
+from wbc.mechanics.kinematics import placed_at, product
+from wbc.mechanics.linear import dot
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
 
@@ -40,17 +42,17 @@ def place_rows(
         mass: [kg].
         rows: result.
     """
-    jacobian, momentum, starts, columns = tree.jacobian, tree.momentum, tree.starts, tree.columns
+    motions, momentum, starts, columns = tree.motions, tree.momentum, tree.starts, tree.columns
     for j in range(rows.shape[1]):
         rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
         rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
         rows[_SPIN, j] = momentum[4, j]
     for place in range(starts[foot], starts[foot + 1]):
         j = columns[place]
-        rows[_FOOT_X, j] = jacobian[0, j] + jacobian[4, j] * foot_z
-        rows[_FOOT_Z, j] = jacobian[2, j] - jacobian[4, j] * foot_x
+        rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * foot_z
+        rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * foot_x
     for place in range(starts[frame], starts[frame + 1]):
-        rows[_PITCH, columns[place]] = jacobian[4, columns[place]]
+        rows[_PITCH, columns[place]] = motions[columns[place], 4]
 
 
 @compiled
@@ -97,13 +99,11 @@ def balancing(
         mass: m [kg].
         target: theta wanted [rad].
     """
-    foot, frame, com, points = entries.plan[e, 1], entries.plan[e, 6], tree.com, np.empty((2, 12))
-    place_frame(tree, foot, entries.offsets, e, 0, points, 0)
-    place_frame(tree, frame, entries.offsets, e, 15, points, 1)
-    x, z, weight = points[0, 9], points[0, 11], 0.0
-    for a in range(3):
-        weight += tree.gravity[a] ** 2
-    weight = mass * sqrt(weight)
+    foot, frame, com, offset = entries.plan[e, 1], entries.plan[e, 6], tree.com, entries.offsets[e]
+    at, turn, weight = local(3), local(9), mass * sqrt(dot(tree.gravity, tree.gravity))
+    placed_at(tree.poses[foot], offset[9:12], at)
+    product(tree.poses[frame], offset[15:24], turn)
+    x, z = at[0], at[2]
     rows = np.empty((6, len(velocity)))
     place_rows(tree, foot, frame, x, z, mass, rows)
     from_speed, from_momentum = pitch_rate(rows)
@@ -112,14 +112,13 @@ def balancing(
     for j in range(len(velocity)):
         speed += rows[_COM_X, j] * velocity[j]
         spin += rows[_SPIN, j] * velocity[j]
-    bandwidth = entries.offsets[e, 12]
-    pole = bandwidth if bandwidth > 0.0 else sqrt(weight / mass / abs(height))
+    pole = offset[12] if offset[12] > 0.0 else sqrt(weight / mass / abs(height))
     square = pole * pole
     on_pitch = square * square / (from_momentum * weight)
     on_spin = 4.0 * square * pole / weight
     on_speed = 4.0 * pole + mass * height * on_spin
     on_place = 6.0 * square - (from_speed - from_momentum * mass * height) * on_pitch
-    pitch = target - atan2(points[1, 6], points[1, 8])
+    pitch = target - atan2(turn[2], turn[8])
     return float(on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin)
 
 

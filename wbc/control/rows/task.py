@@ -194,7 +194,7 @@ class StateTask(Task):
     def slot(self, place: FloatArray) -> FloatArray:
         """Return the part (k,) of a placement (12,) in which a target stands that is an array.
 
-        Rotation column by column is before the translation, or the one number of a distance or a
+        Rotation row by row is before the translation, or the one number of a distance or a
         pitch; a momentum is in front.
         """
         return (place if self.kind is RowKind.MOMENTUM else place[9:])[self.rows()]
