@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Self, final
 
@@ -23,13 +23,16 @@ _PRODUCT = " * "
 _NAME = r"(?P<joint>[^\s|()^*]+)"
 _VARIABLE = rf"(?P<quantity>{'|'.join(QUANTITIES)})_{_NAME}"
 _NUMBER = r"(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
-_SHAPES = {
-    "power": re.compile(rf"{_VARIABLE}(?:\^(?P<number>[2-5]))?"),
-    "size": re.compile(rf"\|{_VARIABLE}\|"),
-    "sign": re.compile(rf"sign\((?P<quantity>v)_{_NAME}\)"),
-    "sin": re.compile(rf"sin\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"),
-    "cos": re.compile(rf"cos\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"),
+_ANGLE = rf"\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"
+_SHAPES: dict[str, tuple[str, Callable[[FloatArray, float], FloatArray]]] = {
+    "power": (rf"{_VARIABLE}(?:\^(?P<number>[2-5]))?", lambda x, k: x ** int(k)),
+    "size": (rf"\|{_VARIABLE}\|", lambda x, _: np.abs(x)),
+    "sign": (rf"sign\((?P<quantity>v)_{_NAME}\)", lambda x, _: x / np.hypot(x, SOFT_SPEED)),
+    "sin": (f"sin{_ANGLE}", lambda x, k: np.sin(k * x)),
+    "cos": (f"cos{_ANGLE}", lambda x, k: np.cos(k * x)),
 }
+"""How a shape is written, and its function of a quantity and a number."""
+
 _HELP = (
     "a term is '1' or a product such as 'sin(2 q_hip) * sign(v_knee)' of the factors q_JOINT, "
     "v_JOINT, a_JOINT, load_JOINT, gravity_JOINT, their powers ^2 to ^5 and sizes |...|, "
@@ -69,8 +72,8 @@ class Factor:
         Raises:
             EffectError: the text is no factor; the message holds the grammar.
         """
-        for shape, pattern in _SHAPES.items():
-            match = pattern.fullmatch(text)
+        for shape, (pattern, _) in _SHAPES.items():
+            match = re.fullmatch(pattern, text)
             if match is not None:
                 found = match.groupdict()
                 number = float(found.get("number") or 1.0)
@@ -89,16 +92,8 @@ class Factor:
 
     def value(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the factor (...) along a motion; a sign is softened."""
-        x = _quantity(robot, motion, self.quantity, self.joint)
-        if self.shape == "power":
-            return np.asarray(x ** int(self.number))
-        if self.shape == "size":
-            return np.abs(x)
-        if self.shape == "sign":
-            return np.asarray(x / np.hypot(x, SOFT_SPEED))
-        return np.asarray(
-            np.sin(self.number * x) if self.shape == "sin" else np.cos(self.number * x)
-        )
+        quantity = _quantity(robot, motion, self.quantity, self.joint)
+        return np.asarray(_SHAPES[self.shape][1](quantity, self.number))
 
 
 @dataclass(frozen=True)

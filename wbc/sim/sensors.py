@@ -123,9 +123,8 @@ def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
         return {}
     q = np.tile(robot.neutral(), (len(recording), 1))
     v = np.zeros((len(recording), robot.model.nv))
-    for name in names:
-        q[:, robot.position_index(name)] = recording.column(f"{name}.position")
-        v[:, robot.velocity_index(name)] = recording.column(f"{name}.velocity")
+    at_q, at_v = [*map(robot.position_index, names)], [*map(robot.velocity_index, names)]
+    q[:, at_q], v[:, at_v] = (recording.stack(part, names) for part in ("position", "velocity"))
     if loose:
         angle, speed = (recording.stack(name, gears.joints) for name in _ROTOR)
         q[:, robot.actuated_position] = gears.joints_from_rotors(angle)
@@ -133,11 +132,8 @@ def reported_motion(robot: Robot, recording: Log) -> dict[str, FloatArray]:
     motion = Motion(q, v, time=recording.time)
     for effect in robot.effects:
         motion = effect.measured(robot, motion)
-    shown = {}
-    for name in names:
-        shown[f"{name}.position"] = motion.position[:, robot.position_index(name)]
-        shown[f"{name}.velocity"] = motion.velocity[:, robot.velocity_index(name)]
-    return shown
+    seen = {"position": motion.position[:, at_q], "velocity": motion.velocity[:, at_v]}
+    return {f"{n}.{part}": seen[part][:, k] for part in seen for k, n in enumerate(names)}
 
 
 def reported_forces(robot: Robot, recording: Log) -> dict[str, FloatArray]:
