@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -257,7 +257,7 @@ _quadratic = compiled(Number, Number, Number)(friction.quadratic)
 _spring = compiled(Number, Number, Number, Number)(spring)
 _ripple = compiled(Number, Number, Number, Number, Number)(ripple)
 _stribeck = compiled(Number, Number, Number, Number)(friction.stribeck_level)
-_extra_share = compiled(Number, Number, Number, Number)(extra_share)
+lost_share: Any = compiled(Number, Number, Number, Number)(extra_share)
 
 
 @compiled(counted=False)
@@ -329,6 +329,6 @@ def fill_efficiencies(
         now_forward, now_backward: (m,), to write.
     """
     for i in range(len(gears)):
-        share = _extra_share(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
+        share = lost_share(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
         now_forward[i] = forward[i] * (1.0 - share)
         now_backward[i] = backward[i] / (1.0 + share)

@@ -13,7 +13,6 @@ from scipy.linalg import lapack
 from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
-from wbc.effects.tables import fill_efficiencies
 from wbc.errors import SimulationError
 from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Motion, Robot
@@ -48,11 +47,11 @@ class Setup:
         barriers: its limits and contacts.
         effects: of the robot.
         limits: least and greatest torque (m,) on the rotors [N m].
-        varying: whether efficiencies of gears depend on the motion.
+        varying: whether efficiencies of gears depend on the motion by hooks.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
-        waits: whether a part needs Python in its middle: for effects that no table holds, for
-            efficiencies that vary, or for rotor coupling.
+        waits: whether a part needs Python in its middle: for effects that no table holds, or for
+            rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
         now_kind, end_kind, hit_kind: how the words of `Now`, `Ending` and `Hit` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
@@ -91,9 +90,9 @@ class Setup:
         self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
         self.barriers = Barriers(robot, terrain, self.tree, hulls)
         self.effects = PlantEffects.of(robot)
-        self.varying = bool(robot.varying_gears.any())
+        self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
         self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
-        self.waits = bool(self.effects.hooks) or self.varying or robot.rotors_turn_with_links
+        self.waits = bool(self.effects.hooks) or robot.rotors_turn_with_links
         self.limits = -robot.transmission.torque_limit, robot.transmission.torque_limit
         bases = free_bases(robot)
         self.flies, self._pushed = bool(len(bases)), False
@@ -129,7 +128,7 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*self.effects.table[:3], *forces, asked, full))),
+                stored(tables.Forces._make((*self.effects.table, *forces, asked, full))),
                 now,
                 ending,
                 hit,
@@ -181,7 +180,7 @@ class Setup:
             motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
             memory = memory_before(self.acts, stage, state.memory)
             forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
-            self.tell_losses(q, v)
+            self.tell_losses(motion)
             self.tell_coupling(q, v)
             told.command[:], told.added[:] = forces.command, forces.added
             told.dry[:] = forces.friction
@@ -227,19 +226,11 @@ class Setup:
         self.heard()
         return gap
 
-    def tell_losses(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Give the loops the efficiencies that gears have at q (nq,) and v (nv,), if they vary."""
-        if not self.varying:
-            return
-        drive, table = self.drive, self.effects.table
-        if not table.act_on_gears:
-            motion = Motion(position, velocity)
-            self._write(*self.robot.gear_efficiencies(motion, drive.forward, drive.backward))
-            return
-        forward, backward, turning = np.empty((3, drive.gears.size))
-        turning[:] = drive.rows @ velocity
-        fill_efficiencies(table.gears, turning, drive.forward, drive.backward, forward, backward)
-        self._write(forward, backward)
+    def tell_losses(self, motion: Motion) -> None:
+        """Give the loops the efficiencies that gears have at a motion, if hooks change them."""
+        if self.varying:
+            own = self.drive.forward, self.drive.backward
+            self._write(*self.robot.gear_efficiencies(motion, *own))
 
     def forget_losses(self) -> None:
         """Give the loops the efficiencies that gears have without effects."""

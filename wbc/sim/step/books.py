@@ -100,7 +100,7 @@ def book_gears(plant: Opened, rows: PartRows, solved: Solved) -> None:
         turned = 0.5 * step * gears.ratio[i] * (rows.motor[i] + motor[i])
         books[MOTOR] += plant.end.torque[i] * turned
         books[ROTOR] += step * (gears.coulomb[i] + gears.viscous[i] * size) * size
-        gain = gears.inverse[i] if motor[i] * mesh[i] > 0.0 else gears.backward[i]
+        gain = rows.laws[i, 3] if motor[i] * mesh[i] > 0.0 else rows.laws[i, 4]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
         if plant.gears.yields[i]:
             lost, damped = loose_losses(plant, rows, solved, i, lost)

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
 from wbc.compiled import OutDense, OutRow, Row, inner
+from wbc.effects.tables import lost_share
 from wbc.mechanics.linear import dot
 from wbc.robot import Robot
 from wbc.sim.state import SimState
@@ -106,6 +107,10 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         law[0], law[1], law[2] = brought - rubs, brought + rubs, gears.inertia[i]
         law[2] += step * gears.viscous[i]
         law[3], law[4], law[5], law[6] = gears.inverse[i], gears.backward[i], 0.0, 0.0
+        rest, slowness = plant.forces.gears[i, 0], plant.forces.gears[i, 1]
+        if rest > 0.0:
+            share = lost_share(dot(plant.end.speed, gears.rows[i]), rest, slowness)
+            law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
         if gears.direct and gears.backward[i] >= 0.0:
             law[5] = step * friction[gears.row[i]]
         law[7], law[8] = np.inf, 0.0

@@ -52,7 +52,7 @@ class Gears(NamedTuple):
     Attributes:
         ratio, inertia: N, N^2 I_r (m,).
         viscous, coulomb: N^2 and |N| times the friction of the rotors (m,).
-        inverse, backward: 1/eta_f, eta_b (m,).
+        inverse, backward: 1/eta_f, eta_b (m,), without what `Forces.gears` takes.
         stiffness, damping, play: of the flanks (m,).
         rows: (m, nv) speed of the joints per v, as the motor outputs turn where gears are rigid.
         row: (m,) of v of each joint.
@@ -149,7 +149,8 @@ class Forces(NamedTuple):
     """What acts over a part beside gravity and the gears' losses.
 
     Attributes:
-        joints, numbers, drives: effects that loops evaluate in the middle, see `EffectTable`.
+        joints, numbers, drives, gears: effects that loops evaluate in the middle, see
+            `EffectTable`.
         command: (m,) memory: [N m] that reaches these drives.
         added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
@@ -166,6 +167,7 @@ class Forces(NamedTuple):
     joints: Table
     numbers: Dense
     drives: Dense
+    gears: Dense
     command: OutRow
     added: OutRow
     outer: OutRow
