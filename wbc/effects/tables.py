@@ -224,6 +224,22 @@ def _acts_like(robot: Robot, one: Effect, effects: Sequence[Effect]) -> bool:
     return True
 
 
+def add_torques(
+    robot: Robot, effect: Effect, motion: Motion, totals: tuple[FloatArray, FloatArray, FloatArray]
+) -> None:
+    """Add what an effect exerts to totals.
+
+    Args:
+        robot, effect, motion: what its hooks are asked.
+        totals: smooth torque and level of dry friction (..., nv), torque on the rotors (..., m).
+    """
+    hooks = effect.joint_torque, effect.joint_friction, effect.rotor_torque
+    for total, hook in zip(totals, hooks, strict=True):
+        found = hook(robot, motion)
+        if found is not None:
+            total += found
+
+
 def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[FloatArray]:
     """Return what effects do with a motion, by all hooks that a step or a tick calls."""
     samples = motion.velocity.shape[:-1]
@@ -233,14 +249,7 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
     added, torque, command = np.zeros(given.shape), given, given
     eta = gears.forward_efficiency, gears.backward_efficiency
     for effect in effects:
-        for total, hook in (
-            (smooth, effect.joint_torque),
-            (dry, effect.joint_friction),
-            (added, effect.rotor_torque),
-        ):
-            found = hook(robot, motion)
-            if found is not None:
-                total += found
+        add_torques(robot, effect, motion, (smooth, dry, added))
         torque = effect.drive(robot, motion, torque)
         eta = effect.gear_efficiencies(robot, motion, *eta)
     for effect in reversed(effects):

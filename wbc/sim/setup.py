@@ -119,6 +119,7 @@ class Setup:
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_stages)
+        losses = 1.0 / self.drive.forward, np.array(self.drive.backward)
         forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if self.meshed else 0))
         return stored(
             tables.Opened(
@@ -128,7 +129,7 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*self.effects.table, *forces, asked, full))),
+                stored(tables.Forces._make((*self.effects.table, *losses, *forces, asked, full))),
                 now,
                 ending,
                 hit,
@@ -172,7 +173,6 @@ class Setup:
         stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
         try:
             if step == 0.0:
-                self.forget_losses()
                 self.tell_coupling(now.position, now.velocity)
                 return
             q, v, given = end.before.copy(), end.speed.copy(), told.mesh
@@ -180,7 +180,10 @@ class Setup:
             motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
             memory = memory_before(self.acts, stage, state.memory)
             forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
-            self.tell_losses(motion)
+            if self.varying:
+                own = self.drive.forward, self.drive.backward
+                forward, told.backward[:] = self.robot.gear_efficiencies(motion, *own)
+                told.inverse[:] = 1.0 / forward
             self.tell_coupling(q, v)
             told.command[:], told.added[:] = forces.command, forces.added
             told.dry[:] = forces.friction
@@ -225,21 +228,6 @@ class Setup:
         gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self.heard()
         return gap
-
-    def tell_losses(self, motion: Motion) -> None:
-        """Give the loops the efficiencies that gears have at a motion, if hooks change them."""
-        if self.varying:
-            own = self.drive.forward, self.drive.backward
-            self._write(*self.robot.gear_efficiencies(motion, *own))
-
-    def forget_losses(self) -> None:
-        """Give the loops the efficiencies that gears have without effects."""
-        if self.varying:
-            self._write(self.drive.forward, self.drive.backward)
-
-    def _write(self, forward: FloatArray, backward: FloatArray) -> None:
-        gears = self.plant.gears
-        gears.inverse[:], gears.backward[:] = 1.0 / forward, backward
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
         """Return the inertial coupling at (q, v); None where rotors only feel their own spin."""

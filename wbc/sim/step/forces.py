@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.tables import EffectTable, effect_table, left_for_hooks
+from wbc.effects.tables import EffectTable, add_torques, effect_table, left_for_hooks
 from wbc.errors import SimulationError
 from wbc.robot import Effect, Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
@@ -98,12 +98,5 @@ class PlantEffects:
             if memory:
                 following.append(own)
             rotor = effect.drive(self.robot, seen[i], rotor)
-            for total, hook in (
-                (joint, effect.joint_torque),
-                (dry, effect.joint_friction),
-                (added, effect.rotor_torque),
-            ):
-                given = hook(self.robot, seen[i])
-                if given is not None:
-                    total += given
+            add_torques(self.robot, effect, seen[i], (joint, dry, added))
         return EffectForces(joint, dry, rotor, added, tuple(following), tuple(seen))

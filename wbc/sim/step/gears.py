@@ -100,19 +100,19 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         step: h [s].
         laws: to write, see `RowSystem`.
     """
-    gears, friction = plant.gears, plant.forces.friction
+    gears, forces = plant.gears, plant.forces
     for i in range(len(speed)):
         law, rubs = laws[i], step * gears.coulomb[i]
         brought = step * gears.ratio[i] * plant.end.torque[i] + gears.inertia[i] * speed[i]
         law[0], law[1], law[2] = brought - rubs, brought + rubs, gears.inertia[i]
         law[2] += step * gears.viscous[i]
-        law[3], law[4], law[5], law[6] = gears.inverse[i], gears.backward[i], 0.0, 0.0
-        rest, slowness = plant.forces.gears[i, 0], plant.forces.gears[i, 1]
+        law[3], law[4], law[5], law[6] = forces.inverse[i], forces.backward[i], 0.0, 0.0
+        rest, slowness = forces.gears[i, 0], forces.gears[i, 1]
         if rest > 0.0:
             share = lost_share(dot(plant.end.speed, gears.rows[i]), rest, slowness)
             law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
         if gears.direct and gears.backward[i] >= 0.0:
-            law[5] = step * friction[gears.row[i]]
+            law[5] = step * forces.friction[gears.row[i]]
         law[7], law[8] = np.inf, 0.0
 
 

@@ -55,12 +55,8 @@ def impact_laws(gears: Gears, motor: Row, laws: OutDense) -> None:
         if gears.yields[i]:
             law[2] = law[3] = law[4] = 1.0
             continue
-        law[2], law[3], law[4], law[7] = (
-            gears.inertia[i],
-            gears.inverse[i],
-            gears.backward[i],
-            np.inf,
-        )
+        law[2], law[3], law[4] = gears.inertia[i], gears.inverse[i], gears.backward[i]
+        law[7] = np.inf
         rotor_brings(gears, i, law[2] * motor[i], law)
 
 

@@ -238,14 +238,11 @@ def stepped(
         check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
     setup.begin(state, command, external)
     plant = setup.plant
-    try:
-        failed = take_step(plant, q, v, impulse, deflection, speed, state.closed, state.time, step)
-        stages = setup.stages()
-        setup.heard()
-        if failed:
-            raise _failure(setup, failed)
-    finally:
-        setup.forget_losses()
+    failed = take_step(plant, q, v, impulse, deflection, speed, state.closed, state.time, step)
+    stages = setup.stages()
+    setup.heard()
+    if failed:
+        raise _failure(setup, failed)
     return Course(setup, state, command, external, *stages, setup.acts)
 
 

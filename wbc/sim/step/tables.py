@@ -52,7 +52,7 @@ class Gears(NamedTuple):
     Attributes:
         ratio, inertia: N, N^2 I_r (m,).
         viscous, coulomb: N^2 and |N| times the friction of the rotors (m,).
-        inverse, backward: 1/eta_f, eta_b (m,), without what `Forces.gears` takes.
+        inverse, backward: 1/eta_f, eta_b (m,), as they are in impacts.
         stiffness, damping, play: of the flanks (m,).
         rows: (m, nv) speed of the joints per v, as the motor outputs turn where gears are rigid.
         row: (m,) of v of each joint.
@@ -151,6 +151,7 @@ class Forces(NamedTuple):
     Attributes:
         joints, numbers, drives, gears: effects that loops evaluate in the middle, see
             `EffectTable`.
+        inverse, backward: (m,) memory: 1/eta_f, eta_b in a part, without what `gears` takes.
         command: (m,) memory: [N m] that reaches these drives.
         added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
@@ -159,8 +160,8 @@ class Forces(NamedTuple):
         length: (1,) memory: h [s] of the part, zero in an impact.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
-        asked: address of a function of Python that fills command, added, outer and dry in the
-            middle, and coupling and efficiencies of gears, also before an impact; else zero.
+        asked: address of a function of Python that fills command, added, outer, dry and
+            efficiencies in the middle, and coupling of gears, also before an impact; else zero.
         full: address of one that takes `Opened.stages`, which are all used.
     """
 
@@ -168,6 +169,8 @@ class Forces(NamedTuple):
     numbers: Dense
     drives: Dense
     gears: Dense
+    inverse: OutRow
+    backward: OutRow
     command: OutRow
     added: OutRow
     outer: OutRow
