@@ -162,7 +162,7 @@ def diagnose(
         remainder=describe(left),
         robot=fit.robot,
         warnings=tuple(warnings),
-        ranking=with_covariances(rank_hypotheses(odds, final), trials),
+        ranking=with_covariances(rank_hypotheses(odds, final), trials, final),
         correlation=correlation_of(problem, fit),
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),

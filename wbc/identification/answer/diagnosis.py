@@ -150,7 +150,9 @@ def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
     return tuple(rows)
 
 
-def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked, ...]:
+def with_covariances(
+    ranking: Sequence[Ranked], trials: Trials, final: Hypothesis
+) -> tuple[Ranked, ...]:
     """Return the ranking with what the logs leave open of the parameters of the closest rivals.
 
     Those whose links swing behind their gears are left out: no experiment is planned for them, and
@@ -159,6 +161,7 @@ def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked,
     Args:
         ranking: of the hypotheses tried.
         trials: which hold their fits, or make them again.
+        final: what was found.
     """
     known = {h.effects: h for h in trials.known}
     rows, left = [], 0 if trials.hurried else RIVALS
@@ -170,7 +173,7 @@ def with_covariances(ranking: Sequence[Ranked], trials: Trials) -> tuple[Ranked,
             rows.append(row)
             continue
         left -= rival
-        fit = trials.fit(h)
+        fit = trials.fit(h, final)
         scales = [parameter.scale for _, parameter in fit.parameters]
         deviations = block_deviations(fit, trials.problem.blocks) * scales
         rows.append(replace(row, covariance=deviations.T @ deviations))

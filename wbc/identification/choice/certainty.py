@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
 from wbc.arrays import FloatArray
 from wbc.identification.choice.drop_screen import gains
@@ -108,7 +109,7 @@ class Support:
 
     @property
     def _not_late(self) -> float:
-        return float(1.0 / (1.0 + np.exp(_MISTIMED - 0.5 / max(self.mistimed, _NONE) ** 2)))
+        return float(expit(0.5 / max(self.mistimed, _NONE) ** 2 - _MISTIMED))
 
     @property
     def _no_stand_in(self) -> float:
@@ -116,7 +117,7 @@ class Support:
         score = _LEVEL + self.expected + _EXPLAINED * self.explained
         score -= np.log(_EVERYWHERE + (1.0 - _EVERYWHERE) * single)
         score -= _REMAINDER * np.log(max(self.remainder, _NONE)) + self.implausible
-        return float(1.0 / (1.0 + np.exp(-score)))
+        return float(expit(score))
 
 
 def support_of(

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import log_ndtr
 
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
+from wbc.identification.model.intervals import WIDER
 from wbc.identification.model.residual import IMPOSSIBLE, drive_gains, drive_misses
 from wbc.identification.model.yielding import deflects, plays, yielding_gears
 from wbc.robot import Effect
@@ -18,9 +20,6 @@ LEAST_ASKED = _PLACE + _NUMBER
 _GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
 _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
 _LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
-_BEYOND = 12.0  # [nats] for a number that the logs want beyond the end of its range
-_SURE = 2.33  # standard deviations: one in a hundred is beyond
-_AT_END = 3.0  # [nats] for one that lies there
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
@@ -66,27 +65,22 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
 def _ends(problem: EstimationProblem, fit: Fit) -> list[float]:
     """Return what numbers of each effect at the end of their range cost; shapes there do not.
 
-    An effect at the end of its shapes often turns into a simpler one.
+    That is how improbable it is to find them by chance as far beyond as the logs want them:
+    nothing where these do not tell. An effect at the end of its shapes often turns into a simpler
+    one.
     """
+    costs = [0.0] * len(fit.effects)
     ends = {}
     for row, (k, parameter) in enumerate(fit.parameters):
-        effect = fit.effects[k]
-        value = effect.values[parameter.name]
-        nulls = effect.null_values(problem.robot, effect.where)
-        null = nulls.get(parameter.name, parameter.null)
+        value = fit.effects[k].values[parameter.name]
         if not parameter.shape and value in (parameter.low, parameter.high):
-            ends[row] = (1.0 if value == parameter.high else -1.0, value == null)
-    costs = [0.0] * len(fit.effects)
-    if not ends:
-        return costs
-    step, deviations = fit.steps_of_blocks(problem.blocks)
-    spread = np.linalg.norm(deviations, axis=0)
-    for row, (side, harmless) in ends.items():
-        owner = fit.parameters[row][0]
-        if side * step[row] > _SURE * spread[row]:
-            costs[owner] += _BEYOND
-        elif not harmless:
-            costs[owner] += _AT_END
+            ends[row] = 1.0 if value == parameter.high else -1.0
+    if ends:
+        step, deviations = fit.steps_of_blocks(problem.blocks)
+        spread = np.maximum(WIDER * np.linalg.norm(deviations, axis=0), 1e-300)
+        for row, side in ends.items():
+            beyond = max(side * step[row] / spread[row], 0.0)
+            costs[fit.parameters[row][0]] -= float(np.log(2.0) + log_ndtr(-beyond))
     return costs
 
 

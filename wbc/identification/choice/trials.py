@@ -173,14 +173,19 @@ class Trials:
             group[best] = ended
             group = [h for k, h in enumerate(group) if h.believable or not k]
 
-    def fit(self, hypothesis: Hypothesis) -> Fit:
+    def fit(self, hypothesis: Hypothesis, near: Hypothesis | None = None) -> Fit:
         """Return the fit of a hypothesis, made again where it was let go.
+
+        Args:
+            hypothesis: that was tried.
+            near: another one, of which derivatives are taken then.
 
         Raises:
             OutOfTime: it was, and the search must end. An answer needs it all the same.
         """
         if hypothesis.effects not in self._fits:
-            fit = partial(self.problem.fit, hypothesis.effects)
+            known = None if near is None else self.fit(near)
+            fit = partial(self.problem.fit, hypothesis.effects, near=known)
             self._keep(hypothesis.effects, fit() if self.answering else fit(ask=self.ask))
         return self._fits[hypothesis.effects]
 

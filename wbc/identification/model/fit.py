@@ -260,12 +260,12 @@ class Fit:
         a = self.usual.weighted(self.jacobian)
         return np.asarray(a.T @ a)
 
-    @property
+    @cached_property
     def known(self) -> FloatArray:
         """(p, p) what the records and what is usual know of the parameters, as `information`."""
         return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
 
-    @property
+    @cached_property
     def moment(self) -> FloatArray:
         """(p,) by which the Gauss-Newton step solves `known` step = -moment."""
         along = np.einsum("rop,ro->p", self.jacobian, self.residual / self.usual.noise)
