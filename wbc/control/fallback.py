@@ -8,17 +8,18 @@ from time import perf_counter
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutRow, Places, Row, compiled
+from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Refused
 from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.level import SolvedLevel
+from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.search import DirectedSolution
 from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import POSITION, TORQUE_ROW
-from wbc.mechanics.linear import factor_inertia, halfway, products, rest_of_way
+from wbc.mechanics.linear import factor_inertia, halfway, products
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -198,17 +199,15 @@ class Fallback:
 
 
 @compiled(inside=True)
-def solve_positive(matrix: Dense, right: OutRow) -> None:
-    """Replace the right side (n,) by the solution.
+def solve_positive(matrix: OutDense, right: OutRow) -> None:
+    """Replace the right side (n,) by the solution, and the matrix by its factor.
 
     Raises:
         LinAlgError: the matrix is not positive definite.
     """
-    lower = np.empty((len(right), len(right)))
-    if not factor_inertia(matrix, lower):
+    if not factorise_from(matrix, 0, len(right)):
         raise np.linalg.LinAlgError
-    halfway(lower, right.reshape(-1, 1))
-    rest_of_way(lower, right)
+    substitute(matrix, len(right), right)
 
 
 @compiled

@@ -17,17 +17,22 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
+from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled, inner
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.solvers import INFINITE
-from wbc.mechanics.linear import copy_to
+from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.structures import Structure
 
 _SOLVES = 4  # two suffice but where rows all but repeat each other
 _DIGITS = 1e-12  # of the largest right side, which rounding leaves of it
 _ROUNDING = 10.0  # equations of hundreds of newtons are met to 1e-6 N without a refinement
 FEW = 8
-"""Steps that are worth a try where the bounds that bind are all but known."""
+"""Steps that are worth a try where the bounds that bind are all but known.
+
+In squats in which a torque limit binds, a searched tick of Solo12 takes 255 us without a try and
+99 with one; of Talos, with 0.3 rad/s of noise, 512 without and 498, 280 and 264 with 8, 16 and 32
+steps. But then the worst of 1000 hostile ticks of Solo12 takes 20, 26 and 33 good ones.
+"""
 UNSETTLED = -1
 """What `settle` returns where it finds no solution."""
 _DECIDED = 1e-12  # share of a squared length that other rows leave of a row which they decide
@@ -73,24 +78,20 @@ all rows, `active` the numbers of the bounds that stand among them.
 SolverMemory = Annotated[Any, SOLVER.kind]
 
 
-@compiled
+@inner
 def _factorise(solver: SolverMemory, first: int, known: int, size: int) -> bool:
     """Write K = G D^-1 G' + S, and its factor, from row `known` on; return whether there is one."""
-    G, softness, inverse = solver.rows[first:], solver.softness[first:], solver.inverse
-    scaled, system, n = solver.scaled, solver.system, len(inverse)
+    G, scaled, system, inverse = solver.rows[first:], solver.scaled, solver.system, solver.inverse
     for i in range(known, size):
-        for j in range(n):
+        for j in range(len(inverse)):
             scaled[i, j] = G[i, j] * inverse[j]
         for k in range(i + 1):
-            product = 0.0
-            for j in range(n):
-                product += scaled[i, j] * G[k, j]
-            system[i, k] = product
-        system[i, i] += softness[i]
+            system[i, k] = dot(scaled[i], G[k])
+        system[i, i] += solver.softness[first + i]
     return factorise_from(system, known, size)
 
 
-@compiled
+@inner
 def _try_rows(
     solver: SolverMemory, first: int, known: int, base: int, size: int, x: OutRow
 ) -> bool:
@@ -109,33 +110,24 @@ def _try_rows(
         whether the rows are independent.
     """
     G, right, free, force = solver.rows[first:], solver.right[first:], solver.free, solver.force
-    left, scaled, factor, n = solver.left, solver.scaled, solver.system, len(x)
+    left, scaled, factor = solver.left, solver.scaled, solver.system
     if not _factorise(solver, first, known, size):
         return False
     for i in range(known, size):
-        half, whole = right[i], solver.softness[first + i]
-        for j in range(n):
-            half -= G[i, j] * free[j]
-        for k in range(i):
-            half -= factor[i, k] * left[k]
-        left[i] = half * factor[i, i]
-        for j in range(n if i >= base else 0):
-            whole += scaled[i, j] * G[i, j]
-        if i >= base and whole * factor[i, i] ** 2 > 1.0 / _DECIDED:
+        half, whole = right[i] - dot(G[i], free), solver.softness[first + i]
+        left[i] = (half - dot(left[:i], factor[i])) * factor[i, i]
+        if i >= base and (whole + dot(scaled[i], G[i])) * factor[i, i] ** 2 > 1.0 / _DECIDED:
             return False
-    for i in range(size):
-        force[i] = left[i]
+    copy_to(left[:size], force)
     copy_to(free, x)
     for i in range(size - 1, -1, -1):
         force[i] *= factor[i, i]
-        for k in range(i):
-            force[k] -= factor[i, k] * force[i]
-        for j in range(n):
-            x[j] += scaled[i, j] * force[i]
+        add_times(-force[i], factor[i, :i], force)
+        add_times(force[i], scaled[i], x)
     return True
 
 
-@compiled
+@inner
 def _meet_rows(
     solver: SolverMemory, first: int, known: int, size: int, tolerance: float, x: OutRow
 ) -> bool:
@@ -154,11 +146,8 @@ def _meet_rows(
     for _ in range(_SOLVES):
         total = 0.0
         for i in range(size):
-            left = right[i] - softness[i] * force[i]
-            for j in range(len(x)):
-                left -= G[i, j] * x[j]
-            missing[i] = left
-            total += left * left
+            missing[i] = right[i] - softness[i] * force[i] - dot(G[i], x)
+            total += missing[i] * missing[i]
         if total <= allowed:
             return True
         # x moves by corrections alone: summed anew from `force`, large terms that all but cancel
@@ -166,23 +155,21 @@ def _meet_rows(
         substitute(solver.system, size, missing)
         for i in range(size):
             force[i] += missing[i]
-            for j in range(len(x)):
-                x[j] += scaled[i, j] * missing[i]
+            add_times(missing[i], scaled[i], x)
     return False
 
 
-@compiled
+@inner
 def _place_bound(solver: SolverMemory, first: int, place: int, row: int) -> int:
     """Write a bound that binds into a place of G; return the next one."""
     at = first + place
     solver.right[at] = solver.upper[row] if solver.taken[row] > 0 else solver.lower[row]
     solver.softness[at] = solver.give[row]
-    for j in range(solver.rows.shape[1]):
-        solver.rows[at, j] = solver.C[row, j]
+    copy_to(solver.C[row], solver.rows[at])
     return place + 1
 
 
-@compiled
+@inner
 def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop: int) -> int:
     """Write the bounds that bind, of rows from `start` to `stop`, below the first `base` of G.
 
@@ -203,7 +190,7 @@ def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop:
     return size
 
 
-@compiled
+@inner
 def _most_violated(
     solver: SolverMemory, bounds: tuple[int, int], tolerance: float, x: Row
 ) -> tuple[int, int]:
@@ -213,9 +200,7 @@ def _most_violated(
     for i in range(bounds[0], bounds[1]):
         if solver.taken[i] != 0:
             continue
-        value = 0.0
-        for j in range(len(x)):
-            value += C[i, j] * x[j]
+        value = dot(C[i], x)
         beyond = max(value - upper[i], lower[i] - value)
         if beyond > tolerance:
             length = solver.give[i]
@@ -227,7 +212,7 @@ def _most_violated(
     return best, side
 
 
-@compiled
+@inner
 def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) -> int:
     """Change all pushes until one reaches zero.
 
@@ -264,7 +249,7 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) 
     return leaving
 
 
-@compiled
+@inner
 def _begin(
     solver: SolverMemory,
     first: int,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from wbc.compiled import Dense, OutDense, OutRow, compiled
+from wbc.compiled import Dense, OutDense, OutRow, compiled, inner
+from wbc.mechanics.linear import add_times, dot
 
 _INDEPENDENT = 1e-8
 _SHORT = 0.25  # of a squared length, from which rounding along the other rows counts
@@ -63,18 +64,14 @@ def factorise_from(matrix: OutDense, start: int, size: int) -> bool:
     return True
 
 
-@compiled
+@inner
 def substitute(factor: Dense, size: int, values: OutRow) -> None:
     """Overwrite the first `size` values (..,) with the solution, `factor` from `factorise_from`."""
     for i in range(size):
-        left = values[i]
-        for k in range(i):
-            left -= factor[i, k] * values[k]
-        values[i] = left * factor[i, i]
+        values[i] = (values[i] - dot(values[:i], factor[i])) * factor[i, i]
     for i in range(size - 1, -1, -1):
         values[i] *= factor[i, i]
-        for k in range(i):
-            values[k] -= factor[i, k] * values[i]
+        add_times(-values[i], factor[i, :i], values)
 
 
 @compiled
