@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from wbc.compiled import Dense, OutDense, OutRow, compiled, inner
-from wbc.mechanics.linear import add_times, dot
+from wbc.mechanics.linear import add_times, copy_to, dot
 
 _INDEPENDENT = 1e-8
 _SHORT = 0.25  # of a squared length, from which rounding along the other rows counts
@@ -74,21 +74,17 @@ def substitute(factor: Dense, size: int, values: OutRow) -> None:
         add_times(-values[i], factor[i, :i], values)
 
 
-@compiled
+@inner
 def remove(kept: Dense, count: int, rows: OutDense, row: int, n: int) -> None:
     """Take the directions of the first `count` orthonormal rows of `kept` out of a row.
 
     Only the first n columns are read; behind them all these rows are zero.
     """
     for i in range(count):
-        along = 0.0
-        for j in range(n):
-            along += kept[i, j] * rows[row, j]
-        for j in range(n):
-            rows[row, j] -= along * kept[i, j]
+        add_times(-dot(kept[i, :n], rows[row]), kept[i, :n], rows[row])
 
 
-@compiled
+@compiled(counted=False)
 def extend_basis(rows: Dense, left: OutDense, kept: OutDense, count: int, n: int) -> int:
     """Extend an orthonormal basis by what further rows add to it.
 
@@ -107,9 +103,7 @@ def extend_basis(rows: Dense, left: OutDense, kept: OutDense, count: int, n: int
     """
     total = len(rows)
     for i in range(total):
-        length = 0.0
-        for j in range(n):
-            length += rows[i, j] * rows[i, j]
+        length = dot(rows[i, :n], rows[i])
         scale = 1.0 / sqrt(length) if length > 0.0 else 0.0
         for j in range(n):
             left[i, j] = scale * rows[i, j]
@@ -117,30 +111,21 @@ def extend_basis(rows: Dense, left: OutDense, kept: OutDense, count: int, n: int
     for done in range(min(total, n - count)):
         best, longest = done, -1.0
         for i in range(done, total):
-            length = 0.0
-            for j in range(n):
-                length += left[i, j] * left[i, j]
+            length = dot(left[i, :n], left[i])
             if length > longest:
                 best, longest = i, length
         if not longest > _INDEPENDENT**2:
             break
-        for j in range(n):
-            kept[count, j] = left[best, j]
-            left[best, j] = left[done, j]
+        copy_to(left[best, :n], kept[count])
+        copy_to(left[done, :n], left[best])
         length = longest
         if longest < _SHORT:
             remove(kept, count, kept, count, n)
-            length = 0.0
-            for j in range(n):
-                length += kept[count, j] * kept[count, j]
+            length = dot(kept[count, :n], kept[count])
         scale = 1.0 / sqrt(length)
         for j in range(n):
             kept[count, j] *= scale
         for i in range(done + 1, total):
-            along = 0.0
-            for j in range(n):
-                along += kept[count, j] * left[i, j]
-            for j in range(n):
-                left[i, j] -= along * kept[count, j]
+            add_times(-dot(kept[count, :n], left[i]), kept[count, :n], left[i])
         count += 1
     return count

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import OutDense, OutPlaces, OutRow, Places, Row, compiled
+from wbc.compiled import OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
 from wbc.control.qp.active_set import SOLVER
@@ -35,6 +35,7 @@ from wbc.control.tick import (
     TOLERANCE,
     ProgramMemory,
 )
+from wbc.mechanics.linear import add_times
 from wbc.robot import Robot
 
 # Directions that move the rows less than this share are left to the tasks: near such a pose a
@@ -85,18 +86,17 @@ class Recipe:
         return weight if weight > 0.0 else 1e3
 
 
-@compiled
+@inner
 def add_square(row: Row, right: float, weight: float, H: OutDense, g: OutRow) -> None:
     """Add weight (row x - right)^2 / 2 to x'Hx / 2 + g'x."""
     for i in range(len(row)):
         if row[i] != 0.0:
             share = weight * row[i]
             g[i] -= share * right
-            for j in range(len(row)):
-                H[i, j] += share * row[j]
+            add_times(share, row, H[i])
 
 
-@compiled
+@compiled(counted=False)
 def write_costs(program: ProgramMemory, wanted: Places, H: OutDense, g: OutRow) -> None:
     """Write the Hessian (n, n) and the gradient (n,).
 

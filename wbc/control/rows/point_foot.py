@@ -8,7 +8,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, Vector, compiled, local
+from wbc.compiled import Dense, OutDense, Row, compiled, local
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.rows.task import Gains, StateTask, Task
@@ -66,13 +66,9 @@ def pitch_rate(rows: Dense) -> tuple[float, float]:
     """
     normal, weights = np.empty((5, 5)), np.empty(5)
     for i in range(5):
-        weights[i] = 0.0
-        for j in range(rows.shape[1]):
-            weights[i] += rows[i, j] * rows[_PITCH, j]
+        weights[i] = dot(rows[i], rows[_PITCH])
         for k in range(i + 1):
-            normal[i, k] = 0.0
-            for j in range(rows.shape[1]):
-                normal[i, k] += rows[i, j] * rows[k, j]
+            normal[i, k] = dot(rows[i], rows[k])
         normal[i, i] += 1e-12
     if not factorise_from(normal, 0, 5):
         return np.nan, np.nan
@@ -82,7 +78,7 @@ def pitch_rate(rows: Dense) -> tuple[float, float]:
 
 @compiled
 def balancing(
-    tree: TreeMemory, entries: RowsMemory, e: int, velocity: Vector, mass: float, target: float
+    tree: TreeMemory, entries: RowsMemory, e: int, velocity: Row, mass: float, target: float
 ) -> float:
     """Return xdd [m/s^2], the feedback on (x, xd, k, theta) with all poles at -p.
 
@@ -108,10 +104,7 @@ def balancing(
     place_rows(tree, foot, frame, x, z, mass, rows)
     from_speed, from_momentum = pitch_rate(rows)
     place, height = com[0] - x, com[2] - z
-    speed, spin = 0.0, 0.0
-    for j in range(len(velocity)):
-        speed += rows[_COM_X, j] * velocity[j]
-        spin += rows[_SPIN, j] * velocity[j]
+    speed, spin = dot(rows[_COM_X], velocity), dot(rows[_SPIN], velocity)
     pole = offset[12] if offset[12] > 0.0 else sqrt(weight / mass / abs(height))
     square = pole * pole
     on_pitch = square * square / (from_momentum * weight)
