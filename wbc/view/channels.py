@@ -12,8 +12,15 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.errors import LogError
-from wbc.identification.records.channels import contact_forces, positions, velocities
+from wbc.identification.records.channels import (
+    contact_forces,
+    positions,
+    reported_share,
+    torque_sources,
+    velocities,
+)
 from wbc.measurement import Log
+from wbc.measurement.schema import REPORTED
 from wbc.robot import Robot
 from wbc.transmission import Transmission, direction
 
@@ -46,13 +53,9 @@ def rotor_torque(robot: Robot, log: Log) -> FloatArray:
     """Return the torque on the rotors (N, m) [N m]; NaN columns where the log holds none."""
     gears = robot.transmission
     torque = np.full((len(log), gears.size), np.nan)
-    for column, joint in enumerate(gears.joints):
-        if log.has(f"{joint}.rotor_torque"):
-            torque[:, column] = log.column(f"{joint}.rotor_torque")
-        elif log.has(f"{joint}.motor_torque"):
-            torque[:, column] = log.column(f"{joint}.motor_torque") / gears.gear_ratio[column]
-        elif log.has(f"{joint}.current"):
-            torque[:, column] = log.column(f"{joint}.current") * gears.torque_constant[column]
+    for k, (joint, source) in enumerate(zip(gears.joints, torque_sources(log, gears), strict=True)):
+        if source in REPORTED:
+            torque[:, k] = log.column(f"{joint}.{source}") * reported_share(gears, k, source)
     return torque
 
 

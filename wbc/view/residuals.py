@@ -11,6 +11,7 @@ from wbc.arrays import FloatArray
 from wbc.identification.answer.shown import Series
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.record import Record, output_names, output_units
+from wbc.measurement.checks import true_runs
 from wbc.robot import Robot
 from wbc.view.rows import short_label
 
@@ -86,8 +87,7 @@ def _over_time(
         lines |= {"measured": given.measured, "given": given.modelled, "fitted": fitted.modelled}
     short = {name: _short(values[every, k]) for name, values in lines.items()}
     inside = record.weight[record.edge : len(record.weight) - record.edge, k] < _HALF
-    changed = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-    ends = record.time[0] + (changed.reshape(-1, 2) - [0, 1]) / record.rate
+    ends = record.time[0] + (np.stack(true_runs(inside), axis=1) - [0, 1]) / record.rate
     unused = [_short(stretch, 6) for stretch in ends[:_STRETCHES]]
     return {"t": _short(given.time[every], 6), **short, "unused": unused}
 

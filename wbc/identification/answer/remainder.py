@@ -447,11 +447,13 @@ def _over_travel(
     position: FloatArray, speed: FloatArray, ways: Sequence[FloatArray], ratio: float
 ) -> list[FloatArray]:
     """Return waves over the travel and the rotor's turn, and memories of the direction."""
+    from wbc.effects.bristle_series import bent_along  # it loads the compiler
+
     travel = float(np.ptp(position)) or 1.0  # a joint may stand still in one log of several
     share = (position - position.min()) / travel
     waves = [f(np.pi * k * share) for k in range(1, 2 * _WAVES + 1, 2) for f in (np.sin, np.cos)]
     turns = [f(k * ratio * position) for k in range(1, _TURNS + 1) for f in (np.sin, np.cos)]
-    memories = [_bristle(position, length * travel) for length in _BRISTLES]
+    memories = [bent_along(position, length * travel) for length in _BRISTLES]
     scaled = _scaled(share - share.mean())
     return [
         *waves, *turns, *memories, *(wave * ways[-1] for wave in waves), scaled * speed,
@@ -463,17 +465,6 @@ def _bends(values: FloatArray) -> list[FloatArray]:
     """Return max(x - k, 0) for knots k at even shares of the values: any bent line over x."""
     knots = np.quantile(values, np.linspace(0.0, 1.0, _KNOTS + 2)[1:-1])
     return [np.maximum(values - knot, 0.0) for knot in knots]
-
-
-def _bristle(position: FloatArray, length: float) -> FloatArray:
-    """Return dz/ds = sgn(v) - z over the length, along the path s: a memory of the direction."""
-    way = np.diff(position, prepend=position[:1])
-    keep = np.exp(-np.abs(way) / length)
-    toward = np.sign(way) * (1.0 - keep)
-    memory = np.zeros(len(way))
-    for k in range(1, len(way)):
-        memory[k] = keep[k] * memory[k - 1] + toward[k]
-    return memory
 
 
 def _scaled(values: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.errors import IdentificationError, LogError
 from wbc.identification.records.channels import (
     read_channels,
+    reported_share,
     torque_sources,
     typical_inertia,
     without_position,
@@ -192,6 +193,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     pairs = zip(reported[inside].T, torque[inside].T, strict=True)
     if not any(_follows(raw, slow, 2.0 * cutoff / rate) for raw, slow in pairs):
         return None
+    shares = [reported_share(own.transmission, k, name) for k, name in enumerate(quantities)]
     thin = np.arange(length)[inside][:: max(1, length // _ROWS)]
     position = smoothed(own, told.position, cutoff, rate, _ORDER)
     velocity = differentiate(position, rate, own.model)
@@ -205,7 +207,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         whole=torque,
         kept=thin,
         rate=rate,
-        conversion=_conversion(own, tuple(quantities)),
+        conversion=own.transmission.gear_ratio * shares,
         forces={n: low_pass(f, cutoff, rate, _ORDER)[thin] for n, f in told.forces.items()},
         quantities=tuple(quantities),
         # What holds a joint at rest is stiction, too: its torque may be any within it.
@@ -291,16 +293,6 @@ def _cutoff(position: FloatArray, rate: float) -> float:
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
     found = 2.0 * float(frequency[int(np.searchsorted(share, _MOTION_SHARE))])
     return float(np.clip(found, 4.0 * rate / (length - 1), min(_HIGHEST, 0.4 * frequency[-1])))
-
-
-def _conversion(robot: Robot, quantities: tuple[str, ...]) -> FloatArray:
-    gears = robot.transmission
-    factors = {
-        "rotor_torque": gears.gear_ratio,
-        "motor_torque": np.ones(gears.size),
-        "current": gears.gear_ratio * gears.torque_constant,
-    }
-    return np.array([factors[quantity][k] for k, quantity in enumerate(quantities)])
 
 
 def _samples(values: FloatArray) -> float:

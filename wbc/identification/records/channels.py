@@ -63,12 +63,18 @@ def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     told = log.column(f"{joint}.{source}")
     if source == "duty":
         return _winding_law(log, transmission, row, told, 0.0)
-    if source == "motor_torque":
-        told = told / transmission.gear_ratio[row]
-    elif source == "current":
-        told = told * known_number(transmission, row, "torque_constant")
+    if source == "current":
+        known_number(transmission, row, "torque_constant")
     nothing, unbounded = np.zeros(len(log)), np.full(len(log), np.inf)
+    told = told * reported_share(transmission, row, source)
     return DriveLaw(told, nothing, nothing, unbounded, np.inf)
+
+
+def reported_share(transmission: Transmission, row: int, quantity: str) -> float:
+    """Return the torque on the rotor over a quantity that its drive reports, NaN if not known."""
+    if quantity == "current":
+        return float(transmission.torque_constant[row])
+    return 1.0 if quantity == "rotor_torque" else 1.0 / float(transmission.gear_ratio[row])
 
 
 def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
