@@ -72,7 +72,7 @@ def test_drives_that_report_only_noise_are_named_first(friction: list[Log]) -> N
     assert "N m" not in sentence
     assert diagnosis.next_experiment.startswith("The drives of hip and knee report only noise")
     assert "correct its column" in diagnosis.next_experiment
-    assert diagnosis.warnings[-1].startswith("hip, knee: no drive reports more than noise")
+    assert "no drive reports more" in diagnosis.warnings[-1]
 
 
 def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(friction: list[Log]) -> None:
@@ -85,7 +85,7 @@ def test_noise_as_large_as_what_the_motion_needs_is_set_aside_too(friction: list
     assert np.std(reported) > 0.5 * np.std(reported - problem.residual[:, 1])
     assert problem.silent == ("knee",)
     (both,) = about_silent(("hip", "knee"))
-    assert both.startswith("hip, knee: the torques that their drives report")
+    assert both.startswith("hip, knee: the torque reported there")
     # What friction adds to an honest report hides no share of the load.
     assert EstimationProblem.from_logs(ROBOT, friction).silent == ()
 

@@ -61,19 +61,9 @@ _STILL = (
     "it moving back and forth, slowly and fast."
 )
 _SILENT = (
-    "{}: the torque that its drive reports is small, close to its noise, and does not follow what "
-    "the motion needs; the joint is set aside. Either it carried too little in these logs to be "
-    "judged, or its torque constant, unit or column is wrong."
-)
-_SEVERAL_SILENT = (
-    "{}: the torques that their drives report are small, close to their noise, and do not follow "
-    "what the motion needs; these joints are set aside. Either they carried too little in these "
-    "logs to be judged, or a torque constant, unit or column is wrong at each."
-)
-_ALL_SILENT = (
-    "{}: no drive reports more than noise. The torques do not follow what the motion needs, so no "
-    "cause is looked for. Either the joints carried too little in these logs, or a torque "
-    "constant, unit, column or clock is wrong."
+    "{}: the torque reported there is close to its noise and does not follow what the motion needs;"
+    " {}. Either too little was carried in these logs, or a torque constant, unit, column or clock "
+    "is wrong."
 )
 # Share of the mean square error of one output that is no small part: 0.25 to 0.9 give the same
 # verdicts on 60 generated logs in which something stays unexplained.
@@ -201,10 +191,8 @@ def about_silent(joints: Sequence[str], *, every: bool = False) -> list[str]:
         joints: of these drives.
         every: whether no other drive reports, so that they are judged all the same.
     """
-    if joints and every:
-        return [_ALL_SILENT.format(", ".join(joints))]
-    text = _SILENT if len(joints) == 1 else _SEVERAL_SILENT
-    return [text.format(", ".join(joints))] if joints else []
+    so = "no drive reports more, so no cause is looked for" if every else "it is set aside"
+    return [_SILENT.format(", ".join(joints), so)] if joints else []
 
 
 def _about_the_search(found: SearchResult) -> list[str]:
