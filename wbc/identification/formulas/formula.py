@@ -19,7 +19,6 @@ from wbc.robot import Effect, Robot
 from wbc.tables import FEW
 
 _RIDGE = 1e-7
-_ROUNDS = 4  # of exchanges
 _TRIED = 10  # additions to a support that are fitted
 _BEAM = 6  # supports kept per size
 _PAIRS = 40
@@ -65,8 +64,7 @@ class SparseRegression:
         """Return the best supports found with 0, 1, ..., `most` terms that brake where dry.
 
         A beam of supports grows by one term at a time, joined by the best of all pairs, since two
-        terms may do together what neither does alone. The best of each size is improved by
-        exchanges.
+        terms may do together what neither does alone.
         """
         best = [TermSet((), np.zeros(0), self._energy)]
         beam: list[tuple[int, ...]] = [()]
@@ -77,8 +75,8 @@ class SparseRegression:
             found = list(islice(self._allowed(list(distinct)), _BEAM))
             if not found:
                 break
-            best.append(self._exchanged(found[0]))
-            beam = list(dict.fromkeys(s.chosen for s in (best[-1], *found)))[:_BEAM]
+            best.append(found[0])
+            beam = [support.chosen for support in found]
         return best
 
     def fitted(self, chosen: Sequence[int]) -> TermSet:
@@ -94,21 +92,6 @@ class SparseRegression:
         for k in np.argsort(losses, kind="stable"):
             chosen, coefficients = offers[k], solutions[k] / self._scale[offers[k]]
             yield TermSet(tuple(chosen.tolist()), coefficients, float(losses[k]))
-
-    def _exchanged(self, support: TermSet) -> TermSet:
-        """Return the support after exchanges of single terms, as long as they help."""
-        current = support
-        for _ in range(_ROUNDS):
-            offers = [
-                offer
-                for out in current.chosen
-                for offer in self._extensions([k for k in current.chosen if k != out])
-            ]
-            better = next(self._allowed(offers), current)
-            if better.loss > current.loss * (1.0 - 1e-9):
-                break
-            current = better
-        return current
 
     def _extensions(self, rest: Sequence[int]) -> list[tuple[int, ...]]:
         """Return the most promising supports of `rest` and one term more."""
