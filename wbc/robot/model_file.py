@@ -131,12 +131,12 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
     model.upperDryFrictionLimit = np.zeros(model.nv)
     model.lowerDryFrictionLimit = np.zeros(model.nv)
     tag = "transmission" if path.suffix == ".urdf" else "actuator"
-    if _root(path).find(f".//{tag}") is not None:
+    if xml_root(path).find(f".//{tag}") is not None:
         notes.append(f"{path.name}: <{tag}> was ignored; gears stand in robot.toml.")
     return (*notes, *left_out(path))
 
 
-def _root(path: Path) -> ET.Element:
+def xml_root(path: Path) -> ET.Element:
     """Return the root of a file, an empty one of a file that is no XML."""
     try:
         return ET.parse(path).getroot()
@@ -154,7 +154,7 @@ def left_out(path: Path) -> tuple[str, ...]:
         path: a `.urdf` or MJCF `.xml` file that could be read; parts that an MJCF includes from
             other files are not looked at.
     """
-    root = _root(path)
+    root = xml_root(path)
     found = _of_urdf(root) if path.suffix == ".urdf" else _of_mjcf(root)
     return tuple(f"{path.name}: {text}" for text in found)
 
@@ -163,7 +163,7 @@ def closed_loops(path: Path) -> tuple[str, ...]:
     """Return the loops that an MJCF file closes, by what closes them and the bodies or sites."""
     if path.suffix != ".xml":
         return ()
-    items = [item for equality in _root(path).iter("equality") for item in equality]
+    items = [item for equality in xml_root(path).iter("equality") for item in equality]
     return tuple(f"{item.tag} of {_between(item)}" for item in items if item.tag in _LOOPS)
 
 
@@ -258,7 +258,7 @@ def check_inertias(path: Path) -> tuple[str, ...]:
 
 def _stated(path: Path) -> Iterator[tuple[str, FloatArray]]:
     """Yield (link, inertia (3, 3)) of a file; parts that an MJCF includes are not looked at."""
-    for link in _root(path).iter("link" if path.suffix == ".urdf" else "body"):
+    for link in xml_root(path).iter("link" if path.suffix == ".urdf" else "body"):
         for element in link.findall("inertial"):
             stated = element.find("inertia") if path.suffix == ".urdf" else element
             if stated is None:

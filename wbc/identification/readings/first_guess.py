@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 from wbc.errors import RobotError
 from wbc.files import write_text
@@ -23,7 +22,7 @@ from wbc.measurement.read import load_logs
 from wbc.measurement.schema import LOG_UNITS
 from wbc.measurement.tables import Table
 from wbc.robot import Robot
-from wbc.robot.model_file import driven_joints, read_model
+from wbc.robot.model_file import driven_joints, read_model, xml_root
 
 _LOGS = 4  # of a file that are looked at: a guess needs no more
 _ROUNDS = 6  # of corrections, one upon another
@@ -170,7 +169,7 @@ def write_robot(
         shared: whether one table holds the guesses for all gears; what the model file states of a
             joint stands in a table of its own.
     """
-    stated = {**_reductions(model), **_armatures(model)}
+    stated = _stated(model)
     lines = [
         "# Written by `wbc init`. Numbers whose source is 'guess' are to be looked up.",
         f'name = "{name}"',
@@ -207,28 +206,21 @@ def _number(key: str, value: float | None, guess: float, unit: str, why: str) ->
     )
 
 
-def _reductions(path: Path) -> Mapping[str, tuple[float, float | None]]:
-    """Return joint -> (gear ratio, no inertia) of the <transmission> elements of a URDF."""
-    found: dict[str, tuple[float, float | None]] = {}
-    for element in _root(path).iter("transmission"):
+def _stated(path: Path) -> Mapping[str, tuple[float, float | None]]:
+    """Return joint -> (gear ratio, inertia of the rotor if known) that a model file states.
+
+    By the <transmission> elements of a URDF, and the armature of a joint itself in an MJCF.
+    """
+    root, found = xml_root(path), dict[str, tuple[float, float | None]]()
+    for element in root.iter("transmission"):
         joint, ratio = element.find("joint"), element.findtext(".//mechanicalReduction") or ""
         with suppress(ValueError):
             if joint is not None and float(ratio) != 0.0:
                 found[str(joint.get("name"))] = (float(ratio), None)
+    for joint in root.iter("joint"):
+        if (name := joint.get("name")) and (own := joint.get("armature")):
+            found[name] = (1.0, float(own))
     return found
-
-
-def _armatures(path: Path) -> Mapping[str, tuple[float, float]]:
-    """Return joint -> (1, armature) of the joints of an MJCF file that state one themselves."""
-    joints = {joint.get("name"): joint.get("armature") for joint in _root(path).iter("joint")}
-    return {name: (1.0, float(own)) for name, own in joints.items() if name and own}
-
-
-def _root(path: Path) -> ElementTree.Element:
-    try:
-        return ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as cause:
-        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
 
 
 def guess_ratios(
