@@ -57,6 +57,8 @@ def test_what_cannot_be_simulated_says_why() -> None:
     assert "forces at foot were not recorded" in found.reason
     assert np.isnan(found.error).all()
     assert found.to_json()["joints"]["hip"]["error"] == [None, None, None]
+    forces = {"foot.force.x": 0.0 * time, "foot.force.z": 250.0 + 0.0 * time}
+    assert open_loop(robot, [Log(time, columns | forces)]).reason == ""  # none along y
 
 
 def test_a_short_log_leaves_the_long_horizon_open() -> None:

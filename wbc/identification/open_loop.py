@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
-from wbc.identification.records.channels import DriveLaw, drive_law
+from wbc.identification.records.channels import DriveLaw, contact_forces, drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
@@ -80,17 +80,12 @@ class SimulatedLog:
             )
         states = np.asarray(record.motion.time)
         edge = record.edge / record.rate
-        forces = {
-            name: np.stack([log.column(f"{name}.force.{axis}") for axis in "xyz"], axis=1)
-            for name in names
-            if name in log.contacts
-        }
         return cls(
             robot=own,
             plant=Plant(_without_limits(own), Plane(height=-_FAR), bodies="feet"),
             laws=tuple(drive_law(log, gears, k) for k in range(gears.size)),
             time=np.asarray(log.time - log.time[0]),
-            forces=forces,
+            forces=contact_forces(own, log),
             motion=record.motion_of(own),
             states=states,
             first=float(states[0]) + edge,

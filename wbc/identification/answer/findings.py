@@ -230,9 +230,7 @@ def quantities_of(
         sentences.append("no mass, centre or moment alone differs for certain, only sums of them")
     if same := [name for name in known if name not in differ]:
         sentences.append(f"as given, within their intervals: {', '.join(same)}")
-    # What is only said in the place of something else is not missed.
-    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
-    if silent := [n for n in found if n not in estimates and not n.startswith(stand_ins)]:
+    if silent := [name for name in _in_own_place(found) if name not in estimates]:
         sentences.append(f"not shown by these logs, left as given: {_listed(silent, found)}")
     return differ, sentences
 
@@ -270,11 +268,16 @@ def _simplest(known: Mapping[str, Estimate], found: Mapping[str, Quantity]) -> d
     return kept
 
 
+def _in_own_place(found: Mapping[str, Quantity]) -> list[str]:
+    """Return the names without what is only said in the place of something else."""
+    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
+    return [name for name in found if not name.startswith(stand_ins)]
+
+
 def _listed(names: list[str], found: Mapping[str, Quantity]) -> str:
     """Return names in a row, those of a body of which all are there as one."""
-    stand_ins = tuple({quantity.instead for quantity in found.values() if quantity.instead})
-    told, parts = [name for name in found if not name.startswith(stand_ins)], []
-    for body, own in groupby(told, key=lambda name: name.rpartition(".")[0]):
+    parts = []
+    for body, own in groupby(_in_own_place(found), key=lambda name: name.rpartition(".")[0]):
         every = list(own)
         there = [name for name in every if name in names]
         parts += [f"all of {body}"] if body and there == every else there

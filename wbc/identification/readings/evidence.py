@@ -61,7 +61,6 @@ _PHYSICS = 0.015
 _LOST = 0.8  # share that a report leaves which does not follow; of those 2114 reports ...
 _RARELY_LOST = 0.02  # ... no more than these leave more than 0.13, and each joint on its own
 MOST_SAMPLES = 40.0  # beyond them errors of the model repeat themselves
-_WORST = 1e6  # share of power that a fit leaves, beyond which none is worse
 ROUNDING = 1e-9  # of the largest cause, below which one is nothing: a joint that carries no load
 _INERTIA = 3.0  # times a joint's own inertia that a forgotten rotor may have
 _PARTS = 3  # of a log: what strays far in one counts once, and one joint alone is late in each
@@ -272,7 +271,7 @@ def _likelihoods(
 
 def log_likelihood(left: FloatArray, count: FloatArray | float) -> FloatArray:
     """Return the log likelihood of independent samples of which a share of the power is left."""
-    return np.asarray(-0.5 * count * np.log(np.minimum(left, _WORST) + _PHYSICS))
+    return np.asarray(-0.5 * count * np.log(left + _PHYSICS))
 
 
 class _Subsets(NamedTuple):
