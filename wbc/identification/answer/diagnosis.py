@@ -25,6 +25,7 @@ from wbc.identification.answer.shown import (
 from wbc.identification.answer.words import MEANINGS, verdict_sentence, what_to_do
 from wbc.identification.choice.certainty import CERTAIN, EVEN, TIED, Odds, Support
 from wbc.identification.choice.evidence import Hypothesis, Key
+from wbc.identification.choice.find_causes import RIVALS
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_ODDS = 6.0  # powers of ten: beyond, odds say nothing that a reader could use
-RIVALS = 3
-"""Rivals of what was found whose covariance is kept: as many as an experiment is planned for."""
 Standing = Literal["found", "better", "worse", "not distinguishable"]
 _BLOCKS_PER_PARAMETER = 4  # in fewer blocks parameters are correlated by chance
 

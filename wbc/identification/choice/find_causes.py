@@ -20,6 +20,8 @@ from wbc.identification.records.preparation import REVERSAL
 from wbc.measurement import Log
 from wbc.robot import Effect
 
+RIVALS = 3
+"""Rivals of an answer that are always fitted: as many as an experiment is planned for."""
 INTERRUPTED, _OVER = "it was interrupted", "its time was over"
 
 _WEAK = 9.0  # first error up to which what acts at once may do as well as a link that swings
@@ -95,7 +97,8 @@ def find_causes(
 def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
     """Fit what comes nearest in the place of the causes: an answer says by how much it is worse."""
     if not final.swings:
-        proposer.trials.rivals_of(final, proposer.exchanges(final, 1, hopeless=True))
+        offers = proposer.exchanges(final, 1, hopeless=True)
+        proposer.trials.rivals_of(final, offers[:RIVALS])
 
 
 def _with_yielding_gears(
