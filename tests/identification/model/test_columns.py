@@ -9,7 +9,7 @@ from tests.moved import waving
 from wbc import effects, load_robot
 from wbc.identification.choice.candidate_columns import evidence, make_regressors
 from wbc.identification.model import estimation_problem
-from wbc.identification.model.columns import ADDS, derivatives
+from wbc.identification.model.columns import ADDS, Change, derivatives
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual, evaluate, with_changes
 from wbc.robot import Effect, Motion, Robot
@@ -65,6 +65,8 @@ def test_an_effect_that_other_gears_feel_is_judged_place_by_place() -> None:
     problem = EstimationProblem.from_logs(leg, [waving(leg)])
     at = evaluate(leg, (), problem.records, problem.whitening)
     shown = [(evidence(leg, problem.records), None)]
+    # What it leaves alone where it does nothing says nothing of where it acts.
+    problem.columns.of(at, [Change(_Leaking("hip", 0.0), 1.0)], held=True)
     found = make_regressors(problem.columns, at, [_Leaking], shown)
     assert found
     assert all(len(regressor.columns.outputs) == 2 for regressor in found)
