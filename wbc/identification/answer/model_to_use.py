@@ -242,9 +242,8 @@ class _Prediction:
     @classmethod
     def of(cls, trials: Trials, h: Hypothesis) -> _Prediction:
         problem = trials.problem
-        kept = [k for k in range(len(problem.whitening)) if k not in problem.floor.aside]
         more = problem.floor_error + problem.distorted(DISTORTED)
-        return cls(h, problem.floor.values[kept] ** 2 * (1.0 + more))
+        return cls(h, problem.floor.values[problem.floor.judged] ** 2 * (1.0 + more))
 
     def behind(self, other: _Prediction) -> float:
         """Return the largest ratio of two outputs' errors, less a standard error of the first."""

@@ -146,10 +146,10 @@ def noise_floor(
         drawn: (rows, m + b) noise of the sensors in each.
         repeats: pairs of logs, as of `close_repeats`.
     """
-    noise = np.concatenate(drawn)
+    noise, per_sample = np.concatenate(drawn), rows_per_sample(records)
     sensors = _covariance(noise)
     if not repeats:
-        return NoiseFloor(sensors, sensors, (), samples=len(noise) / rows_per_sample(records))
+        return NoiseFloor(sensors, sensors, (), samples=len(noise) / per_sample)
     differences = [
         _difference(residuals[i], records[i].time, residuals[j], records[j].time) / np.sqrt(2.0)
         for i, j in repeats
@@ -159,8 +159,7 @@ def noise_floor(
     covariance = _over_all(records, repeats, repeated, sensors)
     raised = np.sqrt(np.maximum(np.diag(sensors) / np.diag(covariance), 1.0))
     covariance *= np.outer(raised, raised)
-    samples = len(noise) / rows_per_sample(records)
-    return NoiseFloor(covariance, sensors, tuple(repeats), samples=samples)
+    return NoiseFloor(covariance, sensors, tuple(repeats), samples=len(noise) / per_sample)
 
 
 def _over_all(
