@@ -263,10 +263,7 @@ class Level:
         self._decided, solution = found.decided, found.solution
         block[program.at[X]] = solution.x
         finish(program.memory, dt, block)
-        pushes = solution.z[program.torque]
-        self._saturated = bool(
-            pushes.max(initial=0.0) > _BINDS or pushes.min(initial=0.0) < -_BINDS
-        )
+        self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
         return SolvedLevel(self, block, dt, 0, found.solve_time, found, verdict, excess)
 
     def expecting(self, last: FloatArray) -> FloatArray:
@@ -300,7 +297,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
-        beyond = program.beyond(solution.x)[: program.joint.start] if finite else np.zeros(1)
+        beyond = program.excess(solution)[0, : program.joint.start] if finite else np.zeros(1)
         broken = program.labels[int(np.argmax(beyond))] if beyond.any() else "a constraint"
         return Status.INFEASIBLE, f"{broken} cannot be kept beside the others; see explain()."
     return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ from wbc.control.tick import (
     TOLERANCE,
     ProgramMemory,
 )
-from wbc.mechanics.linear import add_times
+from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.robot import Robot
 
 # Directions that move the rows less than this share are left to the tasks: near such a pose a
@@ -97,24 +98,41 @@ def add_square(row: Row, right: float, weight: float, H: OutDense, g: OutRow) ->
 
 
 @compiled(counted=False)
-def write_costs(program: ProgramMemory, wanted: Places, H: OutDense, g: OutRow) -> None:
-    """Write the Hessian (n, n) and the gradient (n,).
+def write_out(
+    program: ProgramMemory,
+    wanted: Places,
+    H: OutDense,
+    g: OutRow,
+    rows: OutDense,
+    lower: OutDense,
+    upper: OutDense,
+) -> None:
+    """Write Hessian (n, n), gradient (n,), and e equalities over r bounds, rows (e + r, n).
 
     Args:
         program: PROGRAM.
         wanted: (r,) 1 or -1 for bounds that are tasks for the time being, as well.
-        H, g: results.
+        H, g, rows: results.
+        lower, upper: results (3, e + r) that get tighter: without limits of joints and distances,
+            without those that are tasks, and all.
     """
-    solver, counts = program.solver, program.counts
+    solver, counts, hard = program.solver, program.counts, program.counts[HARD]
     H[:] = 0.0
     for j in range(len(g)):
         H[j, j], g[j] = solver.diagonal[j], -solver.pull[j]
     for i in range(counts[FIRST], counts[COST]):
         add_square(solver.rows[i], solver.right[i], 1.0 / solver.softness[i], H, g)
+    for i in range(hard):
+        copy_to(solver.rows[counts[COST] + i], rows[i])
+        lower[:, i] = upper[:, i] = solver.right[counts[COST] + i]
     for i in range(len(wanted)):
+        copy_to(solver.C[i], rows[hard + i])
+        lower[:, hard + i], upper[:, hard + i] = solver.lower[i], solver.upper[i]
         if wanted[i] != 0:
             right = solver.upper[i] if wanted[i] > 0 else solver.lower[i]
             add_square(solver.C[i], right, 1.0 / solver.give[i], H, g)
+        left = 2 if wanted[i] != 0 else 1 if i >= counts[JOINT] else 0
+        lower[:left, hard + i], upper[:left, hard + i] = -INFINITE, INFINITE
 
 
 @compiled
@@ -136,6 +154,20 @@ def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
     for i in range(counts[JOINT], counts[BOUNDS]):
         solver.give[i] = 1.0 / (FIRM * heaviest)
         wanted[i] = 1 if solver.upper[i] < 0.0 else -1 if solver.lower[i] > 0.0 else 0
+
+
+@compiled
+def place_excess(program: ProgramMemory, x: Row, z: Row, beyond: OutRow, push: OutRow) -> None:
+    """Write by how much x (n,) passes each bound (r,), and how hard it pushes with z (r,).
+
+    A limit that is a task and not passed pushes nothing: it gives way itself.
+    """
+    solver, start = program.solver, program.counts[JOINT]
+    for i in range(len(z)):
+        value, high, low = dot(solver.C[i], x), solver.upper[i], solver.lower[i]
+        beyond[i] = max(value - high, low - value, 0.0)
+        gives = i >= start and (high < 0.0 or low > 0.0) and beyond[i] == 0.0
+        push[i] = 0.0 if gives else abs(z[i]) * sqrt(dot(solver.C[i], solver.C[i]))
 
 
 class Program:
@@ -315,31 +347,11 @@ class Program:
             solver.diagonal[:], solver.pull[:] = kept
             solver.give[:], self.wanted[:] = 0.0, 0
 
-    def bounds_in_turn(self) -> list[tuple[FloatArray, FloatArray]]:
-        """Return lower and upper bounds (r,) that get tighter.
-
-        Without limits of joints and distances, without those that are tasks, and all.
-        """
-        lower, upper = self.memory.solver.lower, self.memory.solver.upper
-        parts = np.arange(self.bounds) >= self.joint.start, self.wanted != 0
-        given = [
-            (np.where(part, -INFINITE, lower), np.where(part, INFINITE, upper))
-            for part in parts
-            if part.any()
-        ]
-        return [*given, (lower, upper)]
-
     def excess(self, solution: QPSolution) -> FloatArray:
-        """Return by how much each bound is passed (r,), and how hard it pushes (r,).
-
-        A limit that is a task and not passed pushes nothing: it gives way itself.
-        """
-        solver, beyond = self.memory.solver, self.beyond(solution.x)
-        push = np.abs(solution.z) * np.sqrt(np.einsum("ij,ij->i", solver.C, solver.C))
-        tasks = (solver.upper < 0.0) | (solver.lower > 0.0)
-        tasks[: self.joint.start] = False
-        push[tasks & (beyond == 0.0)] = 0.0
-        return np.array([beyond, push])
+        """Return by how much each bound is passed (r,), and how hard it pushes (r,)."""
+        found = np.empty((2, self.bounds))
+        place_excess(self.memory, solution.x, solution.z, found[0], found[1])
+        return found
 
     def told(self, excess: FloatArray) -> tuple[dict[str, float], str]:
         """Return what limits are passed, by how much [rad/s^2 or m/s^2], and that in words."""
@@ -359,19 +371,19 @@ class Program:
         told = f"{worst} is passed by {found[worst]:.3g} per s^2{more}: {stops} leaves no more."
         return found, told
 
+    def written(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return Hessian, gradient, rows and their bounds as they stand, see `write_out`."""
+        count = int(self.memory.counts[HARD]) + self.bounds
+        H, g, rows = np.empty((self.n, self.n)), np.empty(self.n), np.empty((count, self.n))
+        lower, upper = np.empty((3, count)), np.empty((3, count))
+        write_out(self.memory, self.wanted, H, g, rows, lower, upper)
+        return H, g, rows, lower, upper
+
     def dense(self) -> QPProblem:
         """Return a copy of the program as it stands, Hessian and gradient written out."""
-        solver, (cost, hard) = self.memory.solver, self.memory.counts[[COST, HARD]]
-        H, g, own = np.empty((self.n, self.n)), np.empty(self.n), slice(cost, cost + hard)
-        write_costs(self.memory, self.wanted, H, g)
-        held = solver.rows[own], solver.right[own], solver.C, solver.lower, solver.upper
-        return QPProblem(H, g, *[part.copy() for part in held])
-
-    def beyond(self, x: FloatArray) -> FloatArray:
-        """Return how far x (n,) is beyond each bound (r,), 0 within."""
-        solver = self.memory.solver
-        rows = solver.C @ x
-        return np.asarray(np.maximum(np.maximum(rows - solver.upper, solver.lower - rows), 0.0))
+        (H, g, rows, lower, upper), hard = self.written(), int(self.memory.counts[HARD])
+        low, high = lower[2, hard:], upper[2, hard:]
+        return QPProblem(H, g, rows[:hard], upper[2, :hard], rows[hard:], low, high)
 
     def label(self, row: int, equalities: int) -> tuple[str, float, str]:
         """Return what a constraint is called, and scale and unit of a violation.

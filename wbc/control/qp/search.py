@@ -13,7 +13,7 @@ from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
 from wbc.control.qp.gear_rows import place_output
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program
-from wbc.control.qp.solvers import QPSolution, QPStatus, solve, solve_in_turn
+from wbc.control.qp.solvers import Daqp, QPSolution, QPStatus, solve
 from wbc.control.tick import (
     COST,
     FIRST,
@@ -171,6 +171,7 @@ class DirectionSearch:
         self._written = self.output, np.empty(m), self._beyond
         self._limited = np.isin(np.arange(m), program.gears)
         self._passing: FloatArray | None = None
+        self._daqp = Daqp()
 
     def start(self, passing: FloatArray | None) -> None:
         """Count anew; bounds let pass x (n,) of the level above, None where there is none."""
@@ -300,10 +301,13 @@ class DirectionSearch:
         program, tolerance = self._program, self._tolerance
         self.iterations += _PROGRAM
         with program.limits_as_tasks():
-            problem, bounds = program.dense(), program.bounds_in_turn()
+            H, g, rows, lower, upper = program.written()
+            turns = program.joint.start < program.bounds, program.wanted.any(), True
+            bounds = [(lower[i], upper[i]) for i in range(3) if turns[i]]
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)
-            found = solve_in_turn(problem, bounds, tolerance=tolerance, most=most)
+            hard = len(rows) - program.bounds
+            found = self._daqp.solve(H, g, rows, bounds, hard, tolerance=tolerance, most=most)
             self.iterations += sum(one.iterations for one in found)
             last = found.pop()
             if last.status is not QPStatus.SOLVED:

@@ -142,8 +142,10 @@ def solve(name: str, problem: QPProblem, *, tolerance: float, most: int) -> QPSo
     """
     if name == "proxqp":
         return _solve_proxqp(problem, tolerance, most)
-    bounds = [(problem.lower, problem.upper)]
-    return solve_in_turn(problem, bounds, tolerance=tolerance, most=most)[-1]
+    H, g, A, b, C, lower, upper = problem
+    bounds = [(np.concatenate([b, lower]), np.concatenate([b, upper]))]
+    rows = np.concatenate([A, C])
+    return Daqp().solve(H, g, rows, bounds, len(b), tolerance=tolerance, most=most)[-1]
 
 
 def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
@@ -170,42 +172,62 @@ def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution
     return QPSolution(x, y, z, _PROXQP.get(info.status, QPStatus.FAILED), int(info.iter))
 
 
-def solve_in_turn(
-    problem: QPProblem,
-    bounds: Sequence[tuple[FloatArray, FloatArray]],
-    *,
-    tolerance: float,
-    most: int,
-) -> list[QPSolution]:
-    """Return the solutions of a program with ever tighter bounds, up to the first without one.
+class Daqp:
+    """daqp (Arnstrom, Bemporad & Axehill 2022), which needs a positive definite H.
 
-    By daqp (Arnstrom, Bemporad & Axehill 2022), which needs a positive definite H. It finishes in a
-    number of steps that grows with the constraints that bind, and says at once when none can be
-    met. Each solution begins with the bounds that bind in the one before.
-
-    Args:
-        problem: the program; its own bounds are not read.
-        bounds: lower and upper ones (n_in,), at least one pair.
-        tolerance: absolute, on residuals.
-        most: iterations of all solutions together.
+    It finishes in a number of steps that grows with the constraints that bind, and says at once
+    when none can be met. Every program begins from nothing, in the memory of the last one where it
+    has as many rows.
     """
-    H, g, A, b, C, _, _ = problem
-    sense = np.zeros(len(b) + len(C), dtype=np.int32)
-    sense[: len(b)] = _EQUALITY
-    model, rows, found = daqp.Model(), np.concatenate([A, C]), list[QPSolution]()
-    # rows that are equalities are eliminated: half the time of an iteration
-    limits = {"primal_tol": tolerance, "dual_tol": tolerance, "eq_reduction": 1}
-    for lower, upper in bounds:
-        low, high = np.concatenate([b, lower]), np.concatenate([b, upper])
-        model.settings = limits | {"iter_limit": max(most, 1)}
-        if found:
-            model.update(blower=low, bupper=high)
-        elif model.setup(H, g, rows, high, low, sense)[0] < 0:
-            return [QPSolution(np.zeros(len(g)), b, lower, QPStatus.FAILED, 0)]
-        x, _, flag, info = model.solve()
-        y, z = info["lam"][: len(b)], info["lam"][len(b) :]
-        status, most = _DAQP.get(flag, QPStatus.FAILED), most - info["iterations"]
-        found.append(QPSolution(x, y, z, status, info["iterations"]))
-        if status is not QPStatus.SOLVED:
-            break
-    return found
+
+    def __init__(self) -> None:
+        """Begin without memory."""
+        self._model, self._sizes = daqp.Model(), (0, 0)
+
+    def solve(
+        self,
+        H: FloatArray,
+        g: FloatArray,
+        rows: FloatArray,
+        bounds: Sequence[tuple[FloatArray, FloatArray]],
+        equalities: int,
+        *,
+        tolerance: float,
+        most: int,
+    ) -> list[QPSolution]:
+        """Return the solutions of a program with ever tighter bounds, up to the first without one.
+
+        Each one begins with the bounds that bind in the one before.
+
+        Args:
+            H, g: as of a `QPProblem`.
+            rows: A over C.
+            bounds: lower and upper ones of the rows, at least one pair.
+            equalities: how many rows A has.
+            tolerance: absolute, on residuals.
+            most: iterations of all solutions together.
+        """
+        model, sizes, found = self._model, (equalities, len(rows)), list[QPSolution]()
+        # rows that are equalities are eliminated: half the time of an iteration
+        limits = {"primal_tol": tolerance, "dual_tol": tolerance, "eq_reduction": 1}
+        sense = np.zeros(len(rows), dtype=np.int32)
+        sense[:equalities] = _EQUALITY
+        for lower, upper in bounds:
+            model.settings = limits | {"iter_limit": max(most, 1)}
+            if found:
+                flag = model.update(blower=lower, bupper=upper)
+            elif self._sizes == sizes:
+                flag = model.update(H, g, rows, upper, lower, sense)
+            else:
+                flag, self._sizes = model.setup(H, g, rows, upper, lower, sense)[0], sizes
+            if flag < 0:
+                self._sizes = 0, 0
+                none = np.zeros(len(rows))
+                return [QPSolution(np.zeros(len(g)), none, none, QPStatus.FAILED, 0)]
+            x, _, flag, info = model.solve()
+            y, z = info["lam"][:equalities], info["lam"][equalities:]
+            status, most = _DAQP.get(flag, QPStatus.FAILED), most - info["iterations"]
+            found.append(QPSolution(x, y, z, status, info["iterations"]))
+            if status is not QPStatus.SOLVED:
+                break
+        return found
