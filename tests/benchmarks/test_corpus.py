@@ -115,7 +115,7 @@ def test_what_is_hidden_in_a_short_log_leaves_noise(number: int) -> None:
     problem = EstimationProblem.from_logs(robot_of(case), logs)
     truth = [effect_class(flaw.effect)(flaw.where, **flaw.values) for flaw in case.flaws]
     fit = problem.fit(truth)
-    held = fit.held_out_residual(fit.parts(problem.folds))
+    held = fit.held_out_residual()
     assert np.mean(held**2) < 1.6
 
 

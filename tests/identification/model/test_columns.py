@@ -39,11 +39,14 @@ def test_columns_are_what_the_whole_residual_loses(
     regressors = make_regressors(problem.columns, at, ADDING, [(evidence(robot, records), None)])
     assert {regressor.effect.name for regressor in regressors} >= {"viscous_friction", "presliding"}
     for regressor in regressors[:: max(len(regressors) // 40, 1)]:
-        for k, unit in enumerate(regressor.screen.units):
-            changed = robot.with_effect(regressor.effect.at(regressor.where, unit))
-            lost = before - condensed_residual(changed, records)
+        # A gear that loses a share of its load is straight over little.
+        share, digits = (1e-3, 1e-4) if beside else (1.0, 1e-6)
+        for k, coefficients in enumerate(share * np.eye(regressor.size)):
+            own = regressor.build(robot, coefficients)
+            assert own is not None
+            lost = (before - condensed_residual(robot.with_effect(own), records)) / share
             column = regressor.columns.full()[:, :, k]
-            assert column == pytest.approx(lost, abs=1e-6 * max(float(np.abs(lost).max()), 1e-9))
+            assert column == pytest.approx(lost, abs=digits * max(float(np.abs(lost).max()), 1e-6))
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ def test_a_link_that_flies_off_loses_and_ends_nothing(falling: list[Log]) -> Non
         assert "flies off" in fit.failed
         assert "'hip'" in fit.failed
         assert fit.error == np.inf
-        assert np.all(np.isinf(fit.held_out_residual([])))
+        assert np.all(np.isinf(fit.held_out_residual()))
     assert not problem.fit([JointCompliance("hip", 5000.0, 10.0)]).failed
 
 
@@ -75,18 +75,17 @@ def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
     rows = UsualRows(usual @ step, usual, noise, np.ones(2))
     slots = tuple((0, Parameter(f"p{k}", "1", 0.0, -9.0, 9.0, 1.0)) for k in range(p))
     robot, effects = load_robot("simple_pendulum"), (CoulombFriction("joint", 0.1),)
-    return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows)
+    return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows, folds=FOLDS)
 
 
 def beside_open(fit: Fit) -> tuple[FloatArray, float]:
-    parts = fit.parts(FOLDS)
-    return fit.usual.beside_open(fit.held_out_residual(parts), fit.jacobian, parts)
+    return fit.usual.beside_open(fit.held_out_residual(), fit.jacobian, fit.parts)
 
 
 def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
     fit = linear_fit(np.random.default_rng(3), drawn=4, free=1)
     squares, cost = beside_open(fit)
-    held = fit.held_out_residual(fit.parts(FOLDS))
+    held = fit.held_out_residual()
     noise, usual = fit.usual.noise, fit.usual.jacobian[:, :4]
     wanted = expected = 0.0
     for fold in range(3):
@@ -109,7 +108,7 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     fit = linear_fit(np.random.default_rng(5), drawn=4, free=0)
     first = FOLDS == 0
     squares, _ = beside_open(fit)
-    held = fit.held_out_residual(fit.parts(FOLDS))
+    held = fit.held_out_residual()
     assert (held[first] ** 2).mean() > 2.0 * fit.residual[first].var()
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
 

@@ -92,7 +92,7 @@ def gains(
     """
     gone = [([], np.zeros(0)), *(until_null(fit, own, problem.robot) for own in drops)]
     squares = np.zeros((len(gone), fit.residual.shape[1]))
-    for rows, gram, moment in fit.without_each(fit.parts(problem.folds)):
+    for rows, gram, moment in fit.without_each():
         known, along, norm = fit.beside_usual(gram, moment)
         size = np.where(np.isfinite(norm), norm, 1.0)  # a column of zeros may have any step
         for sums, step in zip(squares, _steps(known, along, size, gone), strict=True):

@@ -222,14 +222,13 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
     Raises:
         FloatingPointError: what it leaves is not finite.
     """
-    parts = fit.parts(problem.folds)
-    held = fit.held_out_residual(parts)
+    held = fit.held_out_residual()
     squares = held**2
-    beside, cost = fit.usual.beside_open(held, fit.jacobian, parts)
+    beside, cost = fit.usual.beside_open(held, fit.jacobian, fit.parts)
     if not np.all(np.isfinite(squares)):
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
-    untold = fit.untold(parts)
+    untold = fit.untold()
     quieter = problem.quieter(fit.robot)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
     both = [

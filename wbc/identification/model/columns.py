@@ -22,6 +22,7 @@ from wbc.identification.model.residual import (
     Evaluation,
     Slots,
     by_link_torque,
+    mesh_slopes,
     raw_residual,
     swings_of,
     torques_of,
@@ -186,16 +187,19 @@ class AddedTorque:
         return result
 
 
-def added_torque(robot: Robot, effect: Effect, record: Record) -> AddedTorque | None:
+def added_torque(
+    robot: Robot, effect: Effect, record: Record, slopes: FloatArray | None = None
+) -> AddedTorque | None:
     """Return what an effect takes away from the residual of a log.
 
-    It holds beside any other effects as long as gears that feel it lose no share of what they
-    carry, encoders are right, no link is simulated, and drives are perfect.
+    It holds beside any other effects as long as no link is simulated, and drives are perfect.
 
     Args:
         robot: that lacks the effect.
         effect: that only adds torque (`ADDS`).
-        record: one log.
+        record: one log, along the true motion.
+        slopes: (N, m) torque of the motors per torque at the outputs of their gears, None where
+            none loses a share of it.
 
     Returns:
         None where contact forces were not measured: what carries the robot then depends on it.
@@ -216,6 +220,8 @@ def added_torque(robot: Robot, effect: Effect, record: Record) -> AddedTorque | 
             # What a sensor behind a gear measures holds it already: the gear's row does not.
             place, sign = (places[k], 1.0) if k in places else (k, np.sign(gears.gear_ratio[k]))
             own = sign * shares[k] * torque
+            if slopes is not None and k not in places:
+                own = own * slopes[:, k]
             outputs[place] = outputs[place] + own if place in outputs else own
     for k, added in _felt(effect.rotor_torque(robot, record.motion)):
         own = added * np.abs(gears.gear_ratio[k])
@@ -324,18 +330,11 @@ class Columns:
             None where the robot cannot be changed so. Not finite where a link flies off.
         """
         found = self._inertial(at, changes, held)
-        rest = [k for k in range(len(changes)) if k not in found]
-        apart: dict[int, SparseColumns] = {}
         if not some_deflect(at.robot.effects):
-            adding = [k for k in rest if changes[k].after.acts_by <= ADDS]
-            apart = self._along(at)._beside_perfect(at, {k: changes[k] for k in adding})
-        lossy = np.flatnonzero(lossy_gears(at.robot))
-        for k, column in apart.items():
-            if not np.isin(column.outputs, lossy).any():
-                found[k] = column.over(at.sizes)
-        felt = {k: column.outputs for k, column in apart.items()}
-        others = {k: changes[k] for k in rest if k not in found}
-        found.update(self._by_difference(at, others, felt, held))
+            adding = {k: c for k, c in enumerate(changes) if c.after.acts_by <= ADDS}
+            found |= self._along(at)._beside_any(at, adding)
+        others = {k: change for k, change in enumerate(changes) if k not in found}
+        found.update(self._by_difference(at, others, held))
         return [found.get(k) for k in range(len(changes))]
 
     def _along(self, at: Evaluation) -> Columns:
@@ -399,48 +398,81 @@ class Columns:
         found.update((k, SparseColumns.of(whole[:, :, [n]])) for n, k in enumerate(moved))
         return found
 
+    def _beside_any(
+        self, at: Evaluation, changes: Mapping[int, Change]
+    ) -> dict[int, SparseColumns]:
+        """Return the columns of what only adds torque, by number."""
+        found = self._beside_perfect(at, changes)
+        lossy = np.flatnonzero(lossy_gears(at.robot))
+        again = {k: changes[k] for k, own in found.items() if np.isin(own.outputs, lossy).any()}
+        if again:
+            slopes = [
+                None if asked is None else mesh_slopes(at.robot, record, asked.output)
+                for record, asked in zip(self.records, at.asked, strict=True)
+            ]
+            found |= self._filtered(self._parts(at, again, slopes))
+        return {k: column.over(at.sizes) for k, column in found.items()}
+
     def _beside_perfect(
         self, at: Evaluation, changes: Mapping[int, Change]
     ) -> dict[int, SparseColumns]:
-        """Return the columns of what only adds torque, beside perfect gears and drives, by number.
+        """Return the same beside perfect gears and drives.
 
         Such a column depends on its own effect alone. One that is the same at two values of an
         effect without shapes is the same at all.
         """
         found: dict[int, SparseColumns] = {}
+        for k, change in changes.items():
+            kind = (change.parameter, change.size, *_what_it_is(change.after))
+            if change in self._added:
+                found[k] = self._added[change]
+            elif change.parameter and kind in self._straight:
+                found[k] = self._slopes[kind][1]
+        rest = {k: change for k, change in changes.items() if k not in found}
+        for k, column in self._filtered(self._parts(at, rest, [None] * len(self.records))).items():
+            found[k] = column
+            self._keep(changes[k], column)
+        return found
+
+    def _parts(
+        self,
+        at: Evaluation,
+        changes: Mapping[int, Change],
+        slopes: Sequence[FloatArray | None],
+    ) -> dict[int, list[AddedTorque]]:
+        """Return per record what changes take away from the residual over their sizes, by number.
+
+        Args:
+            at: the robot with effects.
+            changes: of what only adds torque, by number; those are left out that do more.
+            slopes: as of `added_torque`, per record.
+        """
         parts: dict[int, list[AddedTorque]] = {}
         here: dict[Effect, list[AddedTorque] | None] = {}
         known = {effect.key: effect for effect in at.effects}
         for k, change in changes.items():
-            if change in self._added:
-                found[k] = self._added[change]
-                continue
-            kind = (change.parameter, change.size, *_what_it_is(change.after))
-            if change.parameter and kind in self._straight:
-                found[k] = self._slopes[kind][1]
-                continue
-            there = self._adds(change.after)
+            there = self._adds(change.after, slopes)
             if there is None:
                 continue
             if change.parameter:
                 own = known[change.after.key]
                 if own not in here:
-                    here[own] = self._adds(own)
+                    here[own] = self._adds(own, slopes)
                 if (less := here[own]) is None:
                     continue
                 pairs = zip(there, less, strict=True)
                 parts[k] = [one.less(other, -1.0 / change.size) for one, other in pairs]
             else:
                 parts[k] = [one.times(-1.0 / change.size) for one in there]
-        for k, column in self._filtered(parts).items():
-            found[k] = column
-            self._keep(changes[k], column)
-        return found
+        return parts
 
-    def _adds(self, effect: Effect) -> list[AddedTorque] | None:
+    def _adds(
+        self, effect: Effect, slopes: Sequence[FloatArray | None]
+    ) -> list[AddedTorque] | None:
         """Return what an effect takes away from the residuals, None where it does not only add."""
+        pairs = zip(self.records, slopes, strict=True)
         try:
-            parts = [added_torque(self.robot, effect, record) for record in self.records]
+            parts = [added_torque(self.robot, effect, record, own) for record, own in pairs]
         except IMPOSSIBLE:
             return None
         return [part for part in parts if part is not None] if None not in parts else None
@@ -473,7 +505,6 @@ class Columns:
         self,
         at: Evaluation,
         changes: Mapping[int, Change],
-        felt: Mapping[int, IntArray],
         held: bool,
     ) -> dict[int, SparseColumns | None]:
         """Return the columns of changes as differences of residuals, by number.
@@ -481,7 +512,6 @@ class Columns:
         Args:
             at: the robot with effects.
             changes: by number.
-            felt: the outputs that feel some of them.
             held: as of `of`.
         """
         found: dict[int, SparseColumns | None] = {}
@@ -504,8 +534,6 @@ class Columns:
             if gear is not None and judged[type(effect)]:
                 alone[k] = outputs_of(self.robot, gear)
                 gears.add(k)
-            elif k in felt and not bends:
-                alone[k] = felt[k]
             else:
                 rest.append(k)
         groups = _disjoint(alone)
@@ -703,11 +731,11 @@ def _at_output(record: Record, output: int, slope: FloatArray, changes: FloatArr
     if size > 0.0 and np.max(np.abs(slope - mean)) < _STEADY * size:
         direction = np.round(mean / size, _DIGITS) + 0.0
         return np.asarray(record.condensed_regressor(output, direction) @ (size * changes))
-    if not np.any(slope):
+    used, felt = np.any(changes, axis=1), np.flatnonzero(slope.any(axis=0))
+    if not felt.size:
         return np.zeros((record.rows, changes.shape[1]))
-    used = np.any(changes, axis=1)
-    felt = np.einsum("ni,nip->np", slope, record.regressor)
-    return record.condensed_at(np.ascontiguousarray(felt[:, used]), output) @ changes[used]
+    columns = np.einsum("ni,nip->np", slope[:, felt], record.regressor[:, felt][..., used])
+    return record.condensed_at(np.ascontiguousarray(columns), output) @ changes[used]
 
 
 def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:

@@ -186,7 +186,8 @@ class EstimationProblem:
 
         def fit(sided: Sequence[Effect], steps: int) -> Fit:
             samples = self.white_samples
-            return refine(self.columns, sided, self.whitening, steps, samples, ask, near)
+            found = refine(self.columns, sided, self.whitening, steps, samples, ask, near)
+            return replace(found, folds=self.folds)
 
         return _best_sides(self.robot, effects, self.records[0].motion, fit, iterations)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -222,6 +222,7 @@ class Fit:
         usual: rows of what is usual, which are fitted beside those of the records.
         settled: whether more steps would gain nothing.
         whole: whether no derivative was taken from another fit.
+        folds: (rows,) number of the fold of every row; none where all rows are one.
         failed: why the robot cannot have these effects on these records, empty if it can; then all
             of the residual is infinite, so that the model loses every comparison.
     """
@@ -234,6 +235,7 @@ class Fit:
     usual: UsualRows
     settled: bool = True
     whole: bool = True
+    folds: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
     failed: str = ""
 
     @property
@@ -251,27 +253,28 @@ class Fit:
         """Whether links were simulated behind their gears."""
         return some_deflect(self.effects)
 
-    @property
-    def information(self) -> FloatArray:
-        """(p, p) what the records know of the parameters, in units of their scales.
-
-        Beside numbers that are drawn to what is usual: in squared standard deviations.
-        """
-        a = self.usual.weighted(self.jacobian)
-        return np.asarray(a.T @ a)
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The normal equations of each fold."""
+        rows = rows_of_folds(self.folds) if self.folds.size else [slice(None)]
+        return tuple(Part(own, *self.sums(own)) for own in rows)
 
     @cached_property
     def known(self) -> FloatArray:
-        """(p, p) what the records and what is usual know of the parameters, as `information`."""
-        return np.asarray(self.information + self.usual.jacobian.T @ self.usual.jacobian)
+        """(p, p) what the records and what is usual know of the parameters, in their scales.
+
+        Beside numbers that are drawn to what is usual: in squared standard deviations.
+        """
+        usual = self.usual.jacobian
+        return np.asarray(np.sum([part.gram for part in self.parts], axis=0) + usual.T @ usual)
 
     @cached_property
     def moment(self) -> FloatArray:
         """(p,) by which the Gauss-Newton step solves `known` step = -moment."""
-        along = np.einsum("rop,ro->p", self.jacobian, self.residual / self.usual.noise)
-        return np.asarray(along + self.usual.jacobian.T @ self.usual.residual)
+        usual = self.usual.jacobian.T @ self.usual.residual
+        return np.asarray(np.sum([part.moment for part in self.parts], axis=0) + usual)
 
-    def untold(self, parts: Sequence[Part]) -> FloatArray:
+    def untold(self) -> FloatArray:
         """Return (effects,) how many numbers of each effect what is usual tells, not the records.
 
         With C the covariance of the parameters and P what is usual knows of them, the records tell
@@ -279,18 +282,13 @@ class Fit:
         """
         if not self.usual.residual.size or self.failed:
             return np.zeros(len(self.effects))
-        drawn = self.usual.jacobian
-        known, size = scaled(np.sum([part.gram for part in parts], axis=0) + drawn.T @ drawn)
-        usual = drawn / size
+        known, size = scaled(self.known)
+        usual = self.usual.jacobian / size
         shares = np.clip(np.diagonal(np.linalg.solve(known, usual.T @ usual)), 0.0, 1.0)
         owners = [k for k, _ in self.parameters]
         return np.asarray(np.bincount(owners, shares, len(self.effects)), dtype=float)
 
-    def parts(self, folds: IntArray) -> list[Part]:
-        """Return the normal equations of each fold, by its number (rows,) at every row."""
-        return [Part(rows, *self.sums(rows)) for rows in rows_of_folds(folds)]
-
-    def held_out_residual(self, parts: Sequence[Part]) -> FloatArray:
+    def held_out_residual(self) -> FloatArray:
         """Return the residual (rows, outputs), each fold predicted without itself.
 
         The parameters of each fold are one Gauss-Newton step away from those of all records. Where
@@ -299,18 +297,18 @@ class Fit:
         held = self.residual.copy()
         if self.failed or not self.parameters:
             return held
-        for rows, gram, moment in self.without_each(parts):
+        for rows, gram, moment in self.without_each():
             held[rows] += change_along(self.jacobian[rows], self._solved(gram, moment))
         return held
 
-    def without_each(self, parts: Sequence[Part]) -> Iterator[Part]:
+    def without_each(self) -> Iterator[Part]:
         """Yield the rows of each fold, with the normal equations of all other rows.
 
         Where the model is too rough for a step that they tell (a bouncing link), those of all rows.
         """
-        gram = np.sum([part.gram for part in parts], axis=0)
-        moment = np.sum([part.moment for part in parts], axis=0)
-        for rows, own, along in parts:
+        gram = np.sum([part.gram for part in self.parts], axis=0)
+        moment = np.sum([part.moment for part in self.parts], axis=0)
+        for rows, own, along in self.parts:
             others = gram - own, moment - along
             here = self.residual[rows]
             if self.swings:

@@ -126,13 +126,47 @@ def by_link_torque(
     """
     motion, links, contacts = _loads(robot, record, np.zeros_like(record.links))
     links = links if swinging is None else links + swinging
+    moved = record.along(motion)
+    if record.balance is None:
+        return _slopes_of_gears(robot, moved, links, contacts), moved
     before = _unexplained(robot, record, motion, links, contacts)
     step = _STEP * max(float(np.max(np.abs(links))), 1.0)
     slopes = [
         (_unexplained(robot, record, motion, links + step * unit, contacts) - before) / step
         for unit in np.eye(links.shape[1])
     ]
-    return np.stack(slopes, axis=-1), record.along(motion)
+    return np.stack(slopes, axis=-1), moved
+
+
+def _slopes_of_gears(
+    robot: Robot, moved: Record, links: FloatArray, contacts: FloatArray
+) -> FloatArray:
+    """Return `by_link_torque` where all contact forces are known: each gear feels its output."""
+    gears = robot.transmission
+    output, _ = output_torque(_without_drives(robot), moved.motion, links, contacts)
+    result = np.zeros((len(links), output_count(robot), links.shape[1]))
+    driven = result[:, : gears.size]
+    driven[..., robot.actuated] = -gears.topology.T * np.sign(gears.gear_ratio)[:, None]
+    driven *= mesh_slopes(robot, moved, output)[..., None]
+    _, slope = _delivered(robot, moved.motion, moved.torque)
+    driven /= np.maximum(slope, _LEAST_GAIN)[:, None]
+    driven[:, robot.sensed] = 0.0  # they start from what the sensors measure
+    base = gears.size + np.arange(robot.floating_size)
+    result[:, base, robot.unactuated] = -1.0
+    behind = result[:, gears.size + robot.floating_size :]
+    behind[..., robot.actuated] = -gears.topology.T[robot.sensed]
+    return result
+
+
+def mesh_slopes(robot: Robot, moved: Record, output: FloatArray) -> FloatArray:
+    """Return (N, m) how much the motors must give per torque at the outputs of their gears.
+
+    Args:
+        robot: with its effects.
+        moved: one log, along the true motion.
+        output: (N, m) what the links ask of the gears.
+    """
+    return _mesh_slope(_without_drives(robot), moved.motion, _carried(moved, output))
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:

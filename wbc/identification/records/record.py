@@ -113,7 +113,7 @@ class Record:
         init=False, default_factory=dict
     )
     _regressors: dict[tuple[int, bytes], FloatArray] = field(init=False, default_factory=dict)
-    _latest: list[tuple[pin.Model, FloatArray]] = field(init=False, default_factory=list)
+    _latest: list[tuple[FloatArray, FloatArray]] = field(init=False, default_factory=list)
 
     @property
     def duration(self) -> float:
@@ -242,19 +242,18 @@ class Record:
         """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
         if robot.model is self.robot.model:
             return self.links
-        # Most causes leave the links as they are: of one screen 254 of 315 calls ask once more.
-        for model, known in self._latest:
-            if model is robot.model:
-                return known
-        links = self._differing_links(robot)
-        self._latest[:] = [(robot.model, links)]
-        return links
-
-    def _differing_links(self, robot: Robot) -> FloatArray:
         if not np.array_equal(robot.model.gravity.linear, self.robot.model.gravity.linear):
             return self.believing(robot).links
         change = inertial_parameters(robot) - inertial_parameters(self.robot)
-        return self.links + self.regressor @ change if np.any(change) else self.links
+        if not np.any(change):
+            return self.links
+        # Most causes leave the links as they are: of one screen 254 of 315 calls ask once more.
+        for known, links in self._latest:
+            if np.array_equal(change, known):
+                return links
+        links = self.links + self.regressor @ change
+        self._latest[:] = [(change, links)]
+        return links
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
         """Return (rows, 10 n_links) the condensed columns of the links' parameters at one output.
