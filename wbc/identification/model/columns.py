@@ -10,7 +10,7 @@ Jacobian matrices", 1974). All others are differences of two residuals.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -279,9 +279,7 @@ STEP = 1e-3
 # found to 1.4 %.
 _ROUGH_STEP = 0.01
 _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where it is
-_SAME = 1e-6  # share of a column by which rounding may change it
 _BATCH = 64  # columns filtered together; more only costs memory
-_KEPT = 1e8  # bytes of columns of what only adds torque
 # Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
 _STEADY, _DIGITS = 1e-6, 6
 
@@ -312,9 +310,6 @@ class Columns:
 
     robot: Robot
     records: tuple[Record, ...]
-    _added: dict[Change, SparseColumns] = field(default_factory=dict)
-    _slopes: dict[tuple[object, ...], tuple[Change, SparseColumns]] = field(default_factory=dict)
-    _straight: set[tuple[object, ...]] = field(default_factory=set)
 
     def of(
         self, at: Evaluation, changes: Sequence[Change], *, held: bool
@@ -332,7 +327,7 @@ class Columns:
         found = self._inertial(at, changes, held)
         if not some_deflect(at.robot.effects):
             adding = {k: c for k, c in enumerate(changes) if c.after.acts_by <= ADDS}
-            found |= self._along(at)._beside_any(at, adding)
+            found |= self._along(at)._adding(at, adding)
         others = {k: change for k, change in enumerate(changes) if k not in found}
         found.update(self._by_difference(at, others, held))
         return [found.get(k) for k in range(len(changes))]
@@ -398,55 +393,15 @@ class Columns:
         found.update((k, SparseColumns.of(whole[:, :, [n]])) for n, k in enumerate(moved))
         return found
 
-    def _beside_any(
-        self, at: Evaluation, changes: Mapping[int, Change]
-    ) -> dict[int, SparseColumns]:
-        """Return the columns of what only adds torque, by number."""
-        found = self._beside_perfect(at, changes)
-        lossy = np.flatnonzero(lossy_gears(at.robot))
-        again = {k: changes[k] for k, own in found.items() if np.isin(own.outputs, lossy).any()}
-        if again:
-            slopes = [
-                None if asked is None else mesh_slopes(at.robot, record, asked.output)
-                for record, asked in zip(self.records, at.asked, strict=True)
-            ]
-            found |= self._filtered(self._parts(at, again, slopes))
-        return {k: column.over(at.sizes) for k, column in found.items()}
+    def _adding(self, at: Evaluation, changes: Mapping[int, Change]) -> dict[int, SparseColumns]:
+        """Return the columns of what only adds torque, by number; those that do more are left out.
 
-    def _beside_perfect(
-        self, at: Evaluation, changes: Mapping[int, Change]
-    ) -> dict[int, SparseColumns]:
-        """Return the same beside perfect gears and drives.
-
-        Such a column depends on its own effect alone. One that is the same at two values of an
-        effect without shapes is the same at all.
+        Arguments as those of `of`, the changes by number.
         """
-        found: dict[int, SparseColumns] = {}
-        for k, change in changes.items():
-            kind = (change.parameter, change.size, *_what_it_is(change.after))
-            if change in self._added:
-                found[k] = self._added[change]
-            elif change.parameter and kind in self._straight:
-                found[k] = self._slopes[kind][1]
-        rest = {k: change for k, change in changes.items() if k not in found}
-        for k, column in self._filtered(self._parts(at, rest, [None] * len(self.records))).items():
-            found[k] = column
-            self._keep(changes[k], column)
-        return found
-
-    def _parts(
-        self,
-        at: Evaluation,
-        changes: Mapping[int, Change],
-        slopes: Sequence[FloatArray | None],
-    ) -> dict[int, list[AddedTorque]]:
-        """Return per record what changes take away from the residual over their sizes, by number.
-
-        Args:
-            at: the robot with effects.
-            changes: of what only adds torque, by number; those are left out that do more.
-            slopes: as of `added_torque`, per record.
-        """
+        slopes = [
+            None if asked is None else mesh_slopes(at.robot, record, asked.output)
+            for record, asked in zip(self.records, at.asked, strict=True)
+        ]
         parts: dict[int, list[AddedTorque]] = {}
         here: dict[Effect, list[AddedTorque] | None] = {}
         known = {effect.key: effect for effect in at.effects}
@@ -464,7 +419,7 @@ class Columns:
                 parts[k] = [one.less(other, -1.0 / change.size) for one, other in pairs]
             else:
                 parts[k] = [one.times(-1.0 / change.size) for one in there]
-        return parts
+        return {k: column.over(at.sizes) for k, column in self._filtered(parts).items()}
 
     def _adds(
         self, effect: Effect, slopes: Sequence[FloatArray | None]
@@ -489,17 +444,6 @@ class Columns:
             for k, *columns in zip(batch, *each, strict=True):
                 found[k] = SparseColumns.stacked(columns)
         return found
-
-    def _keep(self, change: Change, column: SparseColumns) -> None:
-        self._added[change] = column
-        while len(self._added) * column.values.nbytes > _KEPT:
-            del self._added[next(iter(self._added))]
-        if not change.parameter or any(p.shape for p in change.after.parameters):
-            return
-        kind = (change.parameter, change.size, *_what_it_is(change.after))
-        if kind in self._slopes and _equal(self._slopes[kind][1], column):
-            self._straight.add(kind)
-        self._slopes[kind] = change, column
 
     def _by_difference(
         self,
@@ -751,17 +695,3 @@ def _disjoint(felt: Mapping[int, IntArray]) -> list[list[int]]:
         else:
             groups.append((own, [row]))
     return [rows for _, rows in groups]
-
-
-def _what_it_is(effect: Effect) -> tuple[object, ...]:
-    """Return all of an effect but its parameters: its place, and what a user's class adds."""
-    numbers = {parameter.name for parameter in effect.parameters}
-    own = (getattr(effect, f.name) for f in fields(effect) if f.name not in numbers)
-    return (type(effect), *own)
-
-
-def _equal(one: SparseColumns, other: SparseColumns) -> bool:
-    if not np.array_equal(one.outputs, other.outputs):
-        return False
-    size = float(np.sum(one.values**2))
-    return size > 0.0 and float(np.sum((one.values - other.values) ** 2)) < _SAME**2 * size
