@@ -4,10 +4,11 @@ The logs are those of generated six-axis arms, by MuJoCo; the robot that is give
 inertias. What could imitate them is on offer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from benchmarks.corpus.case import Case
@@ -19,10 +20,13 @@ from benchmarks.corpus.record import record_cases
 from benchmarks.corpus.sensors import Sensors
 from benchmarks.corpus.signature import Signatures
 from benchmarks.corpus.trial import logs_of, robot_of
-from wbc.effects import EFFECTS
+from wbc import load_robot
+from wbc.arrays import FloatArray
+from wbc.dynamics import inertial_parameters
+from wbc.effects import EFFECTS, LinkInertia
 from wbc.identification import Diagnosis, diagnose
 from wbc.measurement import Log
-from wbc.robot import Robot
+from wbc.robot import Evidence, Robot
 
 LINKS = "payload_mass link_inertia link_inertias center_of_mass"
 DRIVES = "viscous_friction coulomb_friction rotor_inertia torque_constant"
@@ -95,6 +99,20 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
     silent = next(warning for warning in warnings if "not shown by" in warning)
     assert "all of l1," in silent
     assert "l1.mass" not in silent
+
+
+def test_a_tool_nine_times_as_heavy_as_its_link_is_within_reach_of_a_linear_screen() -> None:
+    robot = load_robot("planar_leg_fixed")
+    (screen,) = LinkInertia.search.screens(LinkInertia, robot, "shin", Evidence((), (), ()))
+
+    def shin(values: Mapping[str, float]) -> FloatArray:
+        return inertial_parameters(LinkInertia.at("shin", values).change(robot))[10:]
+
+    drawn, tool = shin({}), pin.Inertia(18.0, np.array([0.1, 0.02, -0.3]), 0.1 * np.eye(3))
+    slopes = np.transpose([shin(unit) - drawn for unit in screen.units])
+    steps = np.linalg.solve(slopes, tool.toDynamicParameters())
+    reached = shin(screen.combine(steps)) - drawn
+    assert reached == pytest.approx(tool.toDynamicParameters(), rel=1e-2, abs=1e-3)
 
 
 def test_a_payload_stays_a_payload() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -14,7 +14,17 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import EffectError, require_known, unknown_name
-from wbc.robot import Effect, Motion, Parameter, Quantity, Robot, SearchOffer
+from wbc.robot import (
+    Effect,
+    Evidence,
+    Motion,
+    Parameter,
+    Quantity,
+    Robot,
+    Screen,
+    SearchOffer,
+)
+from wbc.robot.search import small_steps
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 """The ten numbers, named as by Rucker and Wensing (2022)."""
@@ -36,6 +46,8 @@ _VARIED = 2048
 _THIN = 0.1  # share of a link's length below which no radius of gyration is believed
 
 _BESIDE = np.triu_indices(4, 1)
+_SHEARS = ((0, 1, 0, 0, 1, 2), (1, 2, 2, 3, 3, 3))  # where s12, s23, s13, t1, t2, t3 stand in L
+_Combine = Callable[[FloatArray], dict[str, float]]
 
 PARAMETERS = tuple(
     Parameter(name, "1", 0.0, -limit, limit, USUAL)
@@ -99,6 +111,27 @@ def lower(numbers: Sequence[float]) -> FloatArray:
     return np.asarray(np.exp(alpha) * np.array(shape))
 
 
+def of_first_order(change: FloatArray) -> FloatArray:
+    """Return the log-Cholesky parameters (10,) of the body that has a change of first order.
+
+    What a link needs is linear in Q = L L'. To first order Q is 1 + S + S', with S the sum of the
+    parameters' own matrices: that is the body meant, however far it is from the drawing. Where no
+    such body can exist, the eigenvalues of Q are raised until one can.
+
+    Args:
+        change: (10,) by which the parameters would change, were they small.
+    """
+    first = np.diag([*(change[0] + change[1:4]), change[0]])
+    first[_SHEARS] = change[4:]
+    squares, axes = np.linalg.eigh(np.eye(4) + first + first.T)
+    whole = (axes * np.maximum(squares, np.exp(-2.0 * _LARGEST_LOG))) @ axes.T
+    factor = np.linalg.cholesky(whole[::-1, ::-1])[::-1, ::-1]
+    logs = np.log(np.diagonal(factor))
+    found = [logs[3], *(logs[:3] - logs[3]), *(factor[_SHEARS] / factor[3, 3])]
+    ends = [p.low for p in PARAMETERS], [p.high for p in PARAMETERS]
+    return np.asarray(np.clip(found, *ends))
+
+
 @lru_cache(maxsize=_VARIED)
 def departures(numbers: tuple[float, ...]) -> FloatArray:
     """Return (10,) how far an inertia is from its drawing, in units of how wrong drawings are.
@@ -135,6 +168,23 @@ def _length(robot: Robot, joint: int) -> float:
     own.append(model.inertias[joint].lever)
     longest = max([float(np.linalg.norm(end)) for end in own])
     return longest or max([float(np.linalg.norm(end)) for end in ends]) or 0.1
+
+
+def _screens(
+    kind: type[Effect], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return small steps of every number, put together as links need them: linearly."""
+
+    def combined(combine: _Combine) -> _Combine:
+        def combine_bodies(coefficients: FloatArray) -> dict[str, float]:
+            small = combine(coefficients)
+            each = np.reshape(list(small.values()), (-1, _COUNT))
+            return dict(zip(small, np.ravel([of_first_order(own) for own in each]), strict=True))
+
+        return combine_bodies
+
+    steps = small_steps(kind, robot, where, evidence)
+    return tuple(replace(screen, combine=combined(screen.combine)) for screen in steps)
 
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
@@ -181,6 +231,7 @@ class RedrawnLinks(Effect, ABC):
         departures=_departures,
         implausibility=_implausibility,
         quantities=_quantities,
+        screens=_screens,
     )
 
     @abstractmethod

@@ -5,7 +5,6 @@ import pytest
 
 from tests.moved import moved
 from wbc import load_robot
-from wbc.arrays import FloatArray
 from wbc.effects import Backlash, CenterOfMass, CoulombFriction, JointCompliance, ViscousFriction
 from wbc.identification import diagnose
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -78,14 +77,10 @@ def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
     return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows, folds=FOLDS)
 
 
-def beside_open(fit: Fit) -> tuple[FloatArray, float]:
-    return fit.usual.beside_open(fit.held_out_residual(), fit.jacobian, fit.parts)
-
-
 def test_it_is_the_density_of_what_is_held_out_over_all_drawn_numbers() -> None:
     fit = linear_fit(np.random.default_rng(3), drawn=4, free=1)
-    squares, cost = beside_open(fit)
     held = fit.held_out_residual()
+    squares, cost = fit.usual.beside_open(held, fit.jacobian, fit.parts)
     noise, usual = fit.usual.noise, fit.usual.jacobian[:, :4]
     wanted = expected = 0.0
     for fold in range(3):
@@ -107,8 +102,8 @@ def test_a_fold_that_alone_tells_a_drawn_number_is_no_miss() -> None:
     """Leaving it out predicted half of what is drawn: a rotor inertia took its place."""
     fit = linear_fit(np.random.default_rng(5), drawn=4, free=0)
     first = FOLDS == 0
-    squares, _ = beside_open(fit)
     held = fit.held_out_residual()
+    squares, _ = fit.usual.beside_open(held, fit.jacobian, fit.parts)
     assert (held[first] ** 2).mean() > 2.0 * fit.residual[first].var()
     assert squares[first].mean() < 1.5 * fit.residual[first].var()
 
