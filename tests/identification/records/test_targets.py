@@ -138,9 +138,9 @@ def test_drives_that_see_their_own_motion_late_do_not_rub_backwards() -> None:
         columns[f"{joint}.target_position"] = told(np.minimum(time, time[-1] - delay))
     found = EstimationProblem.from_logs(robot, [Log(time, columns)])
     known = found.robot.transmission
-    np.testing.assert_allclose(known.target_delay, delay, rtol=0.05)
-    np.testing.assert_allclose(known.feedback_delay, seen, rtol=0.1)
-    assert np.sqrt(found.first).max() < 2.0
+    np.testing.assert_allclose(known.target_delay, delay, rtol=3e-3)
+    np.testing.assert_allclose(known.feedback_delay, seen, rtol=5e-3)
+    assert np.sqrt(found.first).max() < 1.0
 
 
 def test_a_hidden_loss_and_friction_are_named_from_targets(logs: list[Log]) -> None:
