@@ -1,13 +1,13 @@
 """Solving the rows of a step: Newton on the pieces of their laws; where that fails, harder ways.
 
 Semi-smooth Newton with full steps is exact in one step once the pieces are the right ones, which
-those of the step before usually are. A robot that lies on many points has more rigid rows than
+those of the step before usually are. A robot that lies on many points has more rows that hold than
 freedoms, and so many splits of its forces that Newton turns in circles; so has one that stands
 while dry friction holds its joints. Convex programs with shifted cones lead to one of the splits,
-each with less compliance in its rows than the one before (`shifted_cones`). For gears that lock
-themselves there is no such program: their steps are solved with a little compliance in every row
-about the last iterate, which carries nothing at the fixed point (proximal points). Where all fail,
-friction gives way.
+each with less compliance in its rows than the one before (`shifted_cones`); where too many rows
+hold at the start, they come first. For gears that lock themselves there is no such program: their
+steps are solved with a little compliance in every row about the last iterate, which carries nothing
+at the fixed point (proximal points). Where all fail, friction gives way.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import add_all, add_times, copy_to, dot, rest_of_way
 from wbc.mechanics.pieces import solve_pieces
-from wbc.mechanics.rows import RowSystem, pieces_at, products_of
+from wbc.mechanics.rows import RowSystem, copied, pieces_at
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
 
 NEWTON, PROXIMAL, CONVEX, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(7)
@@ -41,20 +41,18 @@ tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 a
 SHORTENED, _SHORTEST = 12, 1e-2
 _LOST, _PATIENCE = 10.0, 2
 """Of the residual at the start: a step that leads beyond it and does not halve the residual has
-lost its way. The first one may throw the pieces about; two more show whether they come back. They
-do not where more rows hold at the start than there are coordinates: there the first step counts.
-A step of TALOS that stands with dry friction at 30 joints takes 0.34 ms so, and 0.41 without."""
+lost its way. The first one may throw the pieces about; two more show whether they come back."""
 _ROUNDS, _STALLS, _LAST_STEPS = 40, 6, 6
 """Of convex programs; of those in a row that do not halve what is missed, before what is near is
 taken; and of Newton's steps tried in between."""
 _TURNS = 0.1
-"""Share of what is missed that changing slips make, from which on these steps are tried: slips
-settle slowly, all else fast."""
+"""Share of what is missed that changing slips make, from which on these steps are tried where
+rounds come no nearer: slips settle slowly, all else fast."""
 _FIRMER, _TIMES, _FEW = 0.1, 3, 5
 """By which the compliance of the rounds falls, how often, and up to how many linear systems of a
 round; twice more where rounds come no nearer. Hard steps among 482 of TALOS take up to 168 linear
 systems so."""
-_CLOSE, _NEAR, _PASSABLE = 10.0, 1e3, 1e6
+_CLOSE, _NEAR, _PASSABLE = 50.0, 1e3, 1e6
 """Of the tolerance: where rounds that come no nearer may end; what counts as a solution; and where
 impulses are good enough to say which friction there is."""
 _PASSIVE_ROUNDS, _PASSIVE_SYSTEMS = 5, 100
@@ -99,6 +97,21 @@ def distance(system: RowSystem, impulse: Row) -> float:
     return look_at(system, impulse, np.empty(size), pieces, sliding)
 
 
+@compiled(inside=True)
+def holds_too_much(system: RowSystem, impulse: Row, tolerance: float) -> bool:
+    """Return whether more rows hold at row impulses (r,) than there are coordinates, off the laws.
+
+    Near the laws Newton's next step is the last one all the same, as in every step of a robot that
+    has come to rest.
+    """
+    size, held = len(impulse), 0
+    pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
+    off = look_at(system, impulse, np.empty(size), pieces, sliding)
+    for i in range(size):
+        held += pieces[i, 1] == 0.0
+    return held > len(system.half) and off > _NEAR * tolerance
+
+
 @inner
 def merit_of(pieces: Dense) -> float:
     """Return the sum of the squares of the residuals."""
@@ -133,10 +146,6 @@ def newton(
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
     copy_to(start, impulse)
     first = before = look_at(system, impulse, speed, pieces, sliding)
-    held = 0
-    for i in range(size):
-        held += pieces[i, 1] == 0.0
-    patience = _PATIENCE if held <= len(system.half) else 0
     for iteration in range(1, whole + shortened + 1):
         if iteration == whole + 1:
             copy_to(start, impulse)
@@ -157,7 +166,7 @@ def newton(
         if worst <= tolerance:
             return iteration
         lost = worst > _LOST * first and worst > 0.5 * before
-        if iteration > patience and shortened == 0 and lost:
+        if iteration > _PATIENCE and shortened == 0 and lost:
             return -iteration
         before = worst
     return -whole - shortened
@@ -169,19 +178,14 @@ def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
 
     It is a share of each row's own, 1/slope before tangents were paired.
     """
-    size = len(about)
-    delassus, free = system.delassus.copy(), system.free.copy()
-    spring, slope = system.spring.copy(), system.slope.copy()
-    for i in range(size):
-        own = compliance * 1e9 * spring[i]
-        delassus[i, i] += own
-        free[i] -= own * about[i]
-        spring[i] *= 1.0 + compliance
-        slope[i] /= 1.0 + compliance
-    return RowSystem(
-        system.half, np.empty((0, 0)), delassus, free, spring, slope,
-        system.laws, system.targets, system.frictions, system.grips, system.tangents,
-    )  # fmt: skip
+    soft = copied(system)
+    for i in range(len(about)):
+        own = compliance * 1e9 * system.spring[i]
+        soft.delassus[i, i] += own
+        soft.free[i] -= own * about[i]
+        soft.spring[i] *= 1.0 + compliance
+        soft.slope[i] /= 1.0 + compliance
+    return soft
 
 
 @compiled(inside=True)
@@ -215,13 +219,12 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
 
 @compiled(inside=True)
 def shift_cones(
-    system: RowSystem, convex: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow
+    system: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow
 ) -> tuple[int, float]:
     """Write row impulses (r,) by rounds of convex programs, see `shifted_cones`.
 
     Args:
-        system: whose laws are to be met.
-        convex: the same with laws that do not fall, and with `ways`.
+        system: of the rows; no law falls.
         start: (r,) impulses to begin at.
         tolerance: largest accepted residual.
         most: no round begins after as many linear systems.
@@ -230,17 +233,17 @@ def shift_cones(
     Returns:
         the number of linear systems, and the distance of the farthest row from its law.
     """
-    size = len(start)
+    size, ways = len(start), np.ascontiguousarray(system.half.T)
     own, x, shift = np.empty(size), np.zeros(len(system.half)), np.zeros(len(system.frictions))
     about, speed, found = start.copy(), np.empty(size), np.empty(size)
     compliance_of(system, own)
     if dot(start, start) > 0.0:
         speeds_at(system.delassus, system.free, start, speed)
         slips(system, speed, shift)
-        add_all(start, convex.ways, x)
+        add_all(start, ways, x)
     used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
-        count = minimise(convex, own, about, shift, x, speed, found)
+        count = minimise(system, ways, own, about, shift, x, speed, found)
         used += count
         turned = slips(system, speed, shift)
         copy_to(found, about)
@@ -254,7 +257,7 @@ def shift_cones(
         near = _CLOSE if stalls < _STALLS else _NEAR
         if least <= tolerance or (stalls and least <= near * tolerance) or used > most:
             break
-        if firm >= _TIMES and (turned > _TURNS * off or stalls == 2) and least <= 0.1 * tried:
+        if firm >= _TIMES and stalls and turned > _TURNS * off and least <= 0.1 * tried:
             tried = least
             tries = newton(system, impulse, tolerance, _LAST_STEPS, 0, found)
             used += abs(tries)
@@ -266,7 +269,7 @@ def shift_cones(
             own *= _FIRMER
     # With the slip kept, what rounds lead to is one convex program: its rows take energy.
     for _ in range(_ROUNDS if _NEAR * tolerance < least <= _PASSABLE * tolerance else 0):
-        used += minimise(convex, own, about, shift, x, speed, impulse)
+        used += minimise(system, ways, own, about, shift, x, speed, impulse)
         least, moved = distance(system, impulse), 0.0
         for i in range(size):
             moved = max(moved, own[i] * abs(impulse[i] - about[i]))
@@ -302,14 +305,15 @@ def solve_system(
     size = len(start)
     if size == 0:
         return 0, NEWTON
-    good, shortened = 0.0, 0
+    n, used, good, shortened = len(system.half), 0, 0.0, 0
     for i in range(len(system.laws)):
         if system.laws[i, 4] < 0.0:
             shortened = SHORTENED
-    used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
-    if used > 0:
-        return used, NEWTON
-    used = -used
+    if shortened or not holds_too_much(system, start, tolerance):
+        used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
+        if used > 0:
+            return used, NEWTON
+        used = -used
     if shortened:  # no convex program follows: the last step's pieces may lead astray
         count = newton(system, np.zeros(size), tolerance, FULL_STEPS, shortened, impulse)
         used += abs(count)
@@ -319,25 +323,18 @@ def solve_system(
         good += system.free[i] + system.delassus[i, i]
     if not np.isfinite(good):
         return used, UNSOLVED
-    found, laws = np.zeros(size), system.laws.copy()
-    for i in range(len(laws)):
-        laws[i, 4] = max(laws[i, 4], 0.0)
-    frictions, grips = system.frictions.copy(), np.zeros(len(system.frictions))
-    convex = RowSystem(
-        system.half, np.ascontiguousarray(system.half.T), system.delassus, system.free,
-        system.spring, system.slope, laws, system.targets, frictions, grips, system.tangents,
-    )  # fmt: skip
-    most, least = int(work * _WORK / products_of(size, len(system.half))), np.inf
+    found, least = np.zeros(size), np.inf
     copy_to(start, impulse)
     if shortened == 0:
-        count, least = shift_cones(system, convex, start, tolerance, most, impulse)
+        most = int(work * _WORK / (n * n * (3 * size + n)))
+        count, least = shift_cones(system, start, tolerance, most, impulse)
         used += count
         if least <= _NEAR * tolerance:
             return used, CONVEX
     for fresh in range(2 if shortened else 1):
         if fresh:
             impulse[:] = 0.0
-        count = proximal(system, impulse, tolerance, most - used, found)
+        count = proximal(system, impulse, tolerance, int(work * _WORK / size**3) - used, found)
         used += abs(count)
         if count > 0:
             copy_to(found, impulse)
@@ -345,11 +342,14 @@ def solve_system(
     if least <= _PASSABLE * tolerance:
         return used, PASSIVE
     # Where the cones cannot be met, impulses grow without end: begin without friction.
-    passive, first = UNSOLVED, len(laws) + len(system.targets) - len(grips)
-    impulse[:], frictions[:] = 0.0, 0.0
+    convex, passive = copied(system), UNSOLVED
+    first = len(system.laws) + len(system.targets) - len(system.frictions)
+    impulse[:], convex.frictions[:] = 0.0, 0.0
+    for i in range(len(system.laws)):
+        convex.laws[i, 4] = max(system.laws[i, 4], 0.0)
     for _ in range(_PASSIVE_ROUNDS if work >= 1.0 else 0):
-        for i in range(len(grips)):
-            grips[i] = system.frictions[i] * max(impulse[first + i], 0.0)
+        for i in range(len(convex.grips)):
+            convex.grips[i] = system.frictions[i] * max(impulse[first + i], 0.0)
         count = newton(convex, impulse, 0.1 * tolerance, FULL_STEPS, 0, found)
         used += abs(count)
         if count < 0:

@@ -45,7 +45,6 @@ class RowSystem(NamedTuple):
 
     Attributes:
         half: (n, r) L'^-1 G', whose products are the compliance of the rows.
-        ways: (r, n) its transpose, where the pieces are solved in velocities; (0, 0) otherwise.
         delassus: (r, r) G H^-1 G'.
         free: (r,) row speeds without impulses, from the ground's where it moves.
         spring: (r,) compliance with which rows hold on to a split of forces that is left open.
@@ -59,7 +58,6 @@ class RowSystem(NamedTuple):
     """
 
     half: OutDense
-    ways: OutDense
     delassus: OutDense
     free: OutRow
     spring: OutRow
@@ -69,17 +67,6 @@ class RowSystem(NamedTuple):
     frictions: OutRow
     grips: OutRow
     tangents: int
-
-
-@inner
-def products_of(rows: int, freedoms: int) -> int:
-    """Return thrice the products of a system of the pieces, solved in impulses or in velocities.
-
-    In velocities it is put together by r n^2 products and factored by n^3/3, in impulses factored
-    by r^3/3: fewer in velocities from r = 1.9 n on. (Newton's loop for Solo12 in stance, r = 24 and
-    n = 18, takes 11 us in velocities and 4.4 us in impulses.)
-    """
-    return min(rows**3, freedoms * freedoms * (3 * rows + freedoms))
 
 
 @inner
@@ -136,13 +123,18 @@ def system_of(
     halfway(lower, half)
     products(half, delassus)
     lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
-    ways = np.empty((0, 0))
-    if products_of(size, n) < size**3:
-        ways = np.ascontiguousarray(half.T)
     grips = np.zeros(len(frictions))
+    return RowSystem(half, delassus, own, spring, slope, laws, targets, frictions, grips, tangents)
+
+
+@compiled(inside=True)
+def copied(system: RowSystem) -> RowSystem:
+    """Return a system whose numbers can be changed, but for `half`."""
     return RowSystem(
-        half, ways, delassus, own, spring, slope, laws, targets, frictions, grips, tangents
-    )
+        system.half, system.delassus.copy(), system.free.copy(), system.spring.copy(),
+        system.slope.copy(), system.laws.copy(), system.targets.copy(), system.frictions.copy(),
+        system.grips.copy(), system.tangents,
+    )  # fmt: skip
 
 
 @inner

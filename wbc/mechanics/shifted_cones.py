@@ -122,12 +122,12 @@ def answer(
 
 
 @inner
-def stiffened(system: RowSystem, rise: Dense, row_of: OutRow, total: OutDense) -> None:
+def stiffened(system: RowSystem, ways: Dense, rise: Dense, row_of: OutRow, total: OutDense) -> None:
     """Write the lower half of 1 + W rise W' (n, n), of the rises of `answer`.
 
-    `row_of` (n,) is memory.
+    `ways` is W' (r, n), `row_of` (n,) memory.
     """
-    ways, d, contacts = system.ways, system.tangents, len(system.frictions)
+    d, contacts = system.tangents, len(system.frictions)
     size, n = ways.shape
     first = size - contacts * (1 + d)
     total[:] = 0.0
@@ -149,16 +149,23 @@ def stiffened(system: RowSystem, rise: Dense, row_of: OutRow, total: OutDense) -
 
 @compiled(inside=True)
 def minimise(
-    system: RowSystem, own: Row, about: Row, shift: Row, x: OutRow, speed: OutRow, impulse: OutRow
+    system: RowSystem,
+    ways: Dense,
+    own: Row,
+    about: Row,
+    shift: Row,
+    x: OutRow,
+    speed: OutRow,
+    impulse: OutRow,
 ) -> int:
     """Write the end of one convex program; return how many linear systems it took.
 
     Args:
-        system, own, about, shift: see `answer`; with `ways`.
+        system, own, about, shift: see `answer`.
+        ways: W' (r, n).
         x: L (v - v_free) (n,) to begin at, and to write.
         speed, impulse: (r,) to write.
     """
-    ways = system.ways
     size, n = ways.shape
     rise, total, lower = np.empty((size, 3)), np.empty((n, n)), np.empty((n, n))
     step, down, turning, trial = np.empty(n), np.empty(n), np.empty(size), np.empty(size)
@@ -170,7 +177,7 @@ def minimise(
         for j in range(n):
             step[j] = -x[j]
         add_all(impulse, ways, step)
-        stiffened(system, rise, down, total)
+        stiffened(system, ways, rise, down, total)
         if not factor_inertia(total, lower):
             return used
         copy_to(step, down)

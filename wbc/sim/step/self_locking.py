@@ -37,7 +37,7 @@ from wbc.mechanics.newton import (
     proximal,
     solve_system,
 )
-from wbc.mechanics.rows import RowSystem
+from wbc.mechanics.rows import RowSystem, copied
 
 _SLOWEST = 1e-9
 """[rad/s] below which two solutions count as one."""
@@ -157,11 +157,8 @@ def solve_in_ranges(
         before hold, none also where there are too many gears to try.
     """
     f, used, count, nearest, known = len(rows), 0, 0, np.inf, dot(start, start) > 0.0
-    laws, impulse, origins = system.laws.copy(), np.zeros(len(start)), np.zeros((3, len(start)))
-    held = RowSystem(
-        system.half, system.ways, system.delassus, system.free, system.spring, system.slope,
-        laws, system.targets, system.frictions, system.grips, system.tangents,
-    )  # fmt: skip
+    held, impulse, origins = copied(system), np.zeros(len(start)), np.zeros((3, len(start)))
+    laws = held.laws
     copy_to(start, origins[0])
     for choice in range(-1 if known else 0, 3**f if f <= _MOST else 0):
         rest = choice

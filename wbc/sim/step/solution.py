@@ -31,7 +31,7 @@ from wbc.mechanics.newton import (
     tolerance_of,
     velocity_after,
 )
-from wbc.mechanics.rows import RowSystem
+from wbc.mechanics.rows import RowSystem, copied
 from wbc.sim.step.flanks import DAMPED, Rounds, lean_on_flanks, misses_flanks
 from wbc.sim.step.gears import rotor_brings
 from wbc.sim.step.part_rows import PartRows, Solved
@@ -74,9 +74,9 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
 
 
 @inner
-def soften(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, softer: RowSystem) -> None:
-    """Write tangents of compliant contacts at row speeds (r,) into a copy of the system."""
-    count, step = len(system.targets), rows.step
+def softened(plant: Opened, rows: PartRows, system: RowSystem, speed: Row) -> RowSystem:
+    """Return the system with compliant contacts as their tangents at row speeds (r,)."""
+    softer, count, step = copied(system), len(system.targets), rows.step
     for c in range(len(rows.depths)):
         at = count - len(rows.depths) + c
         row = len(system.laws) + at
@@ -88,6 +88,7 @@ def soften(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, softer:
         softer.delassus[row, row] = own + give
         softer.slope[row] = 1.0 / (own + give)
         softer.targets[at] = speed[row] + push * give if give > 0.0 else NEVER
+    return softer
 
 
 @inner
@@ -185,18 +186,13 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
         laws, shifted = laws.copy(), rows.free.copy()
     if soft:
         copy_to(system.free, row_speed)
-        taken = RowSystem(
-            system.half, np.empty((0, 0)), system.delassus.copy(), system.free, system.spring,
-            system.slope.copy(), system.laws, system.targets.copy(), system.frictions,
-            system.grips, system.tangents,
-        )  # fmt: skip
     for turn in range(_ROUNDS):
         if coupled:
             lag_coupling(plant, rows, system, speed, last, laws, shifted)
-        if soft:
-            soften(plant, rows, system, row_speed, taken)
         if loose:
             lean_on_flanks(plant, rows, turn, rounds, system.laws)
+        if soft:
+            taken = softened(plant, rows, system, row_speed)
         if coupled or gears.loose:
             more, way = solve_system(taken, rows.start, tolerance, work, impulse)
         else:
