@@ -53,7 +53,7 @@ class Setup:
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        now_kind, end_kind, hit_kind: how the words of `Now`, `Ending` and `Hit` are a record.
+        now_kind, end_kind: how the words of `Now` and `Ending` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
     """
 
@@ -109,11 +109,10 @@ class Setup:
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv
+        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, size, 6
         now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 3)
-        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 3)
-        hit, self.hit_kind = _memory(tables.Hit, nv, pushes, rows, size, 6, *[size] * 2)
-        width = len(now.words) + max(len(ending.words), len(hit.words))
+        ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
+        width = len(now.words) + len(ending.words)
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
         springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
@@ -132,7 +131,6 @@ class Setup:
                 stored(tables.Forces._make((*self.effects.table, *losses, *forces, asked, full))),
                 now,
                 ending,
-                hit,
                 np.zeros((_STAGES, width)),
                 np.array([*bounds, slow, self.restitution]),
             )

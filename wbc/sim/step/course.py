@@ -220,14 +220,14 @@ def end_part(plant: Opened, more: bool) -> bool:
 
 
 @inner
-def note(plant: Opened, words: Row) -> None:
-    """Write down one more stage, a part or an impact with its words; Python takes those before."""
+def note(plant: Opened) -> None:
+    """Write down one more stage, a part or an impact; Python takes those before."""
     now, numbers, count = plant.now.words, plant.now.numbers, int(plant.now.numbers[NOTED])
     if count == len(plant.stages):
         ask(plant.forces.full)
         count = 0
     copy_to(now, plant.stages[count])
-    copy_to(words, plant.stages[count, len(now) :])
+    copy_to(plant.end.words, plant.stages[count, len(now) :])
     numbers[NOTED], numbers[STAGE] = count + 1.0, numbers[STAGE] + 1.0
 
 
@@ -237,19 +237,19 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
 
     Barriers that are reached for the second time in a step are kept.
     """
-    now, hit = plant.now, plant.hit
+    now, end = plant.now, plant.end
     now.numbers[LENGTH] = 0.0
     kind = settle(plant, left, goes_on)
     if kind == HIT:
-        if hit.found[WAY] >= UNSOLVED:
-            return IMPACT_FAILED + int(hit.found[WAY])
-        note(plant, hit.words)
-        copy_to(hit.after, now.velocity)
+        if end.hit[WAY] >= UNSOLVED:
+            return IMPACT_FAILED + int(end.hit[WAY])
+        note(plant)
+        copy_to(end.after, now.velocity)
     for i in range(len(now.closed)):
-        now.closed[i] = hit.closed[i]
-        now.kept[i] = now.kept[i] or (now.struck[i] and hit.fresh[i])
+        now.closed[i] = end.closed[i]
+        now.kept[i] = now.kept[i] or (now.struck[i] and end.fresh[i])
         # What rests in touch at the start was not reached within the step.
-        now.struck[i] = now.struck[i] or (hit.fresh[i] and now.numbers[STAGE] > 0.0)
+        now.struck[i] = now.struck[i] or (end.fresh[i] and now.numbers[STAGE] > 0.0)
     return 0
 
 
@@ -289,7 +289,7 @@ def take_step(
         if result >= PART_FAILED:
             return result
         numbers[LENGTH] = length
-        note(plant, plant.end.words)
+        note(plant)
         left, numbers[TIME] = left - length, numbers[TIME] + length
         keeps, over = end_part(plant, more), left <= _OVER * step
         if keeps or not over:
@@ -311,9 +311,9 @@ def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, flo
         may be [m/s, rad/s].
     """
     if in_impact:
-        rows = impact_rows(plant, plant.hit.closed)
-        copy_to(plant.hit.aims[: len(rows.targets)], rows.targets)
-        system, found = part_system(rows, plant.obstacles.tangents), plant.hit.impulse.copy()
+        rows = impact_rows(plant, plant.end.closed)
+        copy_to(plant.end.aims[: len(rows.targets)], rows.targets)
+        system, found = part_system(rows, plant.obstacles.tangents), plant.end.impulse.copy()
     else:
         rows, system = begin(plant, plant.forces.length[0])
         found = plant.end.impulse[rows.places]

@@ -109,7 +109,7 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
 def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
     """Write all gaps (2 j + c,) at q (nq,)."""
     place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    gaps_at(plant, q, plant.hit.closed[:0], gap)
+    gaps_at(plant, q, plant.now.closed[:0], gap)
 
 
 @compiled(inside=True)
@@ -132,12 +132,13 @@ def reaches(plant: Opened, goes_on: bool) -> bool:
 
     Arguments as of `impact_at`. The poses and touches then stand where the robot is.
     """
-    hit, gap, before, found = plant.hit, plant.end.gap, plant.now.closed, False
-    gaps_of(plant, plant.now.position, gap)
+    end, before, found = plant.end, plant.now.closed, False
+    gaps_of(plant, plant.now.position, end.gap)
     for i in range(len(before)):
-        hit.fresh[i] = not before[i] and gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
-        hit.closed[i] = before[i] or hit.fresh[i] or (goes_on and plant.now.kept[i])
-        found = found or (hit.closed[i] and not before[i])
+        near = end.gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
+        end.fresh[i] = near and not before[i]
+        end.closed[i] = before[i] or end.fresh[i] or (goes_on and plant.now.kept[i])
+        found = found or (end.closed[i] and not before[i])
     return found
 
 
@@ -148,20 +149,20 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
     What is kept, or was reached in the step before, does not spring back. Arguments as of
     `impact_at`; found[SHARE] is that share where any springs back.
     """
-    hit, now, v, row, coming = plant.hit, plant.now, plant.now.velocity, 0, False
+    end, now, v, row, coming = plant.end, plant.now, plant.now.velocity, 0, False
     before = now.closed
     for i in range(len(before)):
-        if not hit.closed[i]:
+        if not end.closed[i]:
             continue
         approach = dot(v, rows.matrix[len(rows.laws) + row])
-        ahead = not before[i] and not hit.fresh[i]
-        least = -2.0 * plant.end.gap[i] / left if ahead else 0.0
+        ahead = not before[i] and not end.fresh[i]
+        least = -2.0 * end.gap[i] / left if ahead else 0.0
         back = 0.0 if ahead or now.struck[i] or now.kept[i] else plant.bounds[RESTITUTION]
         opening = -share * back * min(approach, 0.0)
         if back * min(approach, 0.0) < 0.0:
-            hit.found[SHARE] = share
+            end.hit[SHARE] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
-        hit.aims[row] = rows.targets[row] = least + opening
+        end.aims[row] = rows.targets[row] = least + opening
         row += 1
     return coming
 
@@ -170,7 +171,7 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
 def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
     """Write losses of an impact."""
     v = plant.now.velocity
-    found, following, m = plant.hit.found, rows.motor.copy(), len(rows.motor)
+    found, following, m = plant.end.hit, rows.motor.copy(), len(rows.motor)
     for i in range(m):
         if not plant.gears.yields[i]:
             following[i] = dot(solved.after, plant.gears.rows[i])
@@ -182,7 +183,7 @@ def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
 
 @compiled(inside=True)
 def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
-    """Write the impact on barriers that have just been reached into `plant.hit`, see `settle`.
+    """Write the impact on barriers that have just been reached into `plant.end`, see `settle`.
 
     Args:
         plant: what moves, with its state.
@@ -193,51 +194,51 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
         found[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
-    hit, gravity, before, v = plant.hit, plant.tree.gravity, plant.now.closed, plant.now.velocity
-    found = hit.found
+    end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
+    found = end.hit
     found[:] = 0.0
     if not reaches(plant, goes_on):
         return APART
     weigh(plant)
-    rows = impact_rows(plant, hit.closed)
+    rows = impact_rows(plant, end.closed)
     if not rows.lower[0, 0] > 0.0:
         found[WAY] = NO_INERTIA
         return HIT
     if not impact_targets(plant, share, left, rows):
         for i in range(len(before)):
-            hit.closed[i] = before[i] or hit.fresh[i]
+            end.closed[i] = before[i] or end.fresh[i]
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
     system = part_system(rows, plant.obstacles.tangents)
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
     solved = solve_part(plant, rows, system, v, work)
     found[WAY], found[LEFT] = solved.way, solved.missed
-    copy_to(solved.impulse, hit.impulse)
+    copy_to(solved.impulse, end.impulse)
     if solved.way >= UNSOLVED:
         return HIT
     book_impact(plant, rows, solved)
-    copy_to(solved.after, hit.after)
-    world_pushes(plant, rows, solved.impulse, hit.pushes)
+    copy_to(solved.after, end.after)
+    world_pushes(plant, rows, solved.impulse, end.pushes)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     row = len(rows.laws)
     for i in range(len(before)):
-        if hit.closed[i]:
+        if end.closed[i]:
             parts = solved.speed[row] > max(plant.bounds[TOUCH], slow)
-            hit.closed[i] = (before[i] or hit.fresh[i]) and not parts
+            end.closed[i] = (before[i] or end.fresh[i]) and not parts
             row += 1
     return HIT
 
 
 @inner
 def makes_energy(found: Row) -> bool:
-    """Return whether an impact has a solution, and one that makes no energy, in `Hit.found`."""
+    """Return whether an impact has a solution, and one that makes no energy, in `Ending.hit`."""
     return bool(found[WAY] >= UNSOLVED or found[CONTACT] < -_ROUNDING * found[ENERGY])
 
 
 @compiled(inside=True)
 def settle(plant: Opened, left: float, goes_on: bool) -> int:
-    """Take the impact on barriers that have just been reached, into `plant.hit`.
+    """Take the impact on barriers that have just been reached, into `plant.end`.
 
     A barrier counts as reached where its gap is closed and the state does not know it to be. After
     the impact those stay closed that part so slowly that gravity would bring them back within what
@@ -257,7 +258,7 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
     Returns:
         APART, RESTING or HIT, see `impact_at`.
     """
-    found, high, low = plant.hit.found, 1.0, 0.0
+    found, high, low = plant.end.hit, 1.0, 0.0
     plant.forces.length[0] = 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)

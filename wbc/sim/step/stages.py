@@ -84,11 +84,9 @@ class Stage:
 
     @cached_property
     def end(self) -> Any:
-        """What `Ending` or `Hit` held at its end, as attributes."""
-        course, flows = self.course, self.course.length(self.stage) > 0.0
-        kind = course.setup.end_kind if flows else course.setup.hit_kind
-        words = course.stages[self.stage, len(course.last) :]
-        return np.ndarray((), kind, words).view(np.recarray)
+        """What `Ending` held at its end, as attributes."""
+        words = self.course.stages[self.stage, len(self.course.last) :]
+        return np.ndarray((), self.course.setup.end_kind, words).view(np.recarray)
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -193,27 +191,27 @@ class Impact(Stage):
     @property
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
-        return float(self.end.found[impact.SHARE]) * self.course.setup.restitution
+        return float(self.end.hit[impact.SHARE]) * self.course.setup.restitution
 
     @property
     def mesh_loss(self) -> float:
         """Energy lost in the gears [J]."""
-        return float(self.end.found[impact.MESH])
+        return float(self.end.hit[impact.MESH])
 
     @property
     def contact_loss(self) -> float:
         """Energy lost in the contacts [J]."""
-        return float(self.end.found[impact.CONTACT])
+        return float(self.end.hit[impact.CONTACT])
 
     @property
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
-        return float(self.end.found[impact.ENERGY])
+        return float(self.end.hit[impact.ENERGY])
 
     @property
     def missed(self) -> float:
         """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.found[impact.LEFT])
+        return float(self.end.hit[impact.LEFT])
 
 
 def stepped(

@@ -216,19 +216,20 @@ class Now(NamedTuple):
 
 @structured
 class Ending(NamedTuple):
-    """Memory for the middle of a part and its end.
+    """Memory for the middle of a part and its end, and for an impact, which writes those marked *.
 
     Attributes:
         position, velocity: q (nq,), v (nv,) at the end.
         motor_speed: (m,) of the motor outputs.
-        impulse: of the rows, in the layout in which a state keeps them.
-        gap: (2 j + c,).
-        after: v (nv,) at the middle, after forces and impulses.
+        impulse: * of the rows, in the layout in which a state keeps them; of an impact one after
+            the other.
+        gap: * (2 j + c,).
+        after: * v (nv,) at the middle, after forces and impulses.
         mesh_impulse: T (m,) [N m s].
         torque: (m,) [N m] that drives delivered on the rotors.
         depth: (2 j + c,) that is left to take back.
-        pushes: (3 (k + p),) impulses [N s] on contact points, and on the first hull of each pair,
-            world axes.
+        pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
+            pair, world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
         books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
         work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
@@ -236,9 +237,12 @@ class Ending(NamedTuple):
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
-        closed: (2 j + c,) barriers that hold in the part; afterwards those that stay closed.
+        aims: * speeds at which the barriers of an impact are to part, in their order.
+        hit: * (6,) numbers MESH to LEFT of `impact`.
+        closed: * (2 j + c,) barriers that hold or take part; afterwards those that stay closed.
         kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
             kept from its end on: they land slowly, or their gap jumps.
+        fresh: * (2 j + c,) barriers that an impact reaches.
         words: see `Now`.
     """
 
@@ -260,34 +264,12 @@ class Ending(NamedTuple):
     rate: OutRow
     force: OutRow
     moved: OutRow
+    aims: OutRow
+    hit: OutRow
     closed: OutFlags
     kept: OutFlags
     jumps: OutFlags
-    words: OutRow
-
-
-@structured
-class Hit(NamedTuple):
-    """Memory for an impact.
-
-    Attributes:
-        after: v (nv,).
-        pushes: as of `Ending`.
-        impulse: of the rows, one after the other; more than there are.
-        aims: speeds at which the barriers that take part are to part, in their order.
-        found: (6,) numbers MESH to LEFT of `impact`.
-        fresh: (2 j + c,) barriers that are reached.
-        closed: (2 j + c,) those that take part; after an impact those that are closed.
-        words: see `Now`.
-    """
-
-    after: OutRow
-    pushes: OutRow
-    impulse: OutRow
-    aims: OutRow
-    found: OutRow
     fresh: OutFlags
-    closed: OutFlags
     words: OutRow
 
 
@@ -296,9 +278,9 @@ class Opened(NamedTuple):
     """All of a plant.
 
     Attributes:
-        tree, flight, obstacles, gears, placed, bodies, forces, now, end, hit: see there.
+        tree, flight, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
-            those of `end` and `hit` at their end.
+            those of `end` at their end.
         bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
             from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
             HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a
@@ -314,7 +296,6 @@ class Opened(NamedTuple):
     forces: Forces
     now: Now
     end: Ending
-    hit: Hit
     stages: OutDense
     bounds: OutRow
 
