@@ -14,13 +14,13 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import OutRow, Row, compiled, inner
-from wbc.mechanics.inertia import bodies_at, momentum_of, motion_at
-from wbc.mechanics.kinematics import columns_at, place
+from wbc.mechanics.inertia import momentum_of, motion_at
+from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import dot
 from wbc.mechanics.newton import TOLERANCE
 from wbc.sim.step.contacts import solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds, rotor_energy
-from wbc.sim.step.motion import set_momentum
+from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, Solved
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import HERTZ, Gears, Opened, point_of_reference
@@ -184,9 +184,8 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     tree, placed, gears = plant.tree, plant.placed, plant.gears
     joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
     place(joints, tree.shapes, q, poses)
+    look(plant)
     about = point_of_reference(plant)
-    columns_at(joints, tree.shapes, poses, about, placed.columns)
-    bodies_at(joints, tree.shapes, poses, about, placed.bodies)
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
     motion, momentum, motor, normal = np.empty((count, 6)), np.empty(6), np.empty(m), np.empty(3)
     motion_at(joints, placed.columns, v, motion)

@@ -153,12 +153,27 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
 
 
 @inner
-def wrench_at(touch: Row, about: Row, axis: Row, wrench: OutRow) -> None:
-    """Write a unit force along an axis (3,) at a touch (7,) as a wrench (6,) about a point (3,)."""
+def contact_row(plant: Opened, which: int, axis: Row, row: OutRow) -> None:
+    """Write how fast a contact barrier opens along an axis (3,) per v (nv,).
+
+    Args:
+        plant: whose columns and touches stand where the robot is.
+        which: number of the contact barrier.
+        axis: unit vector, world.
+        row: (nv,) to write.
+    """
+    columns, about, wrench = plant.placed.columns, point_of_reference(plant), local(6)
+    touch = plant.obstacles.touch[which]
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         wrench[k] = axis[k]
         wrench[3 + k] = (touch[4 + i] - about[i]) * axis[j] - (touch[4 + j] - about[j]) * axis[i]
+    row[:] = 0.0
+    for side in range(2):
+        i, sign = plant.obstacles.sides[which, side], 1.0 if side == 0 else -1.0
+        while i >= 0:
+            row[i] += sign * dot(wrench, columns[i])
+            i = plant.tree.rows[i, 1]
 
 
 @inner
@@ -166,25 +181,17 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
     """Write how fast the robot opens its closed contacts (2 j + c,) at v (nv,); zero for all else.
 
     Args:
-        plant: whose poses, columns and touches stand where the robot is.
+        plant: whose columns and touches stand where the robot is; `moved` of its end is memory.
         closed: (2 j + c,).
         v: (nv,).
         rate: to write.
     """
-    limits, columns = 2 * len(plant.obstacles.limit_at), plant.placed.columns
-    about = point_of_reference(plant)
-    wrench = local(6)
+    limits, row = 2 * len(plant.obstacles.limit_at), plant.end.moved
     for b in range(len(closed)):
         rate[b] = 0.0
-        if b < limits or not closed[b]:
-            continue
-        one = plant.obstacles.touch[b - limits]
-        wrench_at(one, about, one[1:4], wrench)
-        for side in range(2):
-            i, sign = plant.obstacles.sides[b - limits, side], 1.0 if side == 0 else -1.0
-            while i >= 0:
-                rate[b] += sign * v[i] * dot(wrench, columns[i])
-                i = plant.tree.rows[i, 1]
+        if b >= limits and closed[b]:
+            contact_row(plant, b - limits, plant.obstacles.touch[b - limits, 1:4], row)
+            rate[b] = dot(v, row)
 
 
 @inner
@@ -226,8 +233,6 @@ def barrier_rows(
         which: numbers of the closed contact barriers to write.
     """
     limit_at = plant.obstacles.limit_at
-    columns, rows = plant.placed.columns, plant.tree.rows
-    about = point_of_reference(plant)
     j, row, count = len(limit_at), first, 0
     for i in range(2 * j):
         if closed[i]:
@@ -238,19 +243,13 @@ def barrier_rows(
         if closed[i]:
             which[count] = i - 2 * j
             count += 1
-    size, wrench = 1 + plant.obstacles.tangents, local(6)
+    size = 1 + plant.obstacles.tangents
     for c in range(count):
-        own, one = axes[size * c : size * (c + 1)], plant.obstacles.touch[which[c]]
-        contact_axes(one[1:4], size == 2, own)
+        own = axes[size * c : size * (c + 1)]
+        contact_axes(plant.obstacles.touch[which[c], 1:4], size == 2, own)
         for a in range(size):
             at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
-            matrix[at] = 0.0
-            wrench_at(one, about, own[a], wrench)
-            for side in range(2):
-                i, sign = plant.obstacles.sides[which[c], side], 1.0 if side == 0 else -1.0
-                while i >= 0:
-                    matrix[at, i] += sign * dot(wrench, columns[i])
-                    i = rows[i, 1]
+            contact_row(plant, which[c], own[a], matrix[at])
 
 
 @inner
