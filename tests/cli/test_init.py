@@ -54,7 +54,7 @@ def test_a_strangers_files_become_a_verdict(
     assert load_robot(robot).transmission.joints == joints
     read = [f"{path}{mark}{part}", "--robot", str(robot), "--columns", str(columns)]
     assert f"look up in {robot}: gears." in said
-    assert "still guesses of `wbc init`" in told("check", *read)
+    assert "still guesses in" in told("check", *read)
     # One of the three with every effect there is, as a stranger would, and all of its answer.
     depth = ["--quiet", "--add", "coulomb_friction,viscous_friction"] if model else []
     assert main(["diagnose", *read, *depth]) in (0, 1)
@@ -172,7 +172,7 @@ def test_a_guessed_gear_ratio_is_no_reason_to_suspect_columns(told: Told, tmp_pa
     files = ["--robot", tmp_path / "robot.toml", "--columns", tmp_path / "columns.toml"]
     said = told("check", *logs, *files)
     assert "degrees" not in said
-    assert "still guesses of `wbc init`" in said
+    assert "still guesses in" in said
     assert "gears.hip.gear_ratio" in said
     # What is wrong is found all the same.
     first = sample_logs()[0]

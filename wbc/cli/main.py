@@ -23,10 +23,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
         return _run(options)
-    except BrokenPipeError:
-        # The reader of our output has left (wbc ... | head); there is nobody to complain to.
-        sys.stderr.close()
-        return 0
     except (WbcError, OSError) as error:
         text = str(error)
         if isinstance(error, OSError):
@@ -49,14 +45,12 @@ def _run(options: argparse.Namespace) -> int:
     entry = COMMANDS[options.command]
     module, _, function = entry.function.rpartition(".")
     with needs("cli", "the command wbc"):
-        from rich.console import Console
-
-        from wbc.cli.outputs import require_outputs, write_json
+        from wbc.cli.outputs import Screen, require_outputs, write_json
 
         command = import_module(f"wbc.cli.{module}")
     require_outputs(options, entry.options.split())
     target = getattr(options, "json", None)
-    console = Console(markup=False, quiet=target == "-")
+    console = Screen(markup=False, quiet=target == "-")
     code, content = getattr(command, function)(options, console)
     write_json(target, content, console)
     return int(code)

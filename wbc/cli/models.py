@@ -22,6 +22,7 @@ from wbc.files import write_text
 from wbc.identification import Diagnosis, compare, diagnose
 from wbc.identification.answer.shown import provenance
 from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence, what_to_do
+from wbc.identification.choice.find_causes import INTERRUPTED
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
 from wbc.identification.open_loop import OpenLoop, open_loop
@@ -130,6 +131,8 @@ def run_diagnose(options: Options, console: Console) -> Outcome:
     if options.save:
         # Before the logs are simulated, which takes a minute the first time: nobody loses it then.
         _save(options.save, diagnosis.robot, diagnosis.intervals(), logs)
+    if any(INTERRUPTED in warning for warning in diagnosis.warnings):
+        until = 0.0  # nobody who stopped the search waits for a simulation
     robots = (robot, diagnosis.robot) if diagnosis.findings else (robot,)
     simulated = simulated_later(robots, logs, console, until)
     given = {name: getattr(options, name) for name in ("lossless", "columns", "add")}

@@ -24,6 +24,16 @@ Options = argparse.Namespace
 Outcome = tuple[int, Mapping[str, Any]]
 """What a command returns: the exit code, and what --json writes."""
 
+
+class Screen(Console):
+    """Where a command prints; when the reader leaves (wbc ... | head), it goes on in silence."""
+
+    def on_broken_pipe(self) -> None:
+        """Print nothing more, so that what the command writes to files is still written."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 _INPUTS = ("run_file", "robot", "columns", "ghost")
 _OUTPUTS = ("--html", "--report", "--save", "--out", "--file", "--fix", "--json")
 
@@ -75,7 +85,7 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
         return
     text = json.dumps({"schema": SCHEMA, **content}, indent=2, allow_nan=False) + "\n"
     if target == "-":
-        print(text, end="")
+        Screen().out(text, end="", highlight=False)
     else:
         console.print(f"wrote {write_text(Path(target), text)}")
 

@@ -36,11 +36,8 @@ def run_check(options: Options, console: Console) -> Outcome:
     # Of all that the loader notes, only this makes results wrong.
     impossible = [note for note in robot.notes if "that of no body" in note]
     said += [f"warning: {note} Correct its six numbers." for note in impossible]
-    if guessed := first_guess.guessed_numbers(options.robot):
-        said.append(
-            f"still guesses of `wbc init` in {options.robot}, every answer rests on them: "
-            + ", ".join(guessed)
-        )
+    if guessed := ", ".join(first_guess.guessed_numbers(options.robot)):
+        said.append(f"still guesses in {options.robot}, every answer rests on them: {guessed}")
     answer = [_answer(qualities, len(said), options.quiet)]
     parts: list[Part] = [("remarks", spoken(text, 2)) for text in said]
     for group in find_repeats(logs):

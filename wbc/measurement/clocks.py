@@ -97,7 +97,7 @@ def too_short(log: Log) -> LogFinding | None:
     """Return that a log is too short to say anything, None for a longer one."""
     if log.duration >= _SHORTEST and len(log) >= _LEAST_ROWS:
         return None
-    text = f"{log.duration:g} s with {len(log)} rows are too short to say anything."
+    text = f"{log.duration:.2g} s with {len(log)} rows are too short to say anything."
     return LogFinding("error", "short", "", text, "Record at least a few seconds of motion.")
 
 

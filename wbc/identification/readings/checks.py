@@ -188,7 +188,7 @@ def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
             way = "If so, " + say_so(mend) if mend else "State unit, side and offset in a map."
             far = max(-low, high) > _BEYOND * max(-lower, upper)
             if far:
-                way = f"If the joint turns on, widen its limits in the URDF. {way}"
+                way = f"If the joint can turn further, widen its limits in the URDF. {way}"
             severity = "error" if far else "warning"
             findings.append(LogFinding(severity, "range", name, text, way, mend))
         elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
