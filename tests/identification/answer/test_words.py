@@ -180,10 +180,12 @@ def test_what_is_left_at_a_joint_without_a_motor_asks_for_no_motion_of_it() -> N
 @pytest.mark.parametrize("verdict", ["unknown", "partial"])
 def test_drives_that_report_only_noise_come_first(verdict: Verdict) -> None:
     said = next_experiment(verdict, [], [left("speed")], REPEATED, EFFECTS, ("hip", "knee"))
-    assert said.startswith("The drives of hip and knee report only noise")
+    assert said.startswith("The drives of hip and knee report torques that do not")
     assert "constant speeds" not in said  # nothing is known of the knee
     both = next_experiment(verdict, [], [left("speed")], REPEATED, EFFECTS, ("hip",))
-    assert both.startswith("The drive of hip reports only noise, so these logs say nothing about ")
+    assert both.startswith(
+        "The drive of hip reports a torque that does not follow its motion, so these "
+    )
     assert "Turn knee at several constant speeds" in both
 
 

@@ -68,9 +68,9 @@ def test_drives_that_report_only_noise_are_named_first(friction: list[Log]) -> N
     assert diagnosis.verdict == "unknown"
     assert not diagnosis.findings
     sentence = verdict_sentence(diagnosis)
-    assert sentence.endswith("the drives of hip and knee report only noise.")
+    assert sentence.endswith("report torques that do not follow their motion.")
     assert "N m" not in sentence
-    assert diagnosis.next_experiment.startswith("The drives of hip and knee report only noise")
+    assert diagnosis.next_experiment.startswith("The drives of hip and knee report torques that")
     assert "correct its column" in diagnosis.next_experiment
     assert "no drive reports more" in diagnosis.warnings[-1]
 

@@ -33,7 +33,7 @@ from wbc.identification.answer.remainder import (
     remainders,
 )
 from wbc.identification.answer.shown import series_of
-from wbc.identification.answer.words import joined, only_noise
+from wbc.identification.answer.words import joined, not_following
 from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.find_causes import (
@@ -61,9 +61,9 @@ _STILL = (
     "it moving back and forth, slowly and fast."
 )
 _SILENT = (
-    "{}: the torque reported there is close to its noise and does not follow what the motion needs;"
-    " {}. Either too little was carried in these logs, or a torque constant, unit, column or clock "
-    "is wrong."
+    "{}: the torque reported there does not follow what the motion needs; {}. Either too little "
+    "was carried in these logs, something acts there that is not in the model, or a torque "
+    "constant, unit, column or clock is wrong."
 )
 # Share of the mean square error of one output that is no small part: 0.25 to 0.9 give the same
 # verdicts on 60 generated logs in which something stays unexplained.
@@ -320,7 +320,7 @@ def next_experiment(
         left: what they leave.
         floor: the noise floor.
         classes: the candidates by name.
-        silent: joints whose drives report only noise.
+        silent: joints whose drives report no torque of the motion.
     """
     if verdict == "none":
         return "Nothing is missing on these logs; record faster or loaded motions to look further."
@@ -362,14 +362,14 @@ def _motion(kind: type[Effect]) -> str:
 
 
 def _of_noise(silent: Sequence[str]) -> list[str]:
-    """Return what to do about drives that report only noise."""
+    """Return what to do about drives that report no torque of the motion."""
     if not silent:
         return []
     it, joints = ("it", "this joint") if len(silent) == 1 else ("them", "these joints")
     return [
-        f"{only_noise(silent)}, so these logs say nothing about {joints}. Move {it} faster or with "
-        "a known weight. If the reported torque stays noise, correct its column, its unit or the "
-        "torque constant."
+        f"{not_following(silent)}, so these logs say nothing about {joints}. Move {it} faster or "
+        "with a known weight. If the torque still does not follow, correct its column, its unit or "
+        f"the torque constant, or look for what acts on {it} and is not in the model."
     ]
 
 

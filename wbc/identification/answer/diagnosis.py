@@ -408,7 +408,8 @@ class Diagnosis:
         after: the same with the effects found.
         sources: where the logs came from.
         band: [Hz] that was read of torques; NaN where it is not known.
-        silent: joints whose drives report only noise; set aside unless no other drive reports.
+        silent: joints whose drives report no torque of the motion; set aside unless no other drive
+            reports.
         trait: what several doubtful causes add together, in words; empty without several.
     """
 

@@ -48,7 +48,7 @@ _NEW_RUNS = ("new1.csv", "new2.csv")
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """Return what is certain, what is likely, how good the model is, what is left and doubtful."""
-    noise = only_noise(diagnosis.silent)
+    noise = not_following(diagnosis.silent)
     if diagnosis.verdict == "none":
         floors = plain(diagnosis.error.after, 2)
         nothing = (
@@ -112,12 +112,12 @@ def _doubt(diagnosis: Diagnosis) -> str:
     )
 
 
-def only_noise(joints: Sequence[str]) -> str:
-    """Return that the drives of joints report only noise; empty for none."""
-    if not joints:
-        return ""
-    drives = "The drive of" if len(joints) == 1 else "The drives of"
-    return f"{drives} {joined(joints)} {'reports' if len(joints) == 1 else 'report'} only noise"
+def not_following(joints: Sequence[str]) -> str:
+    """Return that drives of joints report no torque of the motion; empty for none."""
+    if len(joints) == 1:
+        return f"The drive of {joints[0]} reports a torque that does not follow its motion"
+    drives = f"The drives of {joined(joints)} report torques that do not follow their motion"
+    return drives if joints else ""
 
 
 def _progress(diagnosis: Diagnosis) -> str:
