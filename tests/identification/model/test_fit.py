@@ -72,7 +72,7 @@ def linear_fit(rng: np.random.Generator, drawn: int, free: int) -> Fit:
     b = np.concatenate([(raw * weights).ravel(), np.zeros(drawn)])
     step = np.linalg.lstsq(a, -b, rcond=None)[0]
     rows = UsualRows(usual @ step, usual, noise, np.ones(2))
-    slots = tuple((0, Parameter(f"p{k}", "1", 0.0, -9.0, 9.0, 1.0)) for k in range(p))
+    slots = tuple((0, Parameter("level", "1", 0.0, -9.0, 9.0, 1.0)) for _ in range(p))
     robot, effects = load_robot("simple_pendulum"), (CoulombFriction("joint", 0.1),)
     return Fit(robot, effects, raw + jacobian @ step, jacobian, slots, rows, folds=FOLDS)
 
