@@ -133,6 +133,9 @@ def _progress(diagnosis: Diagnosis) -> str:
     if worst is None:
         return f"{share}."
     before, after = plain(worst.before, 2), plain(worst.after, 2)
+    if before == after:
+        floor = f"where noise leaves {plain(worst.floor, 2)}"
+        return f"The error hardly changes: {after} {worst.unit} at {worst.output}, {floor}."
     said = f"{share}: {before} -> {after} {worst.unit} at {worst.output}"
     if worst.after**2 - worst.attainable**2 <= worst.floor**2:
         return f"{said}."

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -154,43 +155,10 @@ def outputs_of(robot: Robot, gear: int) -> IntArray:
     return np.array([k for k in every if output_gear(robot, k) == gear], dtype=np.int_)
 
 
-@dataclass(frozen=True, eq=False)
-class AddedTorque:
-    """What is taken away from the residual of one log, before weights.
-
-    Attributes:
-        outputs: (k,) numbers of the outputs that feel it, in order.
-        values: (N, k).
-        count: of all outputs.
-    """
-
-    outputs: IntArray
-    values: FloatArray
-    count: int
-
-    def times(self, factor: float) -> AddedTorque:
-        """Return a multiple."""
-        return AddedTorque(self.outputs, factor * self.values, self.count)
-
-    def less(self, other: AddedTorque, factor: float) -> AddedTorque:
-        """Return `factor` times the difference to another one."""
-        outputs = np.union1d(self.outputs, other.outputs)
-        values = self._at(outputs) - other._at(outputs)
-        values *= factor
-        return AddedTorque(outputs, values, self.count)
-
-    def _at(self, outputs: IntArray) -> FloatArray:
-        if np.array_equal(outputs, self.outputs):
-            return self.values
-        result = np.zeros((len(self.values), outputs.size))
-        result[:, np.searchsorted(outputs, self.outputs)] = self.values
-        return result
-
-
 def added_torque(
     robot: Robot, effect: Effect, record: Record, slopes: FloatArray | None = None
-) -> AddedTorque | None:
-    """Return what an effect takes away from the residual of a log.
+) -> dict[int, FloatArray] | None:
+    """Return what an effect takes away (N,) from the residual of a log, by number of the output.
 
     It holds beside any other effects as long as no link is simulated, and drives are perfect.
 
@@ -202,7 +170,8 @@ def added_torque(
             none loses a share of it.
 
     Returns:
-        None where contact forces were not measured: what carries the robot then depends on it.
+        Before weights, without outputs that feel nothing. None where contact forces were not
+        measured: what carries the robot then depends on it.
     """
     if not effect.acts_by <= ADDS or record.balance is not None:
         return None
@@ -226,11 +195,7 @@ def added_torque(
     for k, added in _felt(effect.rotor_torque(robot, record.motion)):
         own = added * np.abs(gears.gear_ratio[k])
         outputs[k] = outputs[k] - own if k in outputs else -own
-    values = np.empty((len(record.torque), len(outputs)))
-    order = sorted(outputs)
-    for column, k in enumerate(order):
-        values[:, column] = outputs[k]
-    return AddedTorque(np.array(order, dtype=np.int_), values, output_count(robot))
+    return outputs
 
 
 def _at_joints(robot: Robot, effect: Effect, record: Record) -> dict[int, FloatArray]:
@@ -251,23 +216,34 @@ def _felt(torque: FloatArray | None) -> list[tuple[int, FloatArray]]:
     return [(int(k), torque[:, k]) for k in np.flatnonzero(power != 0.0)]
 
 
-def condensed(record: Record, torques: Sequence[AddedTorque]) -> list[SparseColumns]:
+def _less(
+    one: Mapping[int, FloatArray], other: Mapping[int, FloatArray], size: float
+) -> dict[int, FloatArray]:
+    """Return by how much one is more than another, over a size; what is absent is zero."""
+    zero = np.zeros(1)
+    return {k: (one.get(k, zero) - other.get(k, zero)) / size for k in one.keys() | other.keys()}
+
+
+def condensed(record: Record, torques: Sequence[Mapping[int, FloatArray]]) -> list[SparseColumns]:
     """Return what several effects take away from the condensed residual, one column for each.
 
     All are filtered at once: sixteen columns take hardly longer than one.
+
+    Args:
+        record: one log.
+        torques: what each takes away (N,), by number of the output.
     """
-    if not torques:
-        return []
-    outputs = np.concatenate([torque.outputs for torque in torques])
-    values = np.concatenate([torque.values for torque in torques], axis=1)
+    pairs = [pair for torque in torques for pair in sorted(torque.items())]
+    outputs = np.array([output for output, _ in pairs], dtype=np.int_)
+    values = np.empty((len(record.torque), outputs.size))
+    for column, (_, own) in enumerate(pairs):
+        values[:, column] = own
     found = record.condense_driven(values * record.scale[:, outputs])
     felt = np.einsum("rk,rk->k", found, found) != 0.0
-    result, first = [], 0
-    for torque in torques:
-        own = slice(first, first + torque.outputs.size)
-        first = own.stop
-        kept = torque.outputs[felt[own]]
-        result.append(SparseColumns(kept, found[:, own][:, felt[own], None], torque.count))
+    count, result = output_count(record.robot), []
+    for first, end in pairwise(np.cumsum([0, *map(len, torques)])):
+        own = first + np.flatnonzero(felt[first:end])
+        result.append(SparseColumns(outputs[own], found[:, own, None], count))
     return result
 
 
@@ -402,8 +378,8 @@ class Columns:
             None if asked is None else mesh_slopes(at.robot, record, asked.output)
             for record, asked in zip(self.records, at.asked, strict=True)
         ]
-        parts: dict[int, list[AddedTorque]] = {}
-        here: dict[Effect, list[AddedTorque] | None] = {}
+        parts: dict[int, list[dict[int, FloatArray]]] = {}
+        here: dict[Effect, list[dict[int, FloatArray]] | None] = {}
         known = {effect.key: effect for effect in at.effects}
         for k, change in changes.items():
             there = self._adds(change.after, slopes)
@@ -415,15 +391,14 @@ class Columns:
                     here[own] = self._adds(own, slopes)
                 if (less := here[own]) is None:
                     continue
-                pairs = zip(there, less, strict=True)
-                parts[k] = [one.less(other, -1.0 / change.size) for one, other in pairs]
+                parts[k] = [_less(*pair, change.size) for pair in zip(less, there, strict=True)]
             else:
-                parts[k] = [one.times(-1.0 / change.size) for one in there]
+                parts[k] = [_less({}, own, change.size) for own in there]
         return {k: column.over(at.sizes) for k, column in self._filtered(parts).items()}
 
     def _adds(
         self, effect: Effect, slopes: Sequence[FloatArray | None]
-    ) -> list[AddedTorque] | None:
+    ) -> list[dict[int, FloatArray]] | None:
         """Return what an effect takes away from the residuals, None where it does not only add."""
         pairs = zip(self.records, slopes, strict=True)
         try:
@@ -432,7 +407,9 @@ class Columns:
             return None
         return [part for part in parts if part is not None] if None not in parts else None
 
-    def _filtered(self, parts: Mapping[int, Sequence[AddedTorque]]) -> dict[int, SparseColumns]:
+    def _filtered(
+        self, parts: Mapping[int, Sequence[Mapping[int, FloatArray]]]
+    ) -> dict[int, SparseColumns]:
         found: dict[int, SparseColumns] = {}
         numbers = list(parts)
         for first in range(0, len(numbers), _BATCH):
