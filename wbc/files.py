@@ -38,8 +38,10 @@ def atomic_write(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
         os.umask(umask)
         os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, destination)
-    except BaseException:
+    except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(destination)  # a full disk names no file
         raise
     return destination
 
