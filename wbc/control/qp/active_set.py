@@ -40,14 +40,7 @@ STEPS = 32
 """Steps that are worth a try elsewhere: daqp takes a third of their time, but has to begin.
 
 With 16, 32 and 48 the median hostile tick of Solo12 takes 269, 208 and 189 us, the 99th percentile
-is 418, 460 and 478 us.
-"""
-
-MANY = 20
-"""Bounds broken at first with which that many steps are tried: each step takes one.
-
-Of 1500 hostile ticks of Talos and of Solo12 763 break more, and in 752 of them the steps would be
-in vain.
+is 418, 460 and 478 us. Each step takes one bound: where more are broken at first, none is tried.
 """
 
 SOLVER = Structure(
@@ -352,7 +345,7 @@ def settle(
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
-    push, many = np.zeros(len(taken)), MANY if steps <= STEPS else len(taken)
+    push, many = np.zeros(len(taken)), max(steps, STEPS)
     size = _begin(solver, first, base, bounds, tolerance, many, push, x)
     fresh, exact, step = True, True, 0
     if size < 0:
