@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.compiled import (
+    Count,
     Dense,
     OutDense,
     OutPlaces,
@@ -23,7 +24,7 @@ from wbc.compiled import (
     inner,
     view,
 )
-from wbc.control.qp.active_set import STEPS, SolverMemory, place_multipliers, settle
+from wbc.control.qp.active_set import STEPS, SolverMemory, place_multipliers, place_row, settle
 from wbc.control.qp.gear_rows import GearsMemory, place_loads, place_map, place_output
 from wbc.control.qp.solvers import INFINITE
 from wbc.control.rows.limits import JointsMemory, place_joint_bounds
@@ -39,7 +40,7 @@ from wbc.control.tree import (
 )
 from wbc.effects.tables import fill_commands
 from wbc.mechanics.kinematics import placed_at
-from wbc.mechanics.linear import add_times, copy_to, dot
+from wbc.mechanics.linear import add_times, dot
 from wbc.structures import Structure
 
 TASKS = Structure(
@@ -85,7 +86,8 @@ PROGRAM = Structure(
     map=(OutDense, "m", "n"),
     output_bias=(OutRow, "m"),
     undriven=Places,
-    counts=OutPlaces,
+    joint=Count,
+    counts=(OutPlaces, 2),
     ends=Places,
     numbers=Row,
     efforts=Dense,
@@ -101,15 +103,14 @@ undriven coordinates, contacts, what a more important level has decided.
 `efforts` (e, m) are weights, of N tau_phi where the first of `effort_kinds` (e, 2) is one, of T
 where it is zero, and of what the mesh loses where the second one, a least torque, is not zero. They
 read T of the last tick and, in `positive` (m,), whether T > 0. T = map x + output_bias. `limited`
-(g,) are the gears that have a torque limit, whose rows are the first 2 g bounds. The stated bounds
-are those of the solver but where a more important level has to pass. Part p of a block of results
-stands from ends[p] to ends[p + 1].
+(g,) are the gears that have a torque limit, whose rows are the first 2 g bounds; those of joints
+and distances begin at `joint`. The stated bounds are those of the solver but where a more important
+level has to pass. Part p of a block of results stands from ends[p] to ends[p + 1].
 """
 ProgramMemory = Annotated[Any, PROGRAM.kind]
 
-FIRST, COST, HARD, TORQUE, BOUNDS, JOINT, EFFORTS = range(7)
-"""`counts`: the first row in use; rows of tasks and efforts; hard rows below them; torque limits;
-all bounds; the first joint limit; efforts."""
+COST, HARD = range(2)
+"""`counts`: rows of tasks and efforts, and hard rows below them."""
 
 MASS, SCALE, REGULAR, TOLERANCE, GREATEST = range(5)
 """`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side."""
@@ -258,47 +259,44 @@ def rest(tree: TreeMemory, contacts: ContactsMemory, velocity: Row, mass: float)
 
 
 @inner
-def place_balance(program: ProgramMemory) -> None:
-    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts."""
-    gears, rows, right = program.gears, program.solver.rows, program.solver.right
-    jacobian, at, nv = program.contacts.rows.jacobian, program.counts[COST], len(gears.bias)
-    for row in program.undriven:
-        right[at] = -gears.bias[row]
-        copy_to(gears.mass[row], rows[at])
-        for k in range(len(jacobian)):
-            rows[at, nv + k] = -program.numbers[SCALE] * jacobian[k, row]
-        at += 1
-    for k in range(len(jacobian)):
-        right[at + k] = program.contacts.target[k]
-        copy_to(jacobian[k], rows[at + k])
-
-
-@inner
 def place_tasks(program: ProgramMemory) -> float:
-    """Write the rows of tasks and the diagonal of the accelerations.
-
-    Rows of no weight are left out: the others stand together, in front of those of efforts.
+    """Write the rows of tasks that have a weight, and the diagonal; leave room for efforts.
 
     Returns:
-        the sum of the sizes of everything wanted, and of the equalities.
+        the sum of the sizes of everything wanted.
     """
-    tasks, solver, counts = program.tasks, program.solver, program.counts
-    wanted, weights, jacobian = tasks.wanted, tasks.weights, tasks.rows.jacobian
-    right, count, nv = solver.right, len(tasks.rows.jacobian), len(tasks.diagonal)
-    place, total = count, 0.0
-    for i in range(count - 1, -1, -1):
-        total += abs(wanted[i])
-        if weights[i] > 0.0:
-            place -= 1
-            right[place], solver.softness[place] = wanted[i], 1.0 / weights[i]
-            copy_to(jacobian[i], solver.rows[place])
-    counts[FIRST] = place
-    for j in range(nv):
+    tasks, solver, count, total = program.tasks, program.solver, 0, 0.0
+    for i in range(len(tasks.rows.jacobian)):
+        total += abs(tasks.wanted[i])
+        if tasks.weights[i] > 0.0:
+            softness = 1.0 / tasks.weights[i]
+            place_row(solver, count, tasks.rows.jacobian[i], tasks.wanted[i], softness)
+            count += 1
+    for j in range(len(tasks.diagonal)):
         solver.diagonal[j] = tasks.diagonal[j] + program.numbers[REGULAR]
         solver.pull[j] = tasks.pull[j]
         total += abs(tasks.pull[j])
-    for i in range(counts[COST], counts[COST] + counts[HARD]):
-        total += abs(right[i])
+    program.counts[COST] = count + len(program.efforts) * len(program.map)
+    return total
+
+
+@inner
+def place_balance(program: ProgramMemory) -> float:
+    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts.
+
+    Returns:
+        the sum of the sizes of what stands on the right.
+    """
+    gears, solver, at, total = program.gears, program.solver, program.counts[COST], 0.0
+    jacobian, target, nv = program.contacts.rows.jacobian, program.contacts.target, len(gears.bias)
+    for row in program.undriven:
+        place_row(solver, at, gears.mass[row], -gears.bias[row], 0.0)
+        for k in range(len(jacobian)):
+            solver.rows[at, nv + k] = -program.numbers[SCALE] * jacobian[k, row]
+        at, total = at + 1, total + abs(gears.bias[row])
+    for k in range(len(jacobian)):
+        place_row(solver, at + k, jacobian[k], target[k], 0.0)
+        total += abs(target[k])
     return total
 
 
@@ -309,8 +307,8 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
     They are root weight (e T + rotor share) or root weight T; what the mesh loses is a parabola.
     """
     gears, solver, m = program.gears, program.solver, len(program.map)
-    row = program.counts[COST] - program.counts[EFFORTS] * m
-    for effort in range(program.counts[EFFORTS]):
+    row = program.counts[COST] - len(program.efforts) * m
+    for effort in range(len(program.efforts)):
         rotor, least = program.effort_kinds[effort, 0], program.effort_kinds[effort, 1]
         for i in range(m):
             e, weight = gears.slopes[min(positive[i], 1), i], program.efforts[effort, i]
@@ -323,7 +321,7 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
             add_times(slope, program.map[i], solver.rows[row])
             add_times(rotor * root, gears.rotor[i], solver.rows[row])
             right = slope * program.output_bias[i] + rotor * root * gears.rotor_bias[i]
-            solver.right[row] = -right
+            solver.right[row], solver.softness[row] = -right, 1.0
             row += 1
 
 
@@ -394,6 +392,26 @@ def finish(program: ProgramMemory, dt: float, block: OutRow) -> int:
     return ended
 
 
+@compiled(counted=False)
+def try_bounds(
+    program: ProgramMemory, start: int, steps: int, x: OutRow, y: OutRow, z: OutRow
+) -> tuple[int, int]:
+    """Solve from the bounds taken as binding, see `settle`; return what that does.
+
+    Args:
+        program: PROGRAM.
+        start: the first bound that the program has.
+        steps: systems with other bounds that are solved at most.
+        x, y, z: results, as in `QPSolution`.
+    """
+    solver, soft = program.solver, program.counts[COST]
+    base, bounds = soft + program.counts[HARD], (start, len(solver.give))
+    size, took = settle(solver, base, bounds, program.numbers[TOLERANCE], steps, x)
+    if size >= 0:
+        place_multipliers(solver, base, soft, size, y, z)
+    return size, took
+
+
 @compiled
 def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
     """Solve the program from the rows that bound the last solution; write what it leads to.
@@ -409,16 +427,15 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
     Returns:
         UNSOLVED, LIMITED_TORQUE or DONE.
     """
-    gears, counts, ends, positive = program.gears, program.counts, program.ends, program.positive
+    gears, ends, positive = program.gears, program.ends, program.positive
     rows, x = view(block, ends[GEARS], GEAR_ROWS, len(positive)), block[ends[X] : ends[X + 1]]
-    bounds, tolerance = (counts[TORQUE], counts[BOUNDS]), program.numbers[TOLERANCE]
-    first, last = counts[FIRST], counts[COST] + counts[HARD]
+    y, z = block[ends[Y] : ends[Y + 1]], block[ends[Z] : ends[Z + 1]]
     size, turned, tries = -1, True, 0
     while turned and tries < GUESSES:
         turned, tries = False, tries + 1
         place_efforts(program, positive)
-        size = settle(program.solver, first, last, bounds, tolerance, STEPS, x)[0]
-        if size < 0 or counts[EFFORTS] == 0:
+        size = try_bounds(program, 2 * len(program.limited), STEPS, x, y, z)[0]
+        if size < 0 or len(program.efforts) == 0:
             break
         place_output(gears, program.map, program.output_bias, x, rows[OUTPUT], rows[SHARE])
         for i in range(len(positive)):
@@ -428,8 +445,6 @@ def solve(program: ProgramMemory, dt: float, block: OutRow) -> int:
                 positive[i], turned = 1 - positive[i], True
     if size < 0 or turned:
         return UNSOLVED
-    y, z = block[ends[Y] : ends[Y + 1]], block[ends[Z] : ends[Z + 1]]
-    place_multipliers(program.solver, last - first, counts[COST] - first, size, y, z)
     return finish(program, dt, block)
 
 
@@ -450,7 +465,7 @@ def write(
         whether the numbers are finite, and small enough to solve with.
     """
     tree, gears, contacts, joints = program.tree, program.gears, program.contacts, program.joints
-    counts, ends, mass = program.counts, program.ends, program.numbers[MASS]
+    ends, mass = program.ends, program.numbers[MASS]
     q, v = block[: ends[VELOCITY]], block[ends[VELOCITY] : ends[CORRECTED]]
     q[:], v[:] = position, velocity
     move_joints(tree, v)
@@ -464,7 +479,7 @@ def write(
     program.output[:] = view(last, ends[GEARS], GEAR_ROWS, len(gears.driven))[OUTPUT]
     for i in range(len(program.output)):
         program.positive[i] = 1 if program.output[i] > 0.0 else 0
-    bounds = program.stated_lower[counts[JOINT] :], program.stated_upper[counts[JOINT] :]
+    bounds = program.stated_lower[program.joint :], program.stated_upper[program.joint :]
     place_joint_bounds(joints, gears.bias, gears.mass, q, v, dt, bounds)
-    place_balance(program)
-    return bool(place_tasks(program) < program.numbers[GREATEST])
+    total = place_tasks(program) + place_balance(program)
+    return bool(total < program.numbers[GREATEST])

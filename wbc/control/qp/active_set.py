@@ -47,7 +47,7 @@ SOLVER = Structure(
     "Solver",
     rows=(OutDense, "k", "n"),
     right=(OutRow, "k"),
-    softness=OutRow,
+    softness=(OutRow, "k"),
     diagonal=OutRow,
     pull=(OutRow, "n"),
     C=OutDense,
@@ -79,29 +79,35 @@ SolverMemory = Annotated[Any, SOLVER.kind]
 
 
 @inner
-def _factorise(solver: SolverMemory, first: int, known: int, size: int) -> bool:
+def place_row(solver: SolverMemory, place: int, row: Row, right: float, softness: float) -> None:
+    """Write a row of G, what stands behind the given entries as zeros."""
+    solver.right[place], solver.softness[place] = right, softness
+    copy_to(row, solver.rows[place])
+    solver.rows[place, len(row) :] = 0.0
+
+
+@inner
+def _factorise(solver: SolverMemory, known: int, size: int) -> bool:
     """Write K = G D^-1 G' + S, and its factor, from row `known` on; return whether there is one."""
-    G, scaled, system, inverse = solver.rows[first:], solver.scaled, solver.system, solver.inverse
+    G, scaled, system, inverse = solver.rows, solver.scaled, solver.system, solver.inverse
     for i in range(known, size):
         for j in range(len(inverse)):
             scaled[i, j] = G[i, j] * inverse[j]
         for k in range(i + 1):
             system[i, k] = dot(scaled[i], G[k])
-        system[i, i] += solver.softness[first + i]
+        system[i, i] += solver.softness[i]
     return factorise_from(system, known, size)
 
 
 @inner
-def _try_rows(
-    solver: SolverMemory, first: int, known: int, base: int, size: int, x: OutRow
-) -> bool:
+def _try_rows(solver: SolverMemory, known: int, base: int, size: int, x: OutRow) -> bool:
     """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force.
 
     The half solution L^-1 (right - G free) of the rows that are known stands in `left`.
 
     Args:
         solver: a SOLVER.
-        first, size: which of its rows are G.
+        size: how many of its rows are G.
         known: rows that the last call had as well.
         base: from which row on one that the others all but decide is none to solve with.
         x: result (n,).
@@ -109,12 +115,12 @@ def _try_rows(
     Returns:
         whether the rows are independent.
     """
-    G, right, free, force = solver.rows[first:], solver.right[first:], solver.free, solver.force
+    G, right, free, force = solver.rows, solver.right, solver.free, solver.force
     left, scaled, factor = solver.left, solver.scaled, solver.system
-    if not _factorise(solver, first, known, size):
+    if not _factorise(solver, known, size):
         return False
     for i in range(known, size):
-        half, whole = right[i] - dot(G[i], free), solver.softness[first + i]
+        half, whole = right[i] - dot(G[i], free), solver.softness[i]
         left[i] = (half - dot(left[:i], factor[i])) * factor[i, i]
         if i >= base and (whole + dot(scaled[i], G[i])) * factor[i, i] ** 2 > 1.0 / _DECIDED:
             return False
@@ -128,17 +134,15 @@ def _try_rows(
 
 
 @inner
-def _meet_rows(
-    solver: SolverMemory, first: int, known: int, size: int, tolerance: float, x: OutRow
-) -> bool:
+def _meet_rows(solver: SolverMemory, known: int, size: int, tolerance: float, x: OutRow) -> bool:
     """Do as `_try_rows`, and correct x (n,) until the rows are met.
 
     Returns:
         whether the rows are met; they are not where they depend on one another.
     """
-    if not _try_rows(solver, first, known, size, size, x):
+    if not _try_rows(solver, known, size, size, x):
         return False
-    G, right, softness = solver.rows[first:], solver.right[first:], solver.softness[first:]
+    G, right, softness = solver.rows, solver.right, solver.softness
     force, missing, scaled, largest = solver.force, solver.missing, solver.scaled, 0.0
     for i in range(size):
         largest = max(largest, abs(right[i]))
@@ -160,17 +164,15 @@ def _meet_rows(
 
 
 @inner
-def _place_bound(solver: SolverMemory, first: int, place: int, row: int) -> int:
+def _place_bound(solver: SolverMemory, place: int, row: int) -> int:
     """Write a bound that binds into a place of G; return the next one."""
-    at = first + place
-    solver.right[at] = solver.upper[row] if solver.taken[row] > 0 else solver.lower[row]
-    solver.softness[at] = solver.give[row]
-    copy_to(solver.C[row], solver.rows[at])
+    right = solver.upper[row] if solver.taken[row] > 0 else solver.lower[row]
+    place_row(solver, place, solver.C[row], right, solver.give[row])
     return place + 1
 
 
 @inner
-def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop: int) -> int:
+def _place_active(solver: SolverMemory, base: int, start: int, stop: int) -> int:
     """Write the bounds that bind, of rows from `start` to `stop`, below the first `base` of G.
 
     Those that are none in this program, as of a gear in another direction, are let go of.
@@ -183,10 +185,10 @@ def _place_active(solver: SolverMemory, first: int, base: int, start: int, stop:
         if abs(solver.upper[i] if taken[i] > 0 else solver.lower[i]) >= INFINITE:
             taken[i] = 0
         if taken[i] != 0:
-            if first + size == len(solver.right):
+            if size == len(solver.right):
                 return -1
             active[size - base] = i
-            size = _place_bound(solver, first, size, i)
+            size = _place_bound(solver, size, i)
     return size
 
 
@@ -254,7 +256,7 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) 
 
 @inner
 def _let_go(
-    solver: SolverMemory, first: int, base: int, size: int, known: int, bound: int, push: OutRow
+    solver: SolverMemory, base: int, size: int, known: int, bound: int, push: OutRow
 ) -> None:
     """Take one of the bounds out of the `size` rows of G, of which `known` ones are factorised."""
     active = solver.active
@@ -262,14 +264,13 @@ def _let_go(
     drop_row(solver.system, solver.left, base + bound, known)
     for k in range(bound, size - 1 - base):
         active[k], push[k] = active[k + 1], push[k + 1]
-        _place_bound(solver, first, base + k, active[k])
+        _place_bound(solver, base + k, active[k])
         copy_to(solver.scaled[base + k + 1], solver.scaled[base + k])
 
 
 @inner
 def _begin(
     solver: SolverMemory,
-    first: int,
     base: int,
     bounds: tuple[int, int],
     tolerance: float,
@@ -280,8 +281,7 @@ def _begin(
     """Solve with the bounds taken as binding, and let go of those that pull until none does.
 
     Args:
-        solver, first, bounds, tolerance, x: as for `settle`.
-        base: how many rows of G are no bounds.
+        solver, base, bounds, tolerance, x: as for `settle`.
         many: bounds broken at first with which it goes on.
         push: result (r,), how hard every bound pushes.
 
@@ -289,9 +289,9 @@ def _begin(
         how many rows G has, -1 where even those that are no bounds depend on one another.
     """
     active, taken, force, known, pulls = solver.active, solver.taken, solver.force, 0, True
-    size = _place_active(solver, first, base, bounds[0], bounds[1])
+    size = _place_active(solver, base, bounds[0], bounds[1])
     while pulls:
-        if size < 0 or not _meet_rows(solver, first, known, size, tolerance, x):
+        if size < 0 or not _meet_rows(solver, known, size, tolerance, x):
             if size == base:
                 return UNSETTLED
             taken[:], known, size = 0, 0, base
@@ -301,7 +301,7 @@ def _begin(
             # to drop what hardly pulls as well would drop and take some rows in turns
             pull = force[base + k] * taken[active[k]]
             if pull > tolerance and solver.give[active[k]] == 0.0:
-                _let_go(solver, first, base, size, size, k, push)
+                _let_go(solver, base, size, size, k, push)
                 size, pulls = size - 1, True
         if fresh and pulls and _most_violated(solver, bounds, tolerance, x)[2] > many:
             return UNSETTLED
@@ -314,8 +314,7 @@ def _begin(
 @compiled
 def settle(
     solver: SolverMemory,
-    first: int,
-    last: int,
+    base: int,
     bounds: tuple[int, int],
     tolerance: float,
     steps: int,
@@ -332,7 +331,7 @@ def settle(
 
     Args:
         solver: a SOLVER.
-        first, last: its rows of G that the program has.
+        base: how many rows the program has without bounds.
         bounds: from which to which of its bounds the program has.
         tolerance: how far beyond its bound a row may be, and a push below zero.
         steps: systems with other bounds that are solved at most.
@@ -341,12 +340,12 @@ def settle(
     Returns:
         how many rows G has in the end, or UNSETTLED, and how many steps it took.
     """
-    base, taken, active, row = last - first, solver.taken, solver.active, -1
+    taken, active, row = solver.taken, solver.active, -1
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
     push, many = np.zeros(len(taken)), max(steps, STEPS)
-    size = _begin(solver, first, base, bounds, tolerance, many, push, x)
+    size = _begin(solver, base, bounds, tolerance, many, push, x)
     fresh, exact, step = True, True, 0
     if size < 0:
         return UNSETTLED, step
@@ -356,18 +355,18 @@ def settle(
             allowed = tolerance if exact else 0.5 * tolerance
             row, side, count = _most_violated(solver, bounds, allowed, x)
             if row < 0:
-                if exact or _meet_rows(solver, first, size, size, tolerance, x):
+                if exact or _meet_rows(solver, size, size, tolerance, x):
                     return size, step
                 break
             hopeless = step == 0 and count > many
-            if hopeless or step == steps or first + size == len(solver.right):
+            if hopeless or step == steps or size == len(solver.right):
                 break
             known, taken[row], active[size - base], push[size - base] = size, side, row, 0.0
-            size = _place_bound(solver, first, size, row)
-        met = _try_rows(solver, first, known, base, size, trial)
+            size = _place_bound(solver, size, row)
+        met = _try_rows(solver, known, base, size, trial)
         if fresh and not (met or exact):  # what the others decide may be beyond by their rounding
             taken[row], size, exact = 0, size - 1, True
-            if _meet_rows(solver, first, size, size, tolerance, x):
+            if _meet_rows(solver, size, size, tolerance, x):
                 continue
             break
         leaving = _go_on(solver, base, size, push, met)
@@ -379,7 +378,7 @@ def settle(
             copy_to(trial, x)
         else:
             known = size if met else size - 1
-            _let_go(solver, first, base, size, known, leaving, push)
+            _let_go(solver, base, size, known, leaving, push)
             known, size = known - 1, size - 1
     taken[:] = 0
     return UNSETTLED, step

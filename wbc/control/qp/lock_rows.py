@@ -9,15 +9,13 @@ import numpy as np
 from scipy.optimize import nnls
 
 from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
+from wbc.control.qp.active_set import place_row
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.solvers import INFINITE
 from wbc.control.tick import (
-    BOUNDS,
     COST,
     HARD,
-    JOINT,
     REGULAR,
-    TORQUE,
     ProgramMemory,
     TasksMemory,
 )
@@ -70,7 +68,7 @@ def _gather_binding(
     """Write the bounds from `start` on that x (n,) has reached: outwards, scaled, of length one."""
     C, lower, upper = program.solver.C, program.stated_lower, program.stated_upper
     binding, scales, count = lock.binding, lock.scales, 0
-    for i in range(start, program.counts[BOUNDS]):
+    for i in range(start, len(lower)):
         value, length = dot(C[i], x), 0.0
         for j in range(len(x)):
             length += (C[i, j] * scales[j]) ** 2
@@ -122,10 +120,10 @@ def let_pass(
     Then the solution of the level above is one of this level, and no gap of the tolerance's size
     parts bounds that meet. A bound that has become an equality is none any more.
     """
-    solver, counts = program.solver, program.counts
+    solver = program.solver
     for i in range(start, stop):
         # limits of joints and distances may have given way above
-        room = np.inf if counts[JOINT] <= i < counts[BOUNDS] else slack
+        room = np.inf if i >= program.joint else slack
         if lock.decided[i] != 0:
             solver.lower[i], solver.upper[i] = -INFINITE, INFINITE
             continue
@@ -157,11 +155,9 @@ def place_lock(
     solver, counts, first, last = program.solver, program.counts, lock.ends[0], lock.ends[1]
     counts[HARD] = unlocked + last - first
     for i in range(first, last):
-        row = counts[COST] + unlocked + i - first
-        for j in range(len(x)):
-            solver.rows[row, j] = lock.kept[i, j] if j < width else 0.0
-        solver.right[row], solver.softness[row] = dot(solver.rows[row], x), 0.0
-    let_pass(program, lock, x, reach, counts[TORQUE], counts[BOUNDS])
+        row = lock.kept[i, :width]
+        place_row(solver, counts[COST] + unlocked + i - first, row, dot(row, x), 0.0)
+    let_pass(program, lock, x, reach, 2 * len(program.limited), len(solver.give))
     return int(width - last)
 
 
@@ -193,12 +189,13 @@ def hold(
     Returns:
         how many freedoms of qdd, or of x, are left; -1 where bounds are still to be locked.
     """
-    solver, counts, scales = program.solver, program.counts, lock.scales
-    top, nv, n = counts[COST], len(program.tasks.diagonal), len(x)
+    solver, scales = program.solver, lock.scales
+    start = 0 if limited else 2 * len(program.limited)
+    top, nv, n = program.counts[COST], len(program.tasks.diagonal), len(x)
     for j in range(n):
         weight = program.tasks.diagonal[j] if j < nv else solver.diagonal[j]
         scales[j] = 1.0 / sqrt(weight + program.numbers[REGULAR])
-    reached = _gather_binding(program, lock, 0 if limited else counts[TORQUE], x, reach)
+    reached = _gather_binding(program, lock, start, x, reach)
     own, width = top, n
     if reached == 0 and _forces_balance(program, lock):
         own, width = top + len(program.undriven), nv

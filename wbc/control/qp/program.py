@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import sqrt
@@ -25,13 +24,10 @@ from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import (
-    BOUNDS,
     COST,
-    FIRST,
     GEAR_ROWS,
     GEARS,
     HARD,
-    JOINT,
     PROGRAM,
     TOLERANCE,
     ProgramMemory,
@@ -120,7 +116,7 @@ def write_out(
     H[:] = 0.0
     for j in range(len(g)):
         H[j, j], g[j] = solver.diagonal[j], -solver.pull[j]
-    for i in range(counts[FIRST], counts[COST]):
+    for i in range(counts[COST]):
         add_square(solver.rows[i], solver.right[i], 1.0 / solver.softness[i], H, g)
     for i in range(hard):
         copy_to(solver.rows[counts[COST] + i], rows[i])
@@ -131,27 +127,32 @@ def write_out(
         if wanted[i] != 0:
             right = solver.upper[i] if wanted[i] > 0 else solver.lower[i]
             add_square(solver.C[i], right, 1.0 / solver.give[i], H, g)
-        left = 2 if wanted[i] != 0 else 1 if i >= counts[JOINT] else 0
+        left = 2 if wanted[i] != 0 else 1 if i >= program.joint else 0
         lower[:left, hard + i], upper[:left, hard + i] = -INFINITE, INFINITE
 
 
 @compiled
 def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
-    """Raise small costs and price limits of joints and distances; write which ask for motion.
+    """Make costs more even, and limits of joints and distances that ask for motion tasks, too.
 
-    `wanted` (r,) is 1 where an upper bound does, -1 where a lower one does.
+    Such as that of a joint that has to brake. Torque limits, cones, contacts at rest and the
+    balance are what the motors and the ground can do; they stay as they are.
+
+    Args:
+        program: PROGRAM; small costs are raised, and limits get a price.
+        wanted: result (r,), 1 where an upper bound asks for motion, -1 where a lower one does.
     """
-    solver, counts, heaviest = program.solver, program.counts, 0.0
+    solver, heaviest = program.solver, 0.0
     for j in range(len(solver.diagonal)):
         heaviest = max(heaviest, solver.diagonal[j])
-    for i in range(counts[FIRST], counts[COST]):
+    for i in range(program.counts[COST]):
         heaviest = max(heaviest, 1.0 / solver.softness[i])
     least = heaviest / FIRM
     for j in range(len(solver.diagonal)):
         if 0.0 < solver.diagonal[j] < least:
             solver.pull[j] *= least / solver.diagonal[j]
         solver.diagonal[j] = max(solver.diagonal[j], least)
-    for i in range(counts[JOINT], counts[BOUNDS]):
+    for i in range(program.joint, len(solver.give)):
         solver.give[i] = 1.0 / (FIRM * heaviest)
         wanted[i] = 1 if solver.upper[i] < 0.0 else -1 if solver.lower[i] > 0.0 else 0
 
@@ -162,7 +163,7 @@ def place_excess(program: ProgramMemory, x: Row, z: Row, beyond: OutRow, push: O
 
     A limit that is a task and not passed pushes nothing: it gives way itself.
     """
-    solver, start = program.solver, program.counts[JOINT]
+    solver, start = program.solver, program.joint
     for i in range(len(z)):
         value, high, low = dot(solver.C[i], x), solver.upper[i], solver.lower[i]
         beyond[i] = max(value - high, low - value, 0.0)
@@ -211,12 +212,12 @@ class Program:
         weight = recipe.kinematics.mass * recipe.kinematics.gravity
         self.force_scale = 0.1 * recipe.load
         self.gears = drivetrain.limited
-        self._efforts = len(recipe.efforts) if last else 0
-        self.has_efforts, self.repeats = self._efforts > 0, contacts.rank < contacts.rows
+        self._efforts = recipe.efforts if last else recipe.efforts[:0]
+        self.has_efforts, self.repeats = len(self._efforts) > 0, contacts.rank < contacts.rows
         self._undriven, m = robot.floating_size, robot.transmission.size
         self.unlocked = self._undriven + contacts.rank
         above = sum(len(stack.memory.wanted) for stack in recipe.stacks[:rank])
-        cost = len(self.stack.memory.rows.jacobian) + m * self._efforts
+        cost = len(self.stack.memory.rows.jacobian) + m * len(self._efforts)
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
         parts = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, self.bounds, most]
@@ -257,8 +258,7 @@ class Program:
         """Make all memory, for `cost` soft rows and `most` hard ones, and parts of a block."""
         recipe, n, nv, contacts = self.recipe, self.n, self.nv, self.contacts
         size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
-        softness, diagonal = np.zeros(size), np.full(n, recipe.settings.acceleration_weight)
-        softness[:cost] = 1.0
+        diagonal = np.full(n, recipe.settings.acceleration_weight)
         C, self.wanted = np.zeros((bounds, n)), np.zeros(bounds, dtype=np.int_)
         lower, upper = np.full(bounds, -INFINITE), np.full(bounds, INFINITE)
         C[self.cone, nv:], C[self.normal, nv:] = contacts.cone, contacts.normals
@@ -266,12 +266,8 @@ class Program:
         C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
         stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
         sizes = {"k": size, "n": n, "r": bounds}
-        solver = SOLVER.of(
-            sizes, softness=softness, diagonal=diagonal, C=C, lower=lower, upper=upper
-        )
+        solver = SOLVER.of(sizes, diagonal=diagonal, C=C, lower=lower, upper=upper)
         mass, settings = recipe.kinematics.mass, recipe.settings
-        ends = self.torque.stop, self.bounds, self.joint.start
-        counts = [0, cost, self.unlocked, *ends, self._efforts]
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         greatest = tolerance / np.finfo(np.float64).eps
         self.memory: Any = PROGRAM.of(
@@ -284,16 +280,14 @@ class Program:
             solver=solver,
             limited=np.array(self.gears, dtype=np.int_),
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
-            counts=np.array(counts, dtype=np.int_),
+            joint=self.joint.start,
             ends=parts,
             numbers=np.array([mass, self.force_scale, regular, tolerance, greatest]),
-            efforts=recipe.efforts,
+            efforts=self._efforts,
             effort_kinds=recipe.effort_kinds,
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
-        top = cost + self._undriven
-        self._basis = slice(top, top + contacts.rank)
         self._room = np.zeros((2, contacts.rows, nv))
 
     def take(self, ceilings: Mapping[str, float]) -> None:
@@ -322,30 +316,15 @@ class Program:
         """
         solver, (left, kept) = self.memory.solver, self._room
         jacobian, target = self.contacts.memory.rows.jacobian, self.contacts.memory.target
-        rows, right = solver.rows[self._basis, : self.nv], solver.right[self._basis]
-        softness = solver.softness[self._basis]
+        top = int(self.memory.counts[COST]) + self._undriven
+        basis = slice(top, top + self.contacts.rank)
+        rows, right = solver.rows[basis, : self.nv], solver.right[basis]
+        softness = solver.softness[basis]
         count = min(extend_basis(jacobian, left, kept, 0, self.nv), self.contacts.rank)
-        basis = kept[:count]
-        rows[:count], rows[count:] = basis, 0.0
+        rows[:count], rows[count:] = kept[:count], 0.0
         right[:] = 0.0
-        right[:count] = np.linalg.lstsq(jacobian @ basis.T, target, rcond=_WEAK)[0]
+        right[:count] = np.linalg.lstsq(jacobian @ kept[:count].T, target, rcond=_WEAK)[0]
         softness[:count], softness[count:] = 0.0, 1.0
-
-    @contextmanager
-    def limits_as_tasks(self) -> Iterator[None]:
-        """Make costs more even, and limits of joints and distances that ask for motion tasks, too.
-
-        Such as that of a joint that has to brake. Torque limits, cones, contacts at rest and the
-        balance are what the motors and the ground can do; they stay as they are.
-        """
-        solver = self.memory.solver
-        kept = solver.diagonal.copy(), solver.pull.copy()
-        place_prices(self.memory, self.wanted)
-        try:
-            yield
-        finally:
-            solver.diagonal[:], solver.pull[:] = kept
-            solver.give[:], self.wanted[:] = 0.0, 0
 
     def excess(self, solution: QPSolution) -> FloatArray:
         """Return by how much each bound is passed (r,), and how hard it pushes (r,)."""

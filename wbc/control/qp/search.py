@@ -9,14 +9,13 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled
-from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
+from wbc.control.qp.active_set import FEW, STEPS
 from wbc.control.qp.gear_rows import place_output
 from wbc.control.qp.lock_rows import let_pass
-from wbc.control.qp.program import REACH, Program
+from wbc.control.qp.program import REACH, Program, place_prices
 from wbc.control.qp.solvers import Daqp, QPSolution, QPStatus, solve
 from wbc.control.tick import (
     COST,
-    FIRST,
     GUESSES,
     HARD,
     SMALL,
@@ -24,6 +23,7 @@ from wbc.control.tick import (
     ProgramMemory,
     place_directed_rows,
     place_efforts,
+    try_bounds,
 )
 from wbc.mechanics.linear import dot
 
@@ -91,7 +91,7 @@ def weigh(
         some = some or beyond[i]
     for j in range(len(x)):
         cost += (0.5 * solver.diagonal[j] * x[j] - solver.pull[j]) * x[j]
-    for i in range(counts[FIRST], counts[COST]):
+    for i in range(counts[COST]):
         miss = dot(solver.rows[i], x) - solver.right[i]
         cost += 0.5 * miss * miss / solver.softness[i]
     return cost, some
@@ -298,26 +298,31 @@ class DirectionSearch:
         all. The costs as they are begin with these. Where not all can be kept, or the work ends,
         the last motion found is the answer.
         """
-        program, tolerance = self._program, self._tolerance
+        program, solver, wanted = self._program, self._program.memory.solver, self._program.wanted
         self.iterations += _PROGRAM
-        with program.limits_as_tasks():
+        costs = solver.diagonal.copy(), solver.pull.copy()
+        place_prices(program.memory, wanted)
+        try:
             H, g, rows, lower, upper = program.written()
-            turns = program.joint.start < program.bounds, program.wanted.any(), True
+            turns = program.joint.start < program.bounds, wanted.any(), True
             bounds = [(lower[i], upper[i]) for i in range(3) if turns[i]]
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)
-            hard = len(rows) - program.bounds
-            found = self._daqp.solve(H, g, rows, bounds, hard, tolerance=tolerance, most=most)
+            asked = H, g, rows, bounds, len(rows) - program.bounds
+            found = self._daqp.solve(*asked, tolerance=self._tolerance, most=most)
             self.iterations += sum(one.iterations for one in found)
             last = found.pop()
             if last.status is not QPStatus.SOLVED:
                 if not (self._gives and found):
                     return last
                 if len(found) == 2:  # limits that ask for no motion can be kept
-                    program.memory.solver.give[program.wanted == 0] = 0.0
+                    solver.give[wanted == 0] = 0.0
                 known = last.status is QPStatus.INFEASIBLE
                 eased = self._refined(found[-1])
                 return eased._replace(status=QPStatus.EASED if known else QPStatus.UNFINISHED)
+        finally:
+            solver.diagonal[:], solver.pull[:] = costs
+            solver.give[:], wanted[:] = 0.0, 0
         exact = self._refined(last)
         return last._replace(status=QPStatus.UNFINISHED) if exact is last else exact
 
@@ -336,17 +341,11 @@ class DirectionSearch:
 
     def _guessed(self, steps: int) -> QPSolution:
         """Return the solution from the rows taken as binding, NOTHING where they lead to none."""
-        program, memory = self._program, self._program.memory
-        solver, counts = memory.solver, memory.counts
-        first, hard, bounds = int(counts[FIRST]), int(counts[HARD]), len(solver.lower)
-        last = int(counts[COST]) + hard
-        x, y, z = np.empty(program.n), np.empty(hard), np.empty(bounds)
-        size, took = settle(solver, first, last, (0, bounds), self._tolerance, steps, x)
+        program, hard = self._program, int(self._program.memory.counts[HARD])
+        x, y, z = np.empty(program.n), np.empty(hard), np.empty(program.bounds)
+        size, took = try_bounds(program.memory, 0, steps, x, y, z)
         self.iterations += max(_GUESS, _STEP * took)
-        if size < 0:
-            return NOTHING
-        place_multipliers(solver, last - first, last - first - hard, size, y, z)
-        return QPSolution(x, y, z, QPStatus.SOLVED, 0)
+        return NOTHING if size < 0 else QPSolution(x, y, z, QPStatus.SOLVED, 0)
 
 
 def _turned(node: IntArray, sides: IntArray, cost: float, taken: IntArray) -> list[_Node]:

@@ -221,9 +221,9 @@ class Daqp:
             else:
                 flag, self._sizes = model.setup(H, g, rows, upper, lower, sense)[0], sizes
             if flag < 0:
-                self._sizes = 0, 0
-                none = np.zeros(len(rows))
-                return [QPSolution(np.zeros(len(g)), none, none, QPStatus.FAILED, 0)]
+                self._sizes, none = (0, 0), np.zeros(len(rows))
+                y, z = none[:equalities], none[equalities:]
+                return [QPSolution(np.zeros(len(g)), y, z, QPStatus.FAILED, 0)]
             x, _, flag, info = model.solve()
             y, z = info["lam"][:equalities], info["lam"][equalities:]
             status, most = _DAQP.get(flag, QPStatus.FAILED), most - info["iterations"]
