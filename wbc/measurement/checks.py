@@ -109,8 +109,9 @@ def check_set(logs: Sequence[Log]) -> list[LogFinding]:
     """Return findings about duplicates, different joints, channels and rates."""
     findings = []
     for group in find_duplicates(logs):
-        labels = ", ".join(logs[k].source.label for k in group)
-        text = f"the same data more than once: {labels}."
+        labels = [logs[k].source.label for k in group]
+        more = f" and {len(labels) - 6} more" if len(labels) > 6 else ""
+        text = f"the same data more than once: {', '.join(labels[:6])}{more}."
         way = "Give each recording once; a copy is no repeat, it says nothing about noise."
         findings.append(LogFinding("error", "duplicate", "", text, way))
     first = logs[0]
