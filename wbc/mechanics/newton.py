@@ -52,7 +52,7 @@ _FIRMER, _TIMES, _FEW = 0.1, 3, 5
 """By which the compliance of the rounds falls, how often, and up to how many linear systems of a
 round; twice more where rounds come no nearer. Hard steps among 482 of TALOS take up to 168 linear
 systems so."""
-_CLOSE, _NEAR, _PASSABLE = 50.0, 1e3, 1e6
+_CLOSE, _NEAR, _PASSABLE = 30.0, 1e3, 1e6
 """Of the tolerance: where rounds that come no nearer may end; what counts as a solution; and where
 impulses are good enough to say which friction there is."""
 _PASSIVE_ROUNDS, _PASSIVE_SYSTEMS = 5, 100
@@ -334,7 +334,7 @@ def solve_system(
     for fresh in range(2 if shortened else 1):
         if fresh:
             impulse[:] = 0.0
-        count = proximal(system, impulse, tolerance, int(work * _WORK / size**3) - used, found)
+        count = proximal(system, impulse, tolerance, int(work * _WORK / size**3), found)
         used += abs(count)
         if count > 0:
             copy_to(found, impulse)
