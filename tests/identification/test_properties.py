@@ -63,6 +63,19 @@ def test_copies_of_a_run_and_columns_that_no_cause_needs_change_nothing() -> Non
     assert answer([*more, more[0]]) == pytest.approx(usual(), rel=1e-9)
 
 
+def test_velocities_that_are_late_change_nothing() -> None:
+    """Delays and frictions stood for the time that `wbc check` measures."""
+    late, step = [], 2.0 * np.pi / 2**12
+    for log in RUNS:
+        moved = {}
+        for joint in LEG.transmission.joints:
+            velocity = np.interp(log.time - 0.012, log.time, log.column(f"{joint}.velocity"))
+            coarse = step * np.round(log.column(f"{joint}.position") / step)
+            moved |= {f"{joint}.velocity": velocity, f"{joint}.position": coarse}
+        late.append(log.with_columns(moved))
+    assert answer(late) == pytest.approx(TRUTH, rel=0.05)
+
+
 def test_repeats_never_lower_the_noise_floor() -> None:
     """What an encoder's steps do repeats with the motion, and cancels between two such runs."""
     coarse, step = [], 2.0 * np.pi / 2**12

@@ -11,15 +11,13 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
 from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, cut_at_gaps, gaps, too_short
-from wbc.measurement.filters import VelocityFit, residual_noise
+from wbc.measurement.filters import WELL_CORRELATED, VelocityFit, residual_noise
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
 
 _JITTER = 0.5
 _RATE_RATIO = 1.5
-_WELL_CORRELATED = 0.9
-_DELAY_SAMPLES = 0.25
 
 
 def check_reading(log: Log, said: Sequence[LogFinding]) -> list[LogFinding]:
@@ -83,12 +81,12 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFindi
     findings: list[LogFinding] = []
     for joint, fit in fits.items():
         name, late = f"{joint}.velocity", 1e3 * fit.delay
-        if abs(fit.correlation) < _WELL_CORRELATED:
+        if abs(fit.correlation) < WELL_CORRELATED:
             text = f"its integral and the position correlate by {fit.correlation:.2f} only."
             way = "Check that both belong to one joint; leave the velocity out if it is noise."
             findings.append(LogFinding("warning", "velocity_unrelated", name, text, way))
             continue
-        if abs(fit.delay) <= max(_DELAY_SAMPLES * log.sample_time, 4.0 * fit.delay_error):
+        if not fit.late(log.sample_time):
             continue
         aligned: Mend = {"time": {"align_velocity": True}}
         way = f"To take it out, {say_so(aligned)}\nTo use the position instead, " + say_so(

@@ -180,6 +180,11 @@ _FILTER_SAMPLES = 2.0
 _LONGEST_DELAY = 0.2
 
 
+WELL_CORRELATED = 0.9
+"""Least correlation of a position and the integral of its velocity that are of one joint."""
+_DELAY_SAMPLES, _DELAY_ERRORS = 0.25, 4.0  # up to which a delay is none
+
+
 @dataclass(frozen=True)
 class VelocityFit:
     """velocity(t) = scale dq/dt(t - delay), or the same through a first-order low-pass.
@@ -199,6 +204,11 @@ class VelocityFit:
     delay_error: float
     correlation: float
     filtered: bool
+
+    def late(self, sample_time: float) -> bool:
+        """Whether it is behind or ahead by more than chance and a part of a sample [s] would be."""
+        least = max(_DELAY_SAMPLES * sample_time, _DELAY_ERRORS * self.delay_error)
+        return abs(self.correlation) > WELL_CORRELATED and abs(self.delay) > least
 
 
 def fit_velocity(
@@ -291,13 +301,19 @@ def velocity_fits(log: Log) -> dict[str, VelocityFit]:
     return fits
 
 
+def late_velocities(log: Log) -> dict[str, VelocityFit]:
+    """Return the same of the joints whose velocity is late or early."""
+    fits = velocity_fits(log)
+    return {joint: fit for joint, fit in fits.items() if fit.late(log.sample_time)}
+
+
 def align_velocity(log: Log) -> Log:
     """Return a log whose velocities are on the clock of the positions.
 
     A pure delay d is shifted out, v(t + d); a first-order low-pass with the time constant T is
     undone, v + T dv/dt (local polynomials over 11 samples, so that noise above their band is not
-    raised). Which of the two it is, and how long, is what `check_log` finds; joints whose velocity
-    does not follow their position stay as they are.
+    raised). Which of the two it is, and how long, is what `check_log` finds; all other velocities
+    stay as they are.
 
     Returns:
         The rows for which every shifted velocity exists; the ends of the log are lost.
@@ -305,8 +321,7 @@ def align_velocity(log: Log) -> Log:
     Raises:
         LogError: a delay as long as the log.
     """
-    fits = velocity_fits(log).items()
-    own = {f"{joint}.velocity": fit for joint, fit in fits if fit.correlation > 0.9}
+    own = {f"{joint}.velocity": fit for joint, fit in late_velocities(log).items()}
     filtered = {name: fit.delay for name, fit in own.items() if fit.filtered}
     if filtered:
         slope = local_polynomial_operator(log.time, derivative=1)
