@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, Remade, checked, frozen
+from wbc.arrays import FloatArray, IntArray, Remade, checked, frozen
 from wbc.errors import RobotError, require_known, unknown_name
 from wbc.robot.effect import Effect, Motion
 from wbc.robot.model import (
@@ -331,13 +331,6 @@ class Robot(Remade):
         for effect in self.effects:
             forward, backward = effect.gear_efficiencies(self, motion, forward, backward)
         return forward, backward
-
-    @property
-    def varying_gears(self) -> BoolArray:
-        """(m,) gears whose efficiencies depend on the motion."""
-        gears = self.transmission
-        found = [e.where for e in self.effects if "gear_efficiencies" in e.acts_by]
-        return frozen([joint in found for joint in gears.joints], np.bool_)
 
     def with_contacts(self, contacts: Iterable[ContactPoint]) -> Robot:
         """Return the same robot with other offsets, balls or friction at its contacts.

@@ -1,10 +1,11 @@
 """What a cause adds to the torque, and how that changes with its numbers: one column for each.
 
 What links need is linear in their inertias, and what only adds torque adds it whatever else the
-robot has: such columns need no second look at the robot. What a gear must give depends on its own
-mesh, rotor and drive, not on those of others: changes at several gears that do not share an output
-are made together, and each output shows its own (Curtis, Powell, Reid, "On the estimation of sparse
-Jacobian matrices", 1974). All others are differences of two residuals.
+robot has; a gear that loses a share of its load passes both on by one slope at every sample. Other
+columns are differences of two residuals. What a gear must give depends on its own mesh, rotor and
+drive, not on those of others: changes at several gears that do not share an output are made
+together, and each output shows its own (Curtis, Powell, Reid, "On the estimation of sparse Jacobian
+matrices", 1974).
 """
 
 from __future__ import annotations
@@ -597,13 +598,6 @@ def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | 
 def drawn(effect: Effect) -> bool:
     """Whether an effect's numbers are drawn to what is usual before the logs speak."""
     return bool(effect.search.departures(effect).size)
-
-
-def lossy_gears(robot: Robot) -> BoolArray:
-    """Return (m,) which gears lose a share of what they carry."""
-    gears = robot.transmission
-    always = (gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0)
-    return np.asarray(always | robot.varying_gears)
 
 
 def only_inertial(robot: Robot, effect: Effect) -> bool:
