@@ -45,12 +45,12 @@ def _run(options: argparse.Namespace) -> int:
     entry = COMMANDS[options.command]
     module, _, function = entry.function.rpartition(".")
     with needs("cli", "the command wbc"):
-        from wbc.cli.outputs import Screen, require_outputs, write_json
+        from wbc.cli.outputs import PatientConsole, require_outputs, write_json
 
         command = import_module(f"wbc.cli.{module}")
     require_outputs(options, entry.options.split())
     target = getattr(options, "json", None)
-    console = Screen(markup=False, quiet=target == "-")
+    console = PatientConsole(markup=False, quiet=target == "-")
     code, content = getattr(command, function)(options, console)
     write_json(target, content, console)
     return int(code)

@@ -25,7 +25,7 @@ Outcome = tuple[int, Mapping[str, Any]]
 """What a command returns: the exit code, and what --json writes."""
 
 
-class Screen(Console):
+class PatientConsole(Console):
     """Where a command prints; when the reader leaves (wbc ... | head), it goes on in silence."""
 
     def on_broken_pipe(self) -> None:
@@ -85,7 +85,7 @@ def write_json(target: str | None, content: Mapping[str, Any], console: Console)
         return
     text = json.dumps({"schema": SCHEMA, **content}, indent=2, allow_nan=False) + "\n"
     if target == "-":
-        Screen().out(text, end="", highlight=False)
+        PatientConsole().out(text, end="", highlight=False)
     else:
         console.print(f"wrote {write_text(Path(target), text)}")
 

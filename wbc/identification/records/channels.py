@@ -25,6 +25,7 @@ from wbc.transmission import DRIVE_TIMES, Transmission
 _SOURCES = (*REPORTED, "duty", "target_position")
 ASKED = ("motor_torque", *REPORTED)
 """What a column of torque that nobody named is taken for: most drives report that of the motor."""
+_EARLY = 0.1  # of a sample
 _EVEN = 1e-3  # time stamps that stray less than this share of a step count as even
 _STATES = 4  # drawn at random; one that does not show a dependence has measure zero
 _SAME = 1e-9  # of the torque, what rounding makes
@@ -523,15 +524,21 @@ class Channels:
     placeless: tuple[str, ...] = ()
 
 
-def read_channels(robot: Robot, log: Log) -> Channels:
+def read_channels(robot: Robot, log: Log, step: float | None = None) -> Channels:
     """Return what a log that `require_readable` let pass says about `robot`.
+
+    Args:
+        robot: that the log is held against.
+        log: the log.
+        step: of the even clock [s]; that of the log when left out.
 
     Raises:
         LogError: the torque of a driven joint or the position of a joint is missing.
         IdentificationError: a free base without forces.
     """
-    step = log.sample_time
-    count = int(np.floor(log.duration / step + 1e-6)) + 1
+    step = step or log.sample_time
+    # A last stamp that is early by its jitter takes no sample away.
+    count = int(np.floor(log.duration / step + _EARLY)) + 1
     grid = log.time[0] + step * np.arange(count)
     even = count == len(log) and np.abs(log.time - grid).max() < _EVEN * step
 
