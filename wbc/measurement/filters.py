@@ -307,7 +307,7 @@ def late_velocities(log: Log) -> dict[str, VelocityFit]:
     return {joint: fit for joint, fit in fits.items() if fit.late(log.sample_time)}
 
 
-def align_velocity(log: Log) -> Log:
+def align_velocity(log: Log, late: Mapping[str, VelocityFit] | None = None) -> Log:
     """Return a log whose velocities are on the clock of the positions.
 
     A pure delay d is shifted out, v(t + d); a first-order low-pass with the time constant T is
@@ -315,13 +315,18 @@ def align_velocity(log: Log) -> Log:
     raised). Which of the two it is, and how long, is what `check_log` finds; all other velocities
     stay as they are.
 
+    Args:
+        log: the log.
+        late: of `late_velocities`, where it is known.
+
     Returns:
         The rows for which every shifted velocity exists; the ends of the log are lost.
 
     Raises:
         LogError: a delay as long as the log.
     """
-    own = {f"{joint}.velocity": fit for joint, fit in late_velocities(log).items()}
+    late = late_velocities(log) if late is None else late
+    own = {f"{joint}.velocity": fit for joint, fit in late.items()}
     filtered = {name: fit.delay for name, fit in own.items() if fit.filtered}
     if filtered:
         slope = local_polynomial_operator(log.time, derivative=1)

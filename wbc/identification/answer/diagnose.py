@@ -332,7 +332,7 @@ def next_experiment(
     if verdict in ("unknown", "partial"):
         other = [one for one in left if one.output not in silent]
         known = [_of_what_is_left(other, floor)] if other or not silent else []
-        return " ".join([*_of_noise(silent), *known])
+        return " ".join([*_of_silent(silent), *known])
     texts = _to_tell_apart(findings, classes)
     return " ".join(texts or dict.fromkeys(finding.effect.experiment for finding in findings))
 
@@ -361,7 +361,7 @@ def _motion(kind: type[Effect]) -> str:
     return motion[:1].lower() + motion[1:]
 
 
-def _of_noise(silent: Sequence[str]) -> list[str]:
+def _of_silent(silent: Sequence[str]) -> list[str]:
     """Return what to do about drives that report no torque of the motion."""
     if not silent:
         return []

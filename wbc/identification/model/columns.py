@@ -302,8 +302,8 @@ class Columns:
             None where the robot cannot be changed so. Not finite where a link flies off.
         """
         found = self._inertial(at, changes, held)
-        if not some_deflect(at.robot.effects):
-            adding = {k: c for k, c in enumerate(changes) if c.after.acts_by <= ADDS}
+        adding = {k: c for k, c in enumerate(changes) if c.after.acts_by <= ADDS}
+        if adding and not some_deflect(at.robot.effects):
             found |= self._along(at)._adding(at, adding)
         others = {k: change for k, change in enumerate(changes) if k not in found}
         found.update(self._by_difference(at, others, held))

@@ -351,7 +351,8 @@ def _on_one_clock(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         f"The velocities of {joints} are up to {max(delays, default=0.0):.1f} ms behind or ahead "
         "of their positions. That is taken out; `wbc check` shows each."
     )
-    return [align_velocity(log) for log in logs], [said] if joints else []
+    aligned = [align_velocity(*pair) for pair in zip(logs, late, strict=True)]
+    return aligned, [said] if joints else []
 
 
 def _best_sides(
