@@ -103,6 +103,8 @@ def test_rest_held_poses_and_fine_steps_are_not_wrong(swing: Log) -> None:
     rest = np.where(T < 2.0, np.sin(np.pi * T) ** 2, 0.0)
     speed = np.where(T < 2.0, np.pi * np.sin(2 * np.pi * T), 0.0)
     assert "stuck" not in _kinds(Log(T, {"a.position": rest, "a.velocity": speed}))
+    # A drive whose velocity has a zero of its own, as sums of counts of 12 bits have.
+    assert "stuck" not in _kinds(Log(T, {"a.position": rest, "a.velocity": speed - 0.3}))
     pose = np.clip(np.sin(2.0 * T), -0.5, 0.5)
     assert "saturation" not in _kinds(Log(T, {"a.position": pose, "a.motor_torque": 3.0 * pose}))
     step = 2 * np.pi / 4096

@@ -270,7 +270,7 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
 
     A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint
     that rests, or a coarse sensor, does not jump. At the end of a log there is no jump to see:
-    there the other sensor must show a fifth of the whole motion.
+    there the other sensor must show a fifth of the whole motion, and a speed that it resolves.
 
     Args:
         log: the log.
@@ -293,16 +293,26 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
             # The later half alone: a velocity that lags behind dies out in the first.
             rows, stop = slice(start + length // 2, start + length + 1), start + length + 1
             moved = abs(float(position[stop - 1] - position[rows.start]))
-            seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows]))))
+            passed = log.time[rows][-1] - log.time[rows][0]
+            drift = _zero(log.time, position, velocity, slice(start, stop)) * passed
+            seen = abs(moved - abs(float(trapezoid(velocity[rows], log.time[rows])) - drift))
             jump = abs(float(values[stop] - values[stop - 1])) if stop < len(log) else 0.0
             least = max(seen if values is position else 0.1 * np.ptp(velocity), 5.0 * _step(values))
             known = values is velocity or seen > 2.0 * _step(position)
-            lost = seen > _END_SHARE * np.ptp(position)
+            lost = seen > max(_END_SHARE * np.ptp(position), _step(velocity) * passed)
             if (seen > 0.0 and known and jump > least) if stop < len(log) else lost:
                 text = f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
                 way = "The sensor or its link dropped out: leave that time out (log.between)."
                 findings.append(LogFinding("error", "stuck", name, f"{text}joint moves.", way))
     return findings
+
+
+def _zero(time: FloatArray, position: FloatArray, velocity: FloatArray, held: slice) -> float:
+    """Return what a velocity shows at rest, by the rows outside those that are held."""
+    steps = np.diff(time)
+    strays = 0.5 * (velocity[1:] + velocity[:-1]) * steps - np.diff(position)
+    rest = steps.sum() - steps[held].sum()
+    return float((strays.sum() - strays[held].sum()) / rest) if rest > 0.0 else 0.0
 
 
 def _step(values: FloatArray) -> float:

@@ -15,6 +15,7 @@ _KINDS = {"s", *(unit for units in JOINT_QUANTITIES.values() for unit in units)}
 _NAMED = [unit for unit, (kind, _) in LOG_UNITS.items() if kind in _KINDS]
 _UNITS = {
     **{unit.lower().replace("/", " ").replace("^", " "): unit for unit in _NAMED},
+    **{unit.lower().replace("/", " per "): unit for unit in _NAMED if "/" in unit},
     **{unit.lower().replace(" ", ""): unit for unit in _NAMED if "/" not in unit},
     **{"turns": "turn", "sec": "s", "seconds": "s", "c": "deg C"},
 }
@@ -240,11 +241,16 @@ def _words(name: str) -> list[str]:
 def _unit(name: str) -> tuple[str, list[str]]:
     """Return (unit, the other words); a unit stands in brackets, or at the end.
 
-    The capital of `mNm` or `mA` begins no word.
+    Before a joint's number it has two letters or more. The capital of `mNm` or `mA` begins no word.
     """
     for bracket in re.finditer(r"[\[(]([^\])]+)[\])]", name):
         if (unit := named_unit(bracket[1])) in _NAMED:
             return unit, _words(name[: bracket.start()] + " " + name[bracket.end() :])
+    numbered = re.fullmatch(r"(.*[A-Za-z])(\W|_)([0-9]+)", name)
+    if numbered:
+        unit, left = _unit(numbered[1])
+        if len(unit) > 1:
+            return unit, [*left, numbered[3]]
     for found in (list(re.finditer(r"[A-Za-z]+|[0-9]+", name)), None):
         words = [match[0].lower() for match in found] if found else _words(name)
         for count in (3, 2, 1):
