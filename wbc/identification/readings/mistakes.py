@@ -435,7 +435,8 @@ def _foreign(robot: Robot, judged: _Tables) -> list[Found]:
             near.sort(key=lambda text: -odds[text])
             found.append(_told(near, judged, POSSIBLE, len(judged)))
             continue
-        joint, left = robot.transmission.joints[k], np.mean([min(own[k].left, 1.0) for own in reports])
+        joint = robot.transmission.joints[k]
+        left = np.mean([min(own[k].left, 1.0) for own in reports])
         text = (
             f"the torque of {joint} does not follow what the links need: {100.0 * left:.0f} % of "
             "its power has no explanation, and no other reading of the columns gives one."
