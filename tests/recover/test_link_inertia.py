@@ -113,6 +113,11 @@ def test_a_tool_nine_times_as_heavy_as_its_link_is_within_reach_of_a_linear_scre
     steps = np.linalg.solve(slopes, tool.toDynamicParameters())
     reached = shin(screen.combine(steps)) - drawn
     assert reached == pytest.approx(tool.toDynamicParameters(), rel=1e-2, abs=1e-3)
+    # Somebody mounts it: only what is drawn and is not there makes a drawing less likely.
+    mounted = LinkInertia.at("shin", screen.combine(steps))
+    assert LinkInertia.search.implausibility(mounted, robot, ()) == pytest.approx(0.0, abs=1e-6)
+    lost = {name: -value for name, value in mounted.values.items() if name == "alpha"}
+    assert LinkInertia.search.implausibility(LinkInertia.at("shin", lost), robot, ()) > 3.0
 
 
 def test_a_payload_stays_a_payload() -> None:

@@ -137,6 +137,18 @@ def departures(numbers: tuple[float, ...]) -> FloatArray:
     return frozen(np.concatenate([stretched, factor[_BESIDE]]) / USUAL)
 
 
+def missing(numbers: tuple[float, ...]) -> FloatArray:
+    """Return (10,) the part of `departures` that says what is drawn and is not there.
+
+    A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The divergence
+    is a sum over them: those below 1 are what is missing.
+    """
+    factor = lower(numbers)
+    below = np.minimum(np.linalg.eigvalsh(factor @ factor.T), 1.0)
+    squares = np.maximum(below - np.log(below) - 1.0, 0.0)
+    return np.concatenate([np.sqrt(squares), np.zeros(_COUNT - squares.size)]) / USUAL
+
+
 def excess(distances: FloatArray) -> float:
     """Return what a drawing costs that is more wrong than drawings usually are [nats].
 
@@ -194,6 +206,11 @@ def _implausibility(effect: RedrawnLinks, robot: Robot, motions: Sequence[Motion
     If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
     """
     return excess(_departures(effect))
+
+
+def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what one link costs of which more is missing than drawings usually have too much."""
+    return excess(missing(tuple(effect.values.values())))
 
 
 def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:
@@ -275,7 +292,9 @@ class LinkInertia(RedrawnLinks):
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
-    search = replace(RedrawnLinks.search, expected=1.0, remarks=_remarks)
+    search = replace(
+        RedrawnLinks.search, expected=1.0, implausibility=_missing, remarks=_remarks
+    )
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
