@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from wbc import Robot, effects
+from wbc import Robot, effects, load_robot
+from wbc.effects.friction import RotorCoulombFriction
 from wbc.identification import diagnose
 from wbc.measurement import Log
 from wbc.robot import Effect, Motion
@@ -42,6 +43,18 @@ def test_friction_alike_in_both_directions_is_plain_viscous_friction(leg: Robot)
     assert found.verdict == "named"
     (one,) = found.findings
     assert (one.effect.key, one.rivals) == (("viscous_friction", "knee"), ())
+
+
+@pytest.mark.parametrize("kind", [effects.CoulombFriction, RotorCoulombFriction])
+def test_a_gear_with_losses_tells_on_which_side_of_it_friction_is(
+    leg: Robot, kind: type[effects.CoulombFriction | RotorCoulombFriction]
+) -> None:
+    lossy = load_robot("planar_leg_fixed")
+    real, loss = lossy.with_effect(kind("knee", 0.8)), effects.TransmissionEfficiency
+    logs = [ENCODER.measure(real, record_run(real, leg, seed, 4.0), seed) for seed in (7, 8)]
+    for given, losses in ((lossy, set()), (leg, {(loss.name, "hip"), (loss.name, "knee")})):
+        found = diagnose(given, logs, [loss, effects.CoulombFriction, RotorCoulombFriction])
+        assert {effect.key for effect in found.effects} == {(kind.name, "knee"), *losses}
 
 
 SWING = np.linspace([-1.0, 0.1], [1.0, 1.0], 50)

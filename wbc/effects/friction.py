@@ -264,20 +264,22 @@ class StribeckFriction(JointEffect):
 
 @dataclass(frozen=True)
 class CoupledRotorNumber(GearNumbers, ABC):
-    """Base of the effects whose place is a motor that several joints turn.
+    """Base of the effects whose place is a motor: before its gear, not at the joint behind it.
 
-    Where a motor turns with its joint alone, what happens at the motor cannot be told from what
-    happens at the joint, and the effects of the joint stand for both; a torque sensor behind the
-    gear tells the two apart.
+    Where a motor turns with its joint alone and its gear loses nothing, what happens at the motor
+    cannot be told from what happens at the joint, and the effects of the joint stand for both. A
+    torque sensor behind the gear tells the two apart. So does a gear with losses under load: what
+    rubs at the motor does not load it.
     """
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
-        """Every gear that a topology D couples, or with a torque sensor, by its joint's name."""
+        """Every gear that a topology couples, that has losses, or a sensor, by its joint's name."""
         gears = robot.transmission
-        coupled = np.count_nonzero(gears.motor_from_joint, axis=1) > 1
-        coupled[robot.sensed] = True
-        return tuple(joint for joint, yes in zip(gears.joints, coupled, strict=True) if yes)
+        told = np.count_nonzero(gears.motor_from_joint, axis=1) > 1
+        told |= (gears.forward_efficiency != 1.0) | (gears.backward_efficiency != 1.0)
+        told[robot.sensed] = True
+        return tuple(joint for joint, yes in zip(gears.joints, told, strict=True) if yes)
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless `where` is a driven joint.
@@ -303,12 +305,13 @@ class RotorViscousFriction(CoupledRotorNumber):
     name = "rotor_viscous_friction"
     numbers = (("coefficient", "rotor_viscous_friction", 2),)
     explanation = (
-        "Grease is sheared on the motor's side of a coupled gear: a torque grows with the speed of "
-        "the motor, which several joints make together."
+        "Grease is sheared on the motor's side of the gear: a torque grows with the speed of the "
+        "motor, and does not load the gear."
     )
     experiment = (
-        "Move the joints that share the motor one at a time at several speeds, then against one "
-        "another so that the motor stands still: what drags at the motor falls away."
+        "Where joints share the motor, move them against one another so that it stands still: what "
+        "drags at the motor falls away. Else lift and lower weights at several speeds: friction "
+        "behind the gear adds to the load that the gear loses a share of."
     )
     search = SearchOffer(expected=2.0)
 
@@ -327,11 +330,12 @@ class RotorCoulombFriction(CoupledRotorNumber):
     name = "rotor_coulomb_friction"
     numbers = (("level", "rotor_coulomb_friction", 1),)
     explanation = (
-        "The seals and bearings on the motor's side of a coupled gear rub: the torque changes "
-        "sign with the speed of the motor, which several joints make together."
+        "Seals and bearings rub on the motor's side of the gear: the torque changes sign with the "
+        "speed of the motor, and does not load the gear."
     )
     experiment = (
-        "Move the joints that share the motor one at a time, then against one another so that the "
-        "motor stands still: what rubs at the motor falls away."
+        "Where joints share the motor, move them against one another so that it stands still: what "
+        "rubs at the motor falls away. Else lift and lower weights slowly: friction behind the gear "
+        "adds to the load that the gear loses a share of."
     )
     search = SearchOffer(expected=2.0)

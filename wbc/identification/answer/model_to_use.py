@@ -5,8 +5,9 @@ The model may hold causes whose names are doubted: their torque predicts all the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_fits, without_idle
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
-from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.records.record import output_names
 from wbc.robot import Effect
 
@@ -142,46 +142,37 @@ def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer
     trials, names = found.trials, believed(found)
     if not classes:
         return names
-    ordered = _in_order(trials, dict.fromkeys((names.hypothesis, found.final)), classes)
-    used = _best(*ordered)
+    used = _best(trials, dict.fromkeys((names.hypothesis, found.final)), classes)
     if used is names.hypothesis:
         return names
     return _doubting(trials, judged(trials, used, set()), names)
 
 
-def _best(tried: Iterable[_Prediction], rivals: Sequence[_Prediction]) -> Hypothesis:
-    """Return the first of those tried that no other is better than; else the one least behind."""
-    known = list(rivals)
-    for one in tried:
-        known.append(one)
-        if all(one.behind(other) <= _AS_GOOD for other in known):
-            return one.hypothesis
-    return min(known, key=lambda one: max(one.behind(other) for other in known)).hypothesis
-
-
-def _in_order(
+def _best(
     trials: Trials, found: Iterable[Hypothesis], classes: Sequence[type[Effect]]
-) -> tuple[Iterator[_Prediction], list[_Prediction]]:
-    """Return what may be used, in the order of belief, and what it must match.
+) -> Hypothesis:
+    """Return the first model that no other is better than; else the one least behind.
 
-    That is all that was found, and the plain fits. Last come the plain fits beside what was found,
-    where that is behind them. Links that swing are simulated: beside them no plain fit is tried.
+    What was found comes first, in the order of belief. It must match the robot as given and the
+    plain fits. Last come the plain fits beside what was found, where that is behind them. Links
+    that swing are simulated: beside them no plain fit is tried.
     """
-    plain = [_Prediction.of(trials, h) for h in plain_fits(trials, classes)]
-    known = [_Prediction.of(trials, h) for h in found]
-    rivals = [*known, _Prediction.of(trials, trials.nothing), *plain]
+    problem, plain = trials.problem, plain_fits(trials, classes)
+    rivals = [*found, trials.nothing, *plain]
 
-    def tried() -> Iterator[_Prediction]:
-        yield from known
-        last = known[-1]
-        ahead = [own for own in plain if last.behind(own) > _AS_GOOD]
-        for own in () if last.hypothesis.swings else ahead:
-            joined = _joined(trials.problem, last.hypothesis, own.hypothesis)
-            longer = len(joined) > len(last.hypothesis.effects)
-            if longer and (both := trials.of(joined)) is not None:
-                yield _Prediction.of(trials, without_idle(trials, both))
+    def most_behind(one: Hypothesis) -> float:
+        return max(_behind(problem, one, other) for other in rivals)
 
-    return tried(), rivals
+    *_, last = found
+    ahead = [own for own in plain if _behind(problem, last, own) > _AS_GOOD]
+    joined = () if last.swings else (_joined(problem, last, own) for own in ahead)
+    longer = (effects for effects in joined if len(effects) > len(last.effects))
+    beside = (without_idle(trials, both) for own in longer if (both := trials.of(own)) is not None)
+    for one in chain(found, beside):
+        rivals.append(one)
+        if most_behind(one) <= _AS_GOOD:
+            return one
+    return min(rivals, key=most_behind)
 
 
 def _joined(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> tuple[Effect, ...]:
@@ -226,29 +217,10 @@ def _doubting(trials: Trials, answer: Answer, names: Answer) -> Answer:
     return replace(answer, support=support | names.support, rivals=rivals, named=names.hypothesis)
 
 
-@dataclass(frozen=True, eq=False)
-class _Prediction:
-    """What a hypothesis leaves of data that it did not see.
-
-    Attributes:
-        hypothesis: the causes.
-        floor: (outputs,) mean squares of noise, with their standard error, and of what filters
-            distort: below it nothing is told apart.
-    """
-
-    hypothesis: Hypothesis
-    floor: FloatArray
-
-    @classmethod
-    def of(cls, trials: Trials, h: Hypothesis) -> _Prediction:
-        problem = trials.problem
-        more = problem.floor_error + problem.distorted(DISTORTED)
-        return cls(h, problem.floor.values[problem.floor.judged] ** 2 * (1.0 + more))
-
-    def behind(self, other: _Prediction) -> float:
-        """Return the largest ratio of two outputs' errors, less a standard error of the first."""
-        mine, theirs = self.hypothesis.squares, other.hypothesis.squares
-        own = mine.mean(axis=0)
-        beside = np.maximum(theirs.mean(axis=0), self.floor)
-        error = np.std(mine - theirs, axis=0, ddof=1) / np.sqrt(len(mine))
-        return float(np.sqrt(np.max(np.maximum(own - error, 0.0) / np.maximum(beside, 1e-300))))
+def _behind(problem: EstimationProblem, one: Hypothesis, other: Hypothesis) -> float:
+    """Return the largest ratio of two outputs' errors, less a standard error of the first."""
+    mine, theirs = one.squares, other.squares
+    beside = np.maximum(theirs.mean(axis=0), problem.indistinct)
+    error = np.std(mine - theirs, axis=0, ddof=1) / np.sqrt(len(mine))
+    ratio = np.maximum(mine.mean(axis=0) - error, 0.0) / np.maximum(beside, 1e-300)
+    return float(np.sqrt(np.max(ratio)))

@@ -53,7 +53,7 @@ def plain_fits(
 
     Each begins from nothing, and where the one before ended; what leaves less counts. At the calves
     of that quadruped load friction is found from nothing alone (0.69 instead of 1.04 times), and
-    Stribeck friction beside it from there alone.
+    Stribeck friction beside it from there alone. One that nothing can be told from is the last.
 
     Args:
         trials: on the logs.
@@ -80,6 +80,8 @@ def plain_fits(
             ahead = [trials.of((*last.effects, *more), last)] if last else []
             if tried := [h for h in (trials.of(start), *ahead) if h is not None]:
                 fits.append(without_idle(trials, min(tried, key=lambda h: h.error)))
+                if np.all(fits[-1].squares.mean(axis=0) <= problem.indistinct):
+                    break
     return fits
 
 

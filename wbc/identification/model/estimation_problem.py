@@ -323,6 +323,15 @@ class EstimationProblem:
         logs = sum(record.rows for record in self.records) * self.white_samples
         return np.asarray(np.sqrt(2.0 / self.floor.samples + 2.0 / logs))
 
+    @cached_property
+    def indistinct(self) -> FloatArray:
+        """(judged outputs,) mean squares below which no two models are told apart, in their units.
+
+        Those of noise, with their standard error, and of what filters distort.
+        """
+        noise = self.floor.values[self.floor.judged] ** 2
+        return np.asarray(noise * (1.0 + self.floor_error + self.distorted(DISTORTED)))
+
     @property
     def white_samples(self) -> FloatArray:
         """(outputs,) independent samples per row of white noise in the residual's band."""
