@@ -335,7 +335,7 @@ class RotorCoulombFriction(CoupledRotorNumber):
     )
     experiment = (
         "Where joints share the motor, move them against one another so that it stands still: what "
-        "rubs at the motor falls away. Else lift and lower weights slowly: friction behind the gear "
-        "adds to the load that the gear loses a share of."
+        "rubs at the motor falls away. Else lift and lower weights slowly: friction behind the "
+        "gear adds to the load that the gear loses a share of."
     )
     search = SearchOffer(expected=2.0)

@@ -292,9 +292,7 @@ class LinkInertia(RedrawnLinks):
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
-    search = replace(
-        RedrawnLinks.search, expected=1.0, implausibility=_missing, remarks=_remarks
-    )
+    search = replace(RedrawnLinks.search, expected=1.0, implausibility=_missing, remarks=_remarks)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from itertools import chain
 
 import numpy as np
 
-from wbc.arrays import FloatArray
 from wbc.identification.answer.remainder import Attainable, attainable
 from wbc.identification.choice.certainty import (
     BELIEVED,
