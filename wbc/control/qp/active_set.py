@@ -344,7 +344,7 @@ def settle(
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
-    push, many = np.zeros(len(taken)), max(steps, STEPS)
+    push, many = np.zeros(len(taken)), steps
     size = _begin(solver, base, bounds, tolerance, many, push, x)
     fresh, exact, step = True, True, 0
     if size < 0:

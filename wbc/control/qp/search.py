@@ -169,6 +169,7 @@ class DirectionSearch:
         self._least = 10.0 * settings.tolerance  # push from which a bound binds
         self.output, self._beyond, self._sides = np.empty(m), np.empty(m, bool), np.empty(m, int)
         self._written = self.output, np.empty(m), self._beyond
+        self._limits = program.joint.start < program.bounds
         self._limited = np.isin(np.arange(m), program.gears)
         self._passing: FloatArray | None = None
         self._daqp = Daqp()
@@ -294,9 +295,9 @@ class DirectionSearch:
         """Return the solution by daqp, or where limits give way the motion that comes nearest.
 
         The bounds that bind are found with even costs, and limits that ask for motion as tasks: at
-        first without limits of joints and distances, then with those that ask for none, then with
-        all. The costs as they are begin with these. Where not all can be kept, or the work ends,
-        the last motion found is the answer.
+        first without limits of joints and distances, then with all. The costs as they are begin
+        with these. Where not all can be kept, or the work ends, the first motion is the answer,
+        beside the limits that ask for none where few steps lead there, else with a price on all.
         """
         program, solver, wanted = self._program, self._program.memory.solver, self._program.wanted
         self.iterations += _PROGRAM
@@ -304,8 +305,7 @@ class DirectionSearch:
         place_prices(program.memory, wanted)
         try:
             H, g, rows, lower, upper = program.written()
-            turns = program.joint.start < program.bounds, wanted.any(), True
-            bounds = [(lower[i], upper[i]) for i in range(3) if turns[i]]
+            bounds = list(zip(lower, upper, strict=True))[0 if self._limits else 1 :]
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)
             asked = H, g, rows, bounds, len(rows) - program.bounds
@@ -315,10 +315,12 @@ class DirectionSearch:
             if last.status is not QPStatus.SOLVED:
                 if not (self._gives and found):
                     return last
-                if len(found) == 2:  # limits that ask for no motion can be kept
-                    solver.give[wanted == 0] = 0.0
-                known = last.status is QPStatus.INFEASIBLE
-                eased = self._refined(found[-1])
+                known, give = last.status is QPStatus.INFEASIBLE, solver.give.copy()
+                solver.give[wanted == 0] = 0.0  # limits that ask for no motion may be kept
+                eased = self._refined(found[-1], FEW)
+                if eased is found[-1] and self._may_begin(self._most + _PROGRAM):
+                    solver.give[:] = give
+                    eased = self._refined(eased)
                 return eased._replace(status=QPStatus.EASED if known else QPStatus.UNFINISHED)
         finally:
             solver.diagonal[:], solver.pull[:] = costs
@@ -326,7 +328,7 @@ class DirectionSearch:
         exact = self._refined(last)
         return last._replace(status=QPStatus.UNFINISHED) if exact is last else exact
 
-    def _refined(self, found: QPSolution) -> QPSolution:
+    def _refined(self, found: QPSolution, steps: int = 3 * STEPS) -> QPSolution:
         """Return the solution from the bounds that push in one, to the last digits if possible.
 
         With 1, 2 and 3 times STEPS it is found in 251, 294 and 299 of 300 ticks of Talos with
@@ -336,7 +338,7 @@ class DirectionSearch:
         if not (self._guesses or solver.give.any()):
             return found
         take_pushing(found.z, self._program.wanted, self._least, solver.taken)
-        exact = self._guessed(min((self._most - self.iterations) // _STEP, 3 * STEPS))
+        exact = self._guessed(min((self._most - self.iterations) // _STEP, steps))
         return found if exact is NOTHING else exact
 
     def _guessed(self, steps: int) -> QPSolution:
