@@ -255,13 +255,13 @@ def held(
             for j in range(b):
                 on_base[i, j] += jacobian[c, u[i]] * jacobian[c, u[j]]
     solve_positive(on_base, base)
-    left, columns = gravity.copy(), np.zeros((n, size + k))
+    left, rows = gravity.copy(), np.zeros((size + k, n))
     for c in range(k):
         for i in range(b):
             pushes[c] += jacobian[c, u[i]] * base[i]
         for i in range(n):
             left[i] -= jacobian[c, i] * pushes[c]
-            columns[i, size + c] = jacobian[c, i]
+            rows[size + c, i] = jacobian[c, i]
     for i in range(b):
         base[i] = -left[u[i]]
         for j in range(b):
@@ -269,15 +269,16 @@ def held(
     solve_positive(on_base, base)
     torque, lower, moved = left[m], np.empty((n, n)), np.empty((size + k, size + k))
     for i in range(size):
-        columns[m[i], i] = 1.0
+        rows[i, m[i]] = 1.0
         for j in range(b):
             torque[i] += mass[m[i], u[j]] * base[j]
     if not factor_inertia(mass, lower):
         raise np.linalg.LinAlgError
-    halfway(lower, columns)
-    products(columns, moved)
+    for i in range(size + k):
+        halfway(lower, rows[i])
+    products(rows, moved)
     slowing, rested = moved[:size, :size].copy(), np.empty((size, size))
-    pushed, normal, hard = moved[size:, :size].copy(), moved[size:, size:].copy(), 1.0
+    pushed, normal, hard = moved[:size, size:].copy(), moved[size:, size:].copy(), 1.0
     for c in range(k):
         hard += normal[c, c]
     for c in range(k):
@@ -285,7 +286,8 @@ def held(
     stiff, damping = np.empty((k, k)), velocity[m]
     if not factor_inertia(normal, stiff):
         raise np.linalg.LinAlgError
-    halfway(stiff, pushed)
+    for i in range(size):
+        halfway(stiff, pushed[i])
     products(pushed, rested)
     for i in range(size):
         for j in range(size):

@@ -158,16 +158,14 @@ def factor_inertia(inertia: Dense, lower: OutDense) -> bool:
 
 
 @inner
-def halfway(lower: Dense, columns: OutDense) -> None:
-    """Replace columns (n, r) by L'^-1 of them; the products of what results are those of H^-1."""
+def halfway(lower: Dense, right: OutRow) -> None:
+    """Replace a row (n,) by L'^-1 of it; the products of such rows are those of H^-1."""
     for i in range(len(lower) - 1, -1, -1):
-        for c in range(columns.shape[1]):
-            columns[i, c] /= lower[i, i]
-        for j in range(i):
-            share = lower[i, j]
-            if share != 0.0:
-                for c in range(columns.shape[1]):
-                    columns[j, c] -= share * columns[i, c]
+        if right[i] != 0.0:
+            right[i] /= lower[i, i]
+            share = right[i]
+            for j in range(i):
+                right[j] -= share * lower[i, j]
 
 
 @inner
@@ -183,22 +181,13 @@ def rest_of_way(lower: Dense, right: OutRow) -> None:
 @inner
 def solve_inertia(lower: Dense, right: OutRow) -> None:
     """Replace the right side (n,) by H^-1 of it, where H = L' L."""
-    for i in range(len(lower) - 1, -1, -1):
-        right[i] /= lower[i, i]
-        share = right[i]
-        for j in range(i):
-            right[j] -= share * lower[i, j]
+    halfway(lower, right)
     rest_of_way(lower, right)
 
 
 @inner
-def products(columns: Dense, gram: OutDense) -> None:
-    """Write columns' columns (r, r)."""
-    size = columns.shape[1]
-    gram[:] = 0.0
-    for k in range(len(columns)):
-        for i in range(size):
-            share = columns[k, i]
-            if share != 0.0:
-                for j in range(size):
-                    gram[i, j] += share * columns[k, j]
+def products(rows: Dense, gram: OutDense) -> None:
+    """Write rows rows' (r, r)."""
+    for i in range(len(rows)):
+        for j in range(i + 1):
+            gram[i, j] = gram[j, i] = dot(rows[i], rows[j])

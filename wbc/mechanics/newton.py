@@ -1,24 +1,24 @@
-"""Solving the rows of a step: Newton on the pieces of their laws; where that fails, harder ways.
+"""Solving the rows of a step: Newton on the tangents of their laws; where that fails, harder ways.
 
-Semi-smooth Newton with full steps is exact in one step once the pieces are the right ones, which
-those of the step before usually are. A robot that lies on many points has more rows that hold than
-freedoms, and so many splits of its forces that Newton turns in circles; so has one that stands
-while dry friction holds its joints. Convex programs with shifted cones lead to one of the splits,
-each with less compliance in its rows than the one before (`shifted_cones`); where too many rows
-hold at the start, they come first. For gears that lock themselves there is no such program: their
-steps are solved with a little compliance in every row about the last iterate, which carries nothing
-at the fixed point (proximal points). Where all fail, friction gives way.
+Semi-smooth Newton with full steps is exact in one step once the tangents are the right ones, which
+those of the step before usually are. Rows that hold give way a little about their last impulse
+(proximal points), so that more of them than freedoms are no matter: a robot that lies on many
+points, or stands while dry friction holds its joints. Where steps turn in circles, convex programs
+with shifted cones lead to a solution, each with less compliance in its rows than the one before
+(`shifted_cones`). For gears that lock themselves there is no such program: their steps are solved
+with a compliance about an iterate that stays while Newton's steps settle. Where all fail, friction
+gives way.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import add_all, add_times, copy_to, dot, rest_of_way
-from wbc.mechanics.pieces import solve_pieces
-from wbc.mechanics.rows import RowSystem, copied, pieces_at
+from wbc.mechanics.rows import RowSystem, copied, tangents_at
 from wbc.mechanics.shifted_cones import compliance_of, minimise, slips
+from wbc.mechanics.tangents import Room, follow_tangents, room_for, same_tangents, solve_tangents
 
 NEWTON, PROXIMAL, CONVEX, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(7)
 """What found a solution, that only a passive end was found, nothing, or several; for RANGES and
@@ -38,13 +38,18 @@ FULL_STEPS = 20
 """Solo12 in stance needs up to 5, a robot on 20 feet that rock 13. Of 1600 dense steps (corpora of
 tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 and 30."""
 
+HOLD = 1e-4
+"""Compliance of rows that hold, as a share of their own. Newton's steps of TALOS that stands with
+dry friction at 30 joints, and that falls and comes to rest: a step takes 4.3 and 11.4 linear
+systems with 1e-5, 5.4 and 6.9 with 1e-4, 6.9 and 7.9 with 1e-3."""
+_FIRM = 1e-9  # the same where laws fall: about points, steps then need not come nearer
+
 SHORTENED, _SHORTEST = 12, 1e-2
 _LOST, _PATIENCE = 10.0, 2
 """Of the residual at the start: a step that leads beyond it and does not halve the residual has
 lost its way. The first one may throw the pieces about; two more show whether they come back."""
-_ROUNDS, _STALLS, _LAST_STEPS = 40, 6, 6
-"""Of convex programs; of those in a row that do not halve what is missed, before what is near is
-taken; and of Newton's steps tried in between."""
+_ROUNDS, _LAST_STEPS = 40, 6
+"""Of convex programs, and of Newton's steps tried in between."""
 _TURNS = 0.1
 """Share of what is missed that changing slips make, from which on these steps are tried where
 rounds come no nearer: slips settle slowly, all else fast."""
@@ -52,10 +57,13 @@ _FIRMER, _TIMES, _FEW = 0.1, 3, 5
 """By which the compliance of the rounds falls, how often, and up to how many linear systems of a
 round; twice more where rounds come no nearer. Hard steps among 482 of TALOS take up to 168 linear
 systems so."""
-_CLOSE, _NEAR, _PASSABLE = 30.0, 1e3, 1e6
-"""Of the tolerance: where rounds that come no nearer may end; what counts as a solution; and where
-impulses are good enough to say which friction there is."""
-_PASSIVE_ROUNDS, _PASSIVE_SYSTEMS = 5, 100
+_NEAR, _MEAN = 1e3, 10.0
+"""Of the tolerance: what counts as a solution; and what rows may be off by where nothing comes
+nearer, as a mean by what they carry: what they make of energy is rounding then
+(`StepResult.events`)."""
+_WEAKER, _EXACT = 5, 0.03
+"""Times that friction is halved, but the last time, when there is none; and of the tolerance, what
+a passive end is off the laws of that friction."""
 _SOFTEST, _HARDEST, _FIRST = 1.0, 1e-9, 1e-6
 _HARDER, _SOFTER, _PROXIMAL_ROUNDS = 0.3, 30.0, 60
 _WORK = 1e8
@@ -63,19 +71,21 @@ _WORK = 1e8
 
 
 @inner
-def speeds_at(delassus: Dense, free: Row, impulse: Row, speed: OutRow) -> None:
-    """Write free + delassus @ impulse (r,)."""
-    for i in range(len(free)):
-        speed[i] = free[i] + dot(impulse, delassus[i])
+def speeds_at(system: RowSystem, impulse: Row, x: OutRow, speed: OutRow) -> None:
+    """Write x = ways' impulse (n,), and the speeds (r,) of the rows."""
+    x[:] = 0.0
+    add_all(impulse, system.ways, x)
+    for i in range(len(speed)):
+        speed[i] = system.free[i] + system.give[i] * impulse[i] + dot(x, system.ways[i])
 
 
-@compiled(counted=False)
+@inner
 def look_at(
-    system: RowSystem, impulse: Row, speed: OutRow, pieces: OutDense, sliding: OutDense
-) -> float:
-    """Write the speeds and pieces at row impulses (r,); return the largest residual."""
-    speeds_at(system.delassus, system.free, impulse, speed)
-    return pieces_at(system, impulse, speed, pieces, sliding)
+    system: RowSystem, hold: float, impulse: Row, speed: OutRow, room: Room
+) -> tuple[float, bool]:
+    """Write the speeds and tangents at row impulses (r,); return what `tangents_at` does."""
+    speeds_at(system, impulse, room.line, speed)
+    return tangents_at(system, hold, impulse, speed, room.aim, room.rise, room.off)
 
 
 @compiled
@@ -89,36 +99,33 @@ def tolerance_of(system: RowSystem) -> float:
     return TOLERANCE * (1.0 + fastest)
 
 
+@compiled
+def residuals(system: RowSystem, impulse: Row, speed: OutRow, off: OutRow) -> float:
+    """Write speeds and residuals (r,) at row impulses (r,); return the largest."""
+    room = room_for(system)
+    worst, _ = look_at(system, HOLD, impulse, speed, room)
+    copy_to(room.off, off)
+    return worst
+
+
 @compiled(inside=True)
 def distance(system: RowSystem, impulse: Row) -> float:
     """Return how far the row farthest from its law is at row impulses (r,), as a speed."""
-    size = len(impulse)
-    pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
-    return look_at(system, impulse, np.empty(size), pieces, sliding)
+    return residuals(system, impulse, np.empty(len(impulse)), np.empty(len(impulse)))
 
 
 @compiled(inside=True)
-def holds_too_much(system: RowSystem, impulse: Row, tolerance: float) -> bool:
-    """Return whether more rows hold at row impulses (r,) than there are coordinates, off the laws.
+def is_near(system: RowSystem, tolerance: float, impulse: Row) -> bool:
+    """Return whether what rows at impulses (r,) are off their laws by makes rounding of work.
 
-    Near the laws Newton's next step is the last one all the same, as in every step of a robot that
-    has come to rest.
+    So it may be where rows that hold contradict each other.
     """
-    size, held = len(impulse), 0
-    pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
-    off = look_at(system, impulse, np.empty(size), pieces, sliding)
-    for i in range(size):
-        held += pieces[i, 1] == 0.0
-    return held > len(system.half) and off > _NEAR * tolerance
-
-
-@inner
-def merit_of(pieces: Dense) -> float:
-    """Return the sum of the squares of the residuals."""
-    merit = 0.0
-    for i in range(len(pieces)):
-        merit += pieces[i, 3] ** 2
-    return merit
+    off, work, pushes = np.empty(len(impulse)), 0.0, 0.0
+    worst = residuals(system, impulse, np.empty(len(impulse)), off)
+    for i in range(len(impulse)):
+        work += abs(off[i] * impulse[i])
+        pushes += abs(impulse[i])
+    return worst <= _NEAR * tolerance and work <= _MEAN * tolerance * pushes
 
 
 @compiled(inside=True)
@@ -141,30 +148,39 @@ def newton(
     Returns:
         the number of linear systems solved, as a negative number where it did not converge.
     """
-    size, merit = len(start), 0.0
-    pieces, sliding = np.empty((size, 4)), np.empty((len(system.frictions), 3))
+    size, merit, room = len(start), 0.0, room_for(system)
+    hold = HOLD if shortened == 0 else _FIRM
     speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
     copy_to(start, impulse)
-    first = before = look_at(system, impulse, speed, pieces, sliding)
+    first, one_sided = look_at(system, hold, impulse, speed, room)
+    before = least = first
     for iteration in range(1, whole + shortened + 1):
         if iteration == whole + 1:
             copy_to(start, impulse)
-            look_at(system, impulse, speed, pieces, sliding)
-            merit = merit_of(pieces)
-        if not solve_pieces(system, pieces, sliding, impulse, aim):
+            _, one_sided = look_at(system, hold, impulse, speed, room)
+            merit = dot(room.off, room.off)
+        if not solve_tangents(system, one_sided, room, impulse):
             return -iteration
+        follow_tangents(system, room, aim)
         share = 1.0
         while True:
             for i in range(size):
                 trial[i] = impulse[i] + share * (aim[i] - impulse[i])
-            worst, lower = look_at(system, trial, speed, pieces, sliding), merit_of(pieces)
+            worst, one_sided = look_at(system, hold, trial, speed, room)
+            lower = dot(room.off, room.off)
             if iteration <= whole or lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
                 break
             share *= 0.5
         merit = lower
         copy_to(trial, impulse)
         if worst <= tolerance:
+            if same_tangents(room):
+                solve_tangents(system, one_sided, room, impulse)
+                follow_tangents(system, room, impulse)
             return iteration
+        if shortened == 0 and worst > 0.5 * least and is_near(system, tolerance, impulse):
+            return iteration
+        least = min(least, worst)
         lost = worst > _LOST * first and worst > 0.5 * before
         if iteration > _PATIENCE and shortened == 0 and lost:
             return -iteration
@@ -180,10 +196,9 @@ def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     """
     soft = copied(system)
     for i in range(len(about)):
-        own = compliance * 1e9 * system.spring[i]
-        soft.delassus[i, i] += own
+        own = compliance * system.own[i]
+        soft.give[i] += own
         soft.free[i] -= own * about[i]
-        soft.spring[i] *= 1.0 + compliance
         soft.slope[i] /= 1.0 + compliance
     return soft
 
@@ -233,17 +248,16 @@ def shift_cones(
     Returns:
         the number of linear systems, and the distance of the farthest row from its law.
     """
-    size, ways = len(start), np.ascontiguousarray(system.half.T)
-    own, x, shift = np.empty(size), np.zeros(len(system.half)), np.zeros(len(system.frictions))
+    size, n = system.ways.shape
+    own, x, shift = np.empty(size), np.zeros(n), np.zeros(len(system.frictions))
     about, speed, found = start.copy(), np.empty(size), np.empty(size)
     compliance_of(system, own)
     if dot(start, start) > 0.0:
-        speeds_at(system.delassus, system.free, start, speed)
+        speeds_at(system, start, x, speed)
         slips(system, speed, shift)
-        add_all(start, ways, x)
     used, least, halved, tried, stalls, firm = 0, np.inf, np.inf, np.inf, 0, 0
     for _ in range(_ROUNDS):
-        count = minimise(system, ways, own, about, shift, x, speed, found)
+        count = minimise(system, own, about, shift, x, speed, found)
         used += count
         turned = slips(system, speed, shift)
         copy_to(found, about)
@@ -254,8 +268,7 @@ def shift_cones(
         stalls += 1
         if least <= 0.5 * halved:
             halved, stalls = least, 0
-        near = _CLOSE if stalls < _STALLS else _NEAR
-        if least <= tolerance or (stalls and least <= near * tolerance) or used > most:
+        if least <= tolerance or used > most or (stalls and is_near(system, tolerance, impulse)):
             break
         if firm >= _TIMES and stalls and turned > _TURNS * off and least <= 0.1 * tried:
             tried = least
@@ -267,15 +280,6 @@ def shift_cones(
         if count <= _FEW and firm < _TIMES + (2 if stalls > 1 else 0):
             firm += 1
             own *= _FIRMER
-    # With the slip kept, what rounds lead to is one convex program: its rows take energy.
-    for _ in range(_ROUNDS if _NEAR * tolerance < least <= _PASSABLE * tolerance else 0):
-        used += minimise(system, ways, own, about, shift, x, speed, impulse)
-        least, moved = distance(system, impulse), 0.0
-        for i in range(size):
-            moved = max(moved, own[i] * abs(impulse[i] - about[i]))
-        copy_to(impulse, about)
-        if moved <= _CLOSE * tolerance:
-            break
     return used, least
 
 
@@ -285,10 +289,8 @@ def solve_system(
 ) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
-    Where convex programs come near the laws but not to them, the last one is a passive end. Where
-    they do not come near, contacts get the friction that the impulses found so far allow, whatever
-    they press then, and gears that lock themselves pass nothing back. That is a convex program,
-    too. Rounds with the friction that each solution allows come nearer (Haslinger's iteration).
+    Where nothing leads to the laws, contacts get half the friction, and so on, and gears that lock
+    themselves pass nothing back: a passive end.
 
     Args:
         system: of the rows.
@@ -305,28 +307,27 @@ def solve_system(
     size = len(start)
     if size == 0:
         return 0, NEWTON
-    n, used, good, shortened = len(system.half), 0, 0.0, 0
+    n, used, good, shortened = system.ways.shape[1], 0, 0.0, 0
     for i in range(len(system.laws)):
         if system.laws[i, 4] < 0.0:
             shortened = SHORTENED
-    if shortened or not holds_too_much(system, start, tolerance):
-        used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
-        if used > 0:
-            return used, NEWTON
-        used = -used
+    used = newton(system, start, tolerance, FULL_STEPS, shortened, impulse)
+    if used > 0:
+        return used, NEWTON
+    used = -used
     if shortened:  # no convex program follows: the last step's pieces may lead astray
         count = newton(system, np.zeros(size), tolerance, FULL_STEPS, shortened, impulse)
         used += abs(count)
         if count > 0:
             return used, NEWTON
     for i in range(size):
-        good += system.free[i] + system.delassus[i, i]
+        good += system.free[i] + system.own[i]
     if not np.isfinite(good):
         return used, UNSOLVED
     found, least = np.zeros(size), np.inf
     copy_to(start, impulse)
+    most = int(work * _WORK / (n * n * (3 * size + n)))
     if shortened == 0:
-        most = int(work * _WORK / (n * n * (3 * size + n)))
         count, least = shift_cones(system, start, tolerance, most, impulse)
         used += count
         if least <= _NEAR * tolerance:
@@ -336,30 +337,20 @@ def solve_system(
             impulse[:] = 0.0
         count = proximal(system, impulse, tolerance, int(work * _WORK / size**3), found)
         used += abs(count)
-        if count > 0:
+        if count > 0 or is_near(system, tolerance, found):
             copy_to(found, impulse)
             return used, PROXIMAL
-    if least <= _PASSABLE * tolerance:
-        return used, PASSIVE
-    # Where the cones cannot be met, impulses grow without end: begin without friction.
-    convex, passive = copied(system), UNSOLVED
-    first = len(system.laws) + len(system.targets) - len(system.frictions)
-    impulse[:], convex.frictions[:] = 0.0, 0.0
+    weaker = copied(system)
     for i in range(len(system.laws)):
-        convex.laws[i, 4] = max(system.laws[i, 4], 0.0)
-    for _ in range(_PASSIVE_ROUNDS if work >= 1.0 else 0):
-        for i in range(len(convex.grips)):
-            convex.grips[i] = system.frictions[i] * max(impulse[first + i], 0.0)
-        count = newton(convex, impulse, 0.1 * tolerance, FULL_STEPS, 0, found)
-        used += abs(count)
-        if count < 0:
-            count = proximal(convex, impulse, 0.1 * tolerance, _PASSIVE_SYSTEMS, found)
-            used += abs(count)
-        if count < 0:
-            break
-        passive = PASSIVE
-        copy_to(found, impulse)
-    return used, passive
+        weaker.laws[i, 4] = max(system.laws[i, 4], 0.0)
+    for turn in range(_WEAKER if work >= 1.0 else 0):
+        if turn or not shortened:
+            weaker.frictions[:] *= 0.5 if turn < _WEAKER - 1 else 0.0
+        count, least = shift_cones(weaker, np.zeros(size), _EXACT * tolerance, most, impulse)
+        used += count
+        if least <= tolerance:
+            return used, PASSIVE
+    return used, UNSOLVED
 
 
 @compiled(counted=False)
@@ -373,7 +364,7 @@ def velocity_after(system: RowSystem, lower: Dense, free: Row, impulse: Row, aft
         impulse: (r,).
         after: to write.
     """
-    for j in range(len(free)):
-        after[j] = dot(impulse, system.half[j])
+    after[:] = 0.0
+    add_all(impulse, system.ways, after)
     rest_of_way(lower, after)
     add_times(1.0, free, after)

@@ -1,11 +1,13 @@
 """A step seen from its rows: their laws, and the linear pieces of these.
 
-The rows G v of a step, speeds u = free + (G H^-1 G') impulse, are elements (gears, dry friction),
-then limits and contact normals, then the contacts' tangents. A piece of a row's law is
-on_speed du + on_impulse dp = missing, with the row's natural residual beside it: the line of slope
-`slope` through (speed, impulse) meets a monotone law in one point, and the residual is how far away
-that is, as a speed; zero exactly at a solution. For contacts it is Alart and Curnier's map, the
-normal projected onto the half line, the tangents onto the disc of radius mu p_n.
+The rows G v of a step, speeds u = free + ways x + give impulse with x = ways' impulse, are elements
+(gears, dry friction), then limits and contact normals, then the contacts' tangents. The line of
+slope `slope` through (speed, impulse) meets a monotone law in one point; how far away that is, as a
+speed, is the row's natural residual, zero exactly at a solution. For contacts it is Alart and
+Curnier's map, the normal projected onto the half line, the tangents onto the disc of radius mu p_n.
+About that point the law is linear: a tangent has the impulse `aim` at the present speeds, and falls
+with them by `rise`. Rows that hold have a small compliance about their present impulse, which
+chooses a split of forces that is left open, and carries nothing at a solution.
 
 Over a step a dissipative row (a gear, dry friction, or both in one row) with speed w after the step
 carries an impulse T (on the links, along the row). With s = sgn(w) and the gear's share
@@ -37,59 +39,55 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
-from wbc.mechanics.linear import dot, halfway, products
+from wbc.mechanics.linear import dot, halfway
 
 
 class RowSystem(NamedTuple):
     """What a step is to its rows.
 
     Attributes:
-        half: (n, r) L'^-1 G', whose products are the compliance of the rows.
-        delassus: (r, r) G H^-1 G'.
+        ways: (r, n) G L^-1, whose products are the compliance of the rows.
+        own: (r,) compliance of each row alone, of both tangents of a contact together.
         free: (r,) row speeds without impulses, from the ground's where it moves.
-        spring: (r,) compliance with which rows hold on to a split of forces that is left open.
+        give: (r,) compliance of each row beside that of the links.
         slope: (r,) [impulse/speed] of the line on which each row meets its law.
         laws: (m, 9) per element up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness
             and preload of the spring in series.
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
-        grips: (k,) friction impulse that contacts have whatever they press, see `solve_system`.
         tangents: d per contact.
     """
 
-    half: OutDense
-    delassus: OutDense
+    ways: OutDense
+    own: OutRow
     free: OutRow
-    spring: OutRow
+    give: OutRow
     slope: OutRow
     laws: OutDense
     targets: OutRow
     frictions: OutRow
-    grips: OutRow
     tangents: int
 
 
 @inner
-def lines(delassus: Dense, laws: Dense, pairs: int, spring: OutRow, slope: OutRow) -> None:
-    """Write the springs that hold a split left open, and the slopes on which rows meet their laws.
+def lines(laws: Dense, pairs: int, own: OutRow, slope: OutRow) -> None:
+    """Write the slopes on which rows meet their laws; no row's own compliance is nothing.
 
     Args:
-        delassus: (r, r).
         laws: (m, 9); the line of a self-locking element meets its law once.
         pairs: number of rows at the end that are pairs of tangents, which share a slope.
-        spring: (r,) to write.
+        own: (r,) compliance of each row, changed.
         slope: (r,) to write.
     """
-    size, most = len(delassus), 0.0
+    size, most = len(own), 0.0
     for i in range(size):
-        most = max(most, delassus[i, i])
-    floor = max(1e-9 * most, 1e-21)
+        most = max(most, own[i])
     for i in range(size):
-        own = max(delassus[i, i], floor)
-        spring[i], slope[i] = 1e-9 * own, 1.0 / own
+        own[i] = max(own[i], 1e-9 * most, 1e-21)
     for i in range(size - pairs, size, 2):
-        both = 1.0 / (1.0 / slope[i] + 1.0 / slope[i + 1])
-        slope[i] = slope[i + 1] = both
+        own[i] = own[i + 1] = own[i] + own[i + 1]
+    for i in range(size):
+        slope[i] = 1.0 / own[i]
     for i in range(len(laws)):
         if laws[i, 4] < 0.0:
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
@@ -113,27 +111,24 @@ def system_of(
         free: v (n,) without the rows.
         laws, targets, frictions, tangents: see `RowSystem`.
     """
-    size, n = matrix.shape
-    half, delassus = np.empty((n, size)), np.empty((size, size))
-    own, spring, slope = np.empty(size), np.empty(size), np.empty(size)
+    size, ways = len(matrix), matrix.copy()
+    own, speed, slope = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
-        own[i] = dot(free, matrix[i])
-        for j in range(n):
-            half[j, i] = matrix[i, j]
-    halfway(lower, half)
-    products(half, delassus)
-    lines(delassus, laws, len(frictions) * 2 if tangents == 2 else 0, spring, slope)
-    grips = np.zeros(len(frictions))
-    return RowSystem(half, delassus, own, spring, slope, laws, targets, frictions, grips, tangents)
+        speed[i] = dot(free, matrix[i])
+        halfway(lower, ways[i])
+        own[i] = dot(ways[i], ways[i])
+    lines(laws, len(frictions) * 2 if tangents == 2 else 0, own, slope)
+    give = np.zeros(size)
+    return RowSystem(ways, own, speed, give, slope, laws, targets, frictions, tangents)
 
 
 @compiled(inside=True)
 def copied(system: RowSystem) -> RowSystem:
-    """Return a system whose numbers can be changed, but for `half`."""
+    """Return a system whose numbers can be changed, but for `ways` and `own`."""
     return RowSystem(
-        system.half, system.delassus.copy(), system.free.copy(), system.spring.copy(),
-        system.slope.copy(), system.laws.copy(), system.targets.copy(), system.frictions.copy(),
-        system.grips.copy(), system.tangents,
+        system.ways, system.own, system.free.copy(), system.give.copy(), system.slope.copy(),
+        system.laws.copy(), system.targets.copy(), system.frictions.copy(),
+        system.tangents,
     )  # fmt: skip
 
 
@@ -193,97 +188,140 @@ def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
 
 
 @inner
-def element_piece(law: Row, slope: float, impulse: float, speed: float, piece: OutRow) -> None:
-    """Write on_speed, on_impulse, missing and residual of the piece of an element's law.
+def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[float, float, float]:
+    """Return where an element's law meets a row that gives way.
 
     Args:
-        law: (9,) up, down, inertia, 1/eta_f, eta_b, friction, damping, stiffness and preload of
-            the spring, see `RowSystem`.
-        slope: of the line.
-        impulse: T of the point.
-        speed: u = W v of the point.
-        piece: (4,) to write.
+        law: (9,) of the element.
+        own: compliance of the row.
+        about: impulse at which it is unloaded.
+        speed: u = W v there.
+
+    Returns:
+        the change of the impulse, by how much it falls per speed, and the branch's sign.
     """
-    # The spring in series as hold (w - u) = give T - pull: regular from rigid to powerless.
-    hold, give, pull = 1.0, 0.0, 0.0
+    slope, pull = 1.0 / own, 0.0
     if law[7] < np.inf:
-        give = 1.0 / (law[7] + slope)
-        hold, pull = law[7] * give, law[8] * give
-    point = hold * (impulse - slope * speed) + slope * pull
-    sign, gain, bring = branch_of(law, point, hold * slope)
+        yields = 1.0 + law[7] * own
+        slope, pull = law[7] / yields, (law[8] - about) / yields
+    sign, gain, bring = branch_of(law, about + pull - slope * speed, slope)
     if sign == 0.0:
-        missing = pull - hold * speed - give * impulse
-        piece[0], piece[1], piece[2], piece[3] = hold, give, missing, missing
-        return
-    own = law[2] + gain * law[6]
-    on_speed, on_impulse = own * hold, gain * hold + own * give
-    missing = hold * (bring - gain * (impulse + sign * law[5]))
-    missing -= own * (hold * speed + give * impulse - pull)
-    piece[0], piece[1], piece[2] = on_speed, on_impulse, missing
-    piece[3] = missing / (on_speed + on_impulse * slope)
+        return pull - slope * speed, slope, sign
+    kept = law[2] + gain * law[6]
+    share = slope / (kept + gain * slope)
+    missing = bring - gain * (about + pull + sign * law[5]) - kept * speed
+    return pull + share * missing, share * kept, sign
 
 
 @inner
-def pieces_at(
-    system: RowSystem, impulse: Row, speed: Row, pieces: OutDense, sliding: OutDense
-) -> float:
-    """Write the pieces met by the lines of `slope` through (speed, impulse).
+def friction_tangent(
+    system: RowSystem,
+    hold: float,
+    contact: int,
+    push: float,
+    impulse: Row,
+    speed: Row,
+    aim: OutRow,
+    rise: OutDense,
+    off: OutRow,
+) -> bool:
+    """Write the tangent of a contact's friction; return whether it falls with the normal speed.
+
+    A point that slides pushes by p_t = mu p_n direction, and its direction turns with the
+    slip. The piece is linear in p_n.
+
+    Args:
+        system, hold, impulse, speed, aim, rise, off: see `tangents_at`.
+        contact: its number.
+        push: normal impulse of the point where the line meets the law.
+    """
+    d, contacts, slope = system.tangents, len(system.frictions), system.slope
+    first, mu = len(aim) - (contacts - contact) * d, system.frictions[contact]
+    row, bound = len(aim) - contacts * (1 + d) + contact, mu * max(push, 0.0)
+    wish, along = local(2), 0.0
+    wish[:] = 0.0
+    for a in range(first, first + d):
+        wish[a - first] = impulse[a] - slope[a] * speed[a]
+    # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
+    size = math.hypot(wish[0], wish[1])
+    if size < bound:
+        for a in range(d):
+            i = first + a
+            rise[i, 1 + a] = 1.0 / (hold * system.own[i] + system.give[i])
+            aim[i], off[i] = impulse[i] - rise[i, 1 + a] * speed[i], -speed[i]
+        return False
+    share = bound / size if size > 0.0 else 1.0
+    for a in range(d):
+        aim[first + a] = share * wish[a]
+        off[first + a] = (aim[first + a] - impulse[first + a]) / slope[first + a]
+    if bound == 0.0 or size == 0.0:
+        return False
+    for a in range(d):
+        wish[a] /= size
+        along += wish[a] * impulse[first + a]
+    more = mu * aim[row] - along
+    for a in range(d):
+        i = first + a
+        give = hold * system.own[i] + system.give[i]
+        loose = 1.0 / (1.0 - share + share * slope[i] * give)
+        aim[i] = impulse[i] + more * wish[a] - loose * (impulse[i] - along * wish[a])
+        rise[i, 0] = mu * wish[a] * rise[row, 0]
+        for b in range(d if d == 2 else 0):
+            turn = (1.0 if a == b else 0.0) - wish[a] * wish[b]
+            rise[i, 1 + b] = slope[i] * share * loose * turn
+    return bool(mu * rise[row, 0] > 0.0)
+
+
+@inner
+def tangents_at(
+    system: RowSystem,
+    hold: float,
+    impulse: Row,
+    speed: Row,
+    aim: OutRow,
+    rise: OutDense,
+    off: OutRow,
+) -> tuple[float, bool]:
+    """Write the tangents of the laws where the lines of `slope` through (speed, impulse) meet them.
 
     Args:
         system: of the rows.
+        hold: compliance of rows that hold, as a share of their own.
         impulse: (r,).
         speed: (r,).
-        pieces: (r, 4) to write.
-        sliding: (k, 3) to write: direction (2) in which a contact's friction pushes, and
-            mu p_n / |p_t - slope u_t| <= 1, how far that may turn; the last is -1 where the contact
-            does not slide. The rows of one that does lack the coupling to normal and slip.
+        aim: (r,) impulses of the tangents at these speeds, to write.
+        rise: (r, 3) to write: by which they fall per speed of the row itself, or of the contact's
+            normal, and of the contact's two tangents.
+        off: (r,) residuals, to write.
 
     Returns:
-        the largest residual, infinite where one is no number.
+        the largest residual, infinite where one is no number, and whether the rise is one-sided:
+        where a point slides, its friction falls with the normal's speed, and not the reverse.
     """
-    laws, targets, frictions = system.laws, system.targets, system.frictions
-    tangents, slope = system.tangents, system.slope
-    m, count, contacts = len(laws), len(targets), len(frictions)
+    targets, contacts, one_sided = system.targets, len(system.frictions), False
+    m, count = len(system.laws), len(targets)
+    rise[:] = 0.0
     for i in range(m):
-        element_piece(laws[i], slope[i], impulse[i], speed[i], pieces[i])
-    for i in range(count):
-        row, piece = m + i, pieces[m + i]
-        short = targets[i] - speed[row]
-        push = impulse[row] + slope[row] * short
+        own = 1.0 / system.slope[i]
+        change, fall, _ = element_meets(system.laws[i], own, impulse[i], speed[i])
+        off[i] = own * change
+        kept = 1.0 - fall * (own - hold * system.own[i] - system.give[i])
+        aim[i], rise[i, 0] = impulse[i] + change / kept, fall / kept
+    for i in range(m, m + count):
+        short = targets[i - m] - speed[i]
+        push = impulse[i] + system.slope[i] * short
         if push > 0.0:
-            piece[0], piece[1], piece[2], piece[3] = 1.0, 0.0, short, short
+            off[i], rise[i, 0] = short, 1.0 / (hold * system.own[i] + system.give[i])
+            aim[i] = impulse[i] + rise[i, 0] * short
         else:
-            piece[0], piece[1], piece[2] = 0.0, 1.0, -impulse[row]
-            piece[3] = -impulse[row] / slope[row]
-        if i < count - contacts:
-            continue
-        contact = i - count + contacts
-        sliding[contact, 2], bound = -1.0, system.grips[contact]
-        first = m + count + contact * tangents
-        if push > 0.0:
-            bound += frictions[contact] * push
-        wish = local(2)
-        wish[:] = 0.0
-        for j in range(tangents):
-            wish[j] = impulse[first + j] - slope[first + j] * speed[first + j]
-        # Far from a solution Newton's points may be huge: hypot does not overflow before they do.
-        size = math.hypot(wish[0], wish[1])
-        if size < bound:
-            for j in range(first, first + tangents):
-                pieces[j, 0], pieces[j, 1], pieces[j, 2] = 1.0, 0.0, -speed[j]
-                pieces[j, 3] = -speed[j]
-            continue
-        share = bound / size if size > 0.0 else 1.0
-        for j in range(tangents):
-            short = share * wish[j] - impulse[first + j]
-            pieces[first + j, 0], pieces[first + j, 1], pieces[first + j, 2] = 0.0, 1.0, short
-            pieces[first + j, 3] = short / slope[first + j]
-        if (push > 0.0 or bound > 0.0) and tangents > 0:
-            for j in range(2):
-                sliding[contact, j] = wish[j] / size if size > 0.0 else wish[j]
-            sliding[contact, 2] = share
+            off[i], aim[i] = -impulse[i] / system.slope[i], 0.0
+        contact = i - m - count + contacts
+        if contact >= 0 and friction_tangent(
+            system, hold, contact, push, impulse, speed, aim, rise, off
+        ):
+            one_sided = True
     worst = 0.0
-    for i in range(len(pieces)):
-        if not abs(pieces[i, 3]) <= worst:
-            worst = abs(pieces[i, 3]) if pieces[i, 3] == pieces[i, 3] else np.inf
-    return worst
+    for i in range(len(off)):
+        if not abs(off[i]) <= worst:
+            worst = abs(off[i]) if off[i] == off[i] else np.inf
+    return worst, one_sided

@@ -20,9 +20,10 @@ import math
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
+from wbc.compiled import OutDense, OutRow, Row, compiled, inner, local
 from wbc.mechanics.linear import add_all, add_times, copy_to, dot, factor_inertia, solve_inertia
-from wbc.mechanics.rows import RowSystem, branch_of
+from wbc.mechanics.rows import RowSystem, element_meets
+from wbc.mechanics.tangents import stiffened
 
 _COMPLIANCE = 1e-2
 """Of that of each row alone, in the first round: the softer, the fewer steps it takes. 80 steps of
@@ -74,7 +75,7 @@ def answer(
     """Write the impulses (r,) of rows with a compliance, and how they fall with the speeds.
 
     Args:
-        system: of the rows; no law of it falls, and no contact has a grip.
+        system: of the rows; no law of it falls.
         own: (r,) compliance, one of each contact.
         about: (r,) impulses at which it is unloaded.
         shift: (k,) speed by which normals are taken to open faster.
@@ -83,21 +84,13 @@ def answer(
         rise: (r, 3) to write: per speed of the row itself or of the contact's normal, and of the
             contact's two tangents; of an element the second is the sign of its branch instead.
     """
-    laws, targets, frictions, d = system.laws, system.targets, system.frictions, system.tangents
-    m, count, contacts = len(laws), len(targets), len(frictions)
+    targets, frictions, d = system.targets, system.frictions, system.tangents
+    m, count, contacts = len(system.laws), len(targets), len(frictions)
     wish, onto, block = local(2), local(3), local(9).reshape(3, 3)
     rise[:], wish[:] = 0.0, 0.0
     for i in range(m):
-        law, soft = laws[i], laws[i, 7] < np.inf
-        yields = 1.0 + laws[i, 7] * own[i] if soft else 1.0
-        slope = laws[i, 7] / yields if soft else 1.0 / own[i]
-        point = slope * (own[i] * about[i] - speed[i]) + (law[8] / yields if soft else 0.0)
-        sign, gain, bring = branch_of(law, point, slope)
-        impulse[i], rise[i, 0], rise[i, 1] = point, slope, sign
-        if sign != 0.0:
-            total = law[2] + gain * (law[6] + slope)
-            impulse[i] += slope * (bring - gain * (point + sign * law[5])) / total
-            rise[i, 0] *= (law[2] + gain * law[6]) / total
+        change, fall, sign = element_meets(system.laws[i], own[i], about[i], speed[i])
+        impulse[i], rise[i, 0], rise[i, 1] = about[i] + change, fall, sign
     for i in range(m, m + count - contacts):
         push = about[i] + (targets[i - m] - speed[i]) / own[i]
         if push > 0.0:
@@ -121,36 +114,9 @@ def answer(
             impulse[first + a] = onto[1 + a]
 
 
-@inner
-def stiffened(system: RowSystem, ways: Dense, rise: Dense, row_of: OutRow, total: OutDense) -> None:
-    """Write the lower half of 1 + W rise W' (n, n), of the rises of `answer`.
-
-    `ways` is W' (r, n), `row_of` (n,) memory.
-    """
-    d, contacts = system.tangents, len(system.frictions)
-    size, n = ways.shape
-    first = size - contacts * (1 + d)
-    total[:] = 0.0
-    for j in range(n):
-        total[j, j] = 1.0
-    for i in range(size):
-        row_of[:] = 0.0
-        contact = i - first if i < first + contacts else (i - first - contacts) // d
-        for b in range(1 + d if contact >= 0 else 1):
-            at = min(i, first + contact) if b == 0 else first + contacts + contact * d + b - 1
-            share = rise[i, b]
-            for k in range(n if share != 0.0 else 0):
-                row_of[k] += share * ways[at, k]
-        for j in range(n):
-            share = ways[i, j]
-            for k in range(j + 1 if share != 0.0 else 0):
-                total[j, k] += share * row_of[k]
-
-
 @compiled(inside=True)
 def minimise(
     system: RowSystem,
-    ways: Dense,
     own: Row,
     about: Row,
     shift: Row,
@@ -162,11 +128,10 @@ def minimise(
 
     Args:
         system, own, about, shift: see `answer`.
-        ways: W' (r, n).
         x: L (v - v_free) (n,) to begin at, and to write.
         speed, impulse: (r,) to write.
     """
-    size, n = ways.shape
+    (size, n), ways = system.ways.shape, system.ways
     rise, total, lower = np.empty((size, 3)), np.empty((n, n)), np.empty((n, n))
     step, down, turning, trial = np.empty(n), np.empty(n), np.empty(size), np.empty(size)
     there = np.empty((size, 3))
@@ -177,7 +142,7 @@ def minimise(
         for j in range(n):
             step[j] = -x[j]
         add_all(impulse, ways, step)
-        stiffened(system, ways, rise, down, total)
+        stiffened(system, rise, False, down, total)
         if not factor_inertia(total, lower):
             return used
         copy_to(step, down)
@@ -235,7 +200,7 @@ def compliance_of(system: RowSystem, own: OutRow) -> None:
     """Write a compliance (r,) of each row, a share of its own; one for each contact."""
     contacts, d, size = len(system.frictions), system.tangents, len(own)
     for i in range(size):
-        own[i] = _COMPLIANCE * 1e9 * system.spring[i]
+        own[i] = _COMPLIANCE * system.own[i]
     for contact in range(contacts):
         first, normal = size - (contacts - contact) * d, size - contacts * (1 + d) + contact
         for a in range(d):

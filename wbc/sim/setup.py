@@ -113,7 +113,7 @@ class Setup:
         now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 3)
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
-        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv)
+        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
         springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0

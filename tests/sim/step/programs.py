@@ -7,7 +7,7 @@ import numpy as np
 
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
-from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, look_at, tolerance_of, velocity_after
+from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, residuals, tolerance_of, velocity_after
 from wbc.mechanics.rows import system_of
 from wbc.sim.step.self_locking import solve_rows
 
@@ -53,6 +53,6 @@ def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution
     if way >= UNSOLVED:
         raise SimulationError("several solutions" if way == SEVERAL else "no solution")
     velocity_after(system, lower, own.free_velocity, impulse, velocity)
-    pieces = np.empty((size, 4))
-    look_at(system, impulse, speed, pieces, np.empty((len(own.frictions), 3)))
-    return Solution(velocity, impulse, speed, np.abs(pieces[:, 3]), used, WAYS[way])
+    off = np.empty(size)
+    residuals(system, impulse, speed, off)
+    return Solution(velocity, impulse, speed, np.abs(off), used, WAYS[way])

@@ -12,6 +12,7 @@ import numpy as np
 from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along, place
 from wbc.mechanics.linear import (
+    add_all,
     add_times,
     copy_to,
     dot,
@@ -107,13 +108,13 @@ def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: 
     lower = np.empty((n, n))
     if not factor_inertia(metric, lower):
         return False
-    half, delassus = np.ascontiguousarray(matrix.T), np.empty((count, count))
-    push = np.empty(count)
-    halfway(lower, half)
-    products(half, delassus)
+    ways, delassus, push = matrix.copy(), np.empty((count, count)), np.empty(count)
+    for i in range(count):
+        halfway(lower, ways[i])
+    products(ways, delassus)
     least(delassus, pressed, missing, push)
-    for j in range(n):
-        shift[j] = dot(push, half[j])
+    shift[:] = 0.0
+    add_all(push, ways, shift)
     rest_of_way(lower, shift)
     return True
 

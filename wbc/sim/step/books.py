@@ -23,7 +23,7 @@ from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, Solved
 from wbc.sim.step.solution import stored_at
-from wbc.sim.step.tables import HERTZ, Gears, Opened, point_of_reference
+from wbc.sim.step.tables import HERTZ, Gears, Opened
 
 MOTOR, MESH, ROTOR, GEAR, FRICTION, CONTACT = range(6)
 NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 11)
@@ -185,7 +185,7 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
     place(joints, tree.shapes, q, poses)
     look(plant)
-    about = point_of_reference(plant)
+    about = placed.about
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1
     motion, momentum, motor, normal = np.empty((count, 6)), np.empty(6), np.empty(m), np.empty(3)
     motion_at(joints, placed.columns, v, motion)

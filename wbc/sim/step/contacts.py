@@ -13,7 +13,7 @@ from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import AHEAD, field_gap
 from wbc.sim.step.pairs import FAR, meet
 from wbc.sim.step.peaks import meet_field
-from wbc.sim.step.tables import RETURN_SPEED, Opened, point_of_reference
+from wbc.sim.step.tables import RETURN_SPEED, Opened
 
 _JUMPED = 0.1
 """Of what an overlap is taken back by. In 2,400 steps of thrown bodies (1 ms, 1 m/s) contacts that
@@ -162,7 +162,7 @@ def contact_row(plant: Opened, which: int, axis: Row, row: OutRow) -> None:
         axis: unit vector, world.
         row: (nv,) to write.
     """
-    columns, about, wrench = plant.placed.columns, point_of_reference(plant), local(6)
+    columns, about, wrench = plant.placed.columns, plant.placed.about, local(6)
     touch = plant.obstacles.touch[which]
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

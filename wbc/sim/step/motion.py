@@ -21,10 +21,10 @@ from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
 from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
 from wbc.mechanics.linear import add_times, copy_to
-from wbc.mechanics.tree import JOINT, PLACES, ROWS
+from wbc.mechanics.tree import FRAME, JOINT, PLACES, ROWS
 from wbc.robot import Robot
 from wbc.sim.step.contacts import rates_at, touch_ground
-from wbc.sim.step.tables import Opened, point_of_reference
+from wbc.sim.step.tables import Opened
 
 _PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
 
@@ -63,8 +63,9 @@ def _planar(model: Any, number: int) -> bool:
 @inner
 def look(plant: Opened) -> None:
     """Write columns and bodies in given poses."""
-    tree, placed, about = plant.tree, plant.placed, point_of_reference(plant)
-    poses = placed.poses
+    tree, placed, about = plant.tree, plant.placed, plant.placed.about
+    poses, bases = placed.poses, plant.flight.bases
+    copy_to(poses[bases[0, FRAME] if len(bases) else 0, 9:], about)
     columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
     bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
     composites_of(tree.joints, placed.bodies, placed.composite)
@@ -90,7 +91,7 @@ def carry(plant: Opened, v: Row) -> None:
 @inner
 def keep_centers(plant: Opened) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
-    flight, about = plant.flight, point_of_reference(plant)
+    flight, about = plant.flight, plant.placed.about
     for i in range(len(flight.bases)):
         behind, carried = plant.placed.composite[flight.bases[i, JOINT]], flight.carried[i]
         carried[9] = behind[0]

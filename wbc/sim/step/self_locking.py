@@ -26,7 +26,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, OutTable, Places, Row, compiled, inner
-from wbc.mechanics.linear import copy_to, dot, factor_inertia
+from wbc.mechanics.linear import copy_to, dot, factor_inertia, products
 from wbc.mechanics.newton import (
     FULL_STEPS,
     RANGES,
@@ -36,6 +36,7 @@ from wbc.mechanics.newton import (
     newton,
     proximal,
     solve_system,
+    speeds_at,
 )
 from wbc.mechanics.rows import RowSystem, copied
 
@@ -68,7 +69,7 @@ def undecided_rows(system: RowSystem) -> OutPlaces:
     """Return the falling rows (f,) if the step may have several solutions; none where it has one.
 
     Any other row may be rigid in another solution (a gear that sticks, a point that holds): the
-    compliance of the falling rows counts with all of them held, but for their `spring`.
+    compliance of the falling rows counts with all of them held, but for a billionth of their own.
     """
     size, count, rows = len(system.free), 0, np.empty(len(system.laws), dtype=np.int64)
     for i in range(len(system.laws)):
@@ -76,9 +77,10 @@ def undecided_rows(system: RowSystem) -> OutPlaces:
             rows[count], count = i, count + 1
     if count == 0:
         return rows[:0]
-    total = system.delassus.copy()
+    total = np.empty((size, size))
+    products(system.ways, total)
     for i in range(size):
-        total[i, i] += system.spring[i]
+        total[i, i] += 1e-9 * system.own[i]
     for i in rows[:count]:
         total[i, i] += system.laws[i, 4] / system.laws[i, 2]
     return rows[: 0 if factor_inertia(total, np.empty((size, size))) else count]
@@ -118,22 +120,22 @@ def try_ranges(
         tolerance: largest distance of a row from its law.
         impulse: to write.
     """
-    used = newton(held, start, 0.1 * tolerance, FULL_STEPS, SHORTENED, impulse)
-    if used < 0:
-        used = abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse)) - used
+    used = abs(newton(held, start, 0.1 * tolerance, FULL_STEPS, SHORTENED, impulse))
+    if not distance(held, impulse) <= tolerance:
+        used += abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse))
     return used, distance(system, impulse) <= tolerance
 
 
-@inner
+@compiled(inside=True)
 def is_new(system: RowSystem, impulse: Row, found: Dense, tolerance: float) -> bool:
     """Return whether the speeds of row impulses (r,) are not those of solutions (s, r)."""
+    x, speed, other = np.empty(system.ways.shape[1]), np.empty(len(impulse)), np.empty(len(impulse))
+    speeds_at(system, impulse, x, speed)
     for s in range(len(found)):
         apart = 0.0
+        speeds_at(system, found[s], x, other)
         for i in range(len(impulse)):
-            change = 0.0
-            for j in range(len(impulse)):
-                change += system.delassus[i, j] * (impulse[j] - found[s, j])
-            apart = max(apart, abs(change))
+            apart = max(apart, abs(speed[i] - other[i]))
         if apart <= _APART * tolerance:
             return False
     return True
@@ -168,7 +170,7 @@ def solve_in_ranges(
             hold_to(laws[i], before if choice < 0 else rest % 3)
             origins[1, i] = 0.0
             if laws[i, 7] < 0.0:  # where the others carry nothing
-                alone = 1.0 + laws[i, 7] * system.delassus[i, i]
+                alone = 1.0 + laws[i, 7] * system.own[i]
                 origins[1, i] = (laws[i, 8] - laws[i, 7] * system.free[i]) / alone
             rest //= 3
         for k in range(0 if known else 1, 3):

@@ -83,9 +83,9 @@ def softened(plant: Opened, rows: PartRows, system: RowSystem, speed: Row) -> Ro
         after = rows.depths[c, 1] - 0.5 * step * speed[row]
         force, rise = mean_force(plant, rows.depths[c, 0], after, step)
         stiff, push = 0.5 * step * step * rise, step * force
-        own = system.delassus[row, row]
+        own = system.own[row]
         give = 1.0 / stiff if stiff > 1e-12 / own else 0.0
-        softer.delassus[row, row] = own + give
+        softer.give[row] = give
         softer.slope[row] = 1.0 / (own + give)
         softer.targets[at] = speed[row] + push * give if give > 0.0 else NEVER
     return softer
@@ -101,7 +101,7 @@ def misses_contacts(
         row = len(system.laws) + len(system.targets) - len(rows.depths) + c
         after = rows.depths[c, 1] - 0.5 * rows.step * speed[row]
         force, _ = mean_force(plant, rows.depths[c, 0], after, rows.step)
-        off = max(off, abs(rows.step * force - impulse[row]) * system.delassus[row, row])
+        off = max(off, abs(rows.step * force - impulse[row]) * system.own[row])
     return off
 
 
@@ -179,7 +179,7 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
     coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
     soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
     tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system
-    impulse, row_speed, after = np.zeros(size), np.empty(size), np.empty(n)
+    impulse, row_speed, after, last_x = np.zeros(size), np.empty(size), np.empty(n), np.empty(n)
     room, end = np.zeros((3, m if loose else 0, 5)), np.zeros(m)
     rounds = Rounds(room[0], room[1], room[2], np.zeros((room.shape[1], 3)))
     if coupled:
@@ -199,7 +199,7 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
             more, way = solve_rows(taken, rows.start, tolerance, work, impulse)
         used, missed = used + more, 0.0
         velocity_after(system, rows.lower, shifted, impulse, after)
-        speeds_at(system.delassus, system.free, impulse, row_speed)
+        speeds_at(system, impulse, last_x, row_speed)
         if way >= UNSOLVED or not (coupled or soft or loose):
             break
         copy_to(impulse, rows.start)

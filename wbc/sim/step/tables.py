@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from wbc.arrays import FloatArray
-from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table, compiled
-from wbc.mechanics.tree import FRAME, Tree
+from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table
+from wbc.mechanics.tree import Tree
 from wbc.structures import structured
 
 
@@ -122,6 +121,7 @@ class PlacedTree(NamedTuple):
         bodies: (n, 10) mass, first moment and inertia of each body.
         composite: (n, 10) the same of all behind each joint.
         inertia: H_l (nv, nv).
+        about: (3,) the point of all spatial vectors: the first free base, or the first joint.
     """
 
     poses: OutDense
@@ -129,6 +129,7 @@ class PlacedTree(NamedTuple):
     bodies: OutDense
     composite: OutDense
     inertia: OutDense
+    about: OutRow
 
 
 @structured
@@ -301,11 +302,3 @@ class Opened(NamedTuple):
 
 
 RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, SLOW, RESTITUTION = range(7)
-
-
-@compiled(inside=True)
-def point_of_reference(plant: Opened) -> OutRow:
-    """Return the point (3,) of all spatial vectors: the first free base, or the first joint."""
-    bases = plant.flight.bases
-    found: FloatArray = plant.placed.poses[bases[0, FRAME] if len(bases) else 0, 9:]
-    return found
