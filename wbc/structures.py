@@ -8,6 +8,7 @@ Structures may hold structures.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Mapping
 from hashlib import sha256
 from typing import Any, ClassVar, TypeVar, cast, get_type_hints
@@ -177,3 +178,9 @@ def stored(values: _Tuple) -> _Tuple:
     """Return arrays with names as what compiled functions take, see `structured`."""
     named: Any = values
     return cast(_Tuple, named.structure.of(**named._asdict()))
+
+
+def numbered(names: str) -> Any:
+    """Return numbers by name, counted from zero, which compiled functions read as such."""
+    kind: Any = namedtuple
+    return kind("Numbered", names)(*range(len(names.split())))

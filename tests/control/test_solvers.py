@@ -12,8 +12,9 @@ from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
 from tests.sim.random_robots import geared
 from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
-from wbc.control.qp.level import Level, Refusal
+from wbc.control.qp.level import Refusal
 from wbc.control.qp.solvers import solve
+from wbc.control.tick import Ticker
 from wbc.robot import Motion
 
 ROBOTS = ["solo12", "talos"]
@@ -160,9 +161,11 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
 def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypatch):
     robot = load_robot("solo12")
     alone, both = overdetermined(robot)
-    gave_up, solve = Refusal((Status.FAILED, "the solver gave up."), None, None), Level.step
+    gave_up, solve = Refusal((Status.FAILED, "the solver gave up."), None, None), Ticker._solve
     second = both._levels.of(None, 1e-3)[0][1]
-    monkeypatch.setattr(Level, "step", lambda s, *a: gave_up if s is second else solve(s, *a))
+    monkeypatch.setattr(
+        Ticker, "_solve", lambda t, at, *a: gave_up if at is second else solve(t, at, *a)
+    )
     state = next(moving(robot, 1, 1, 0.02, 0.3))
     one, two = alone.step(state), both.step(state)
     assert two.status is Status.INACCURATE

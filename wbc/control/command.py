@@ -94,6 +94,11 @@ class Command:
         """Take some fields; the others are read from `prospect`, which is one of these."""
         self.__dict__ = fields
 
+    def be_late(self, deadline: float) -> None:
+        """Say that the tick took longer than a deadline [s]."""
+        self.status = Status.LATE
+        self.message = f"{1e3 * self.tick_time:.2f} ms of {1e3 * deadline:.2f} ms."
+
     def __getattr__(self, name: str) -> Any:
         """Return a field that the command was made without."""
         prospect = self.__dict__.get("prospect")

@@ -9,7 +9,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.gear_rows import GEARS
+from wbc.control.memory import GEARS
 from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.settings import ControllerSettings, RestPolicy
 from wbc.dynamics.equation import rotor_coupling

@@ -9,21 +9,24 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
-from wbc.control.command import Command, Refused
+from wbc.control.command import Command, Status
 from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.level import SolvedLevel
+from wbc.control.memory import GEAR, PART
+from wbc.control.qp.level import Refusal, SolvedLevel
 from wbc.control.qp.linalg import factorise_from, substitute
-from wbc.control.qp.search import DirectedSolution
 from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import POSITION, TORQUE_ROW
 from wbc.mechanics.linear import factor_inertia, halfway, products
 from wbc.robot import Motion, Robot
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
 _SOFT = 1e-9
+_BUSY: Complaint = (
+    Status.BAD_INPUT,
+    "step is called while another thread is in it; give every thread a controller of its own.",
+)
 _SHARE = 0.25
 """Greatest part of a speed that damping may take away in one tick.
 
@@ -75,14 +78,14 @@ class Fallback:
         """N tau_phi (m,) [N m] of the last good tick."""
         if self._last is None:
             return np.zeros(self._size)
-        return self._last.row(TORQUE_ROW)
+        return self._last.row(GEAR.torque)
 
     def _place(self, motion: Motion | None) -> FloatArray | None:
         """Return q (nq,) of a state, without one that of the last good tick."""
         if motion is not None:
             return motion.position
         last = self._last
-        return None if last is None else last.block[last.level.program.at[POSITION]]
+        return None if last is None else last.block[last.level.program.at[PART.position]]
 
     def command(
         self,
@@ -90,8 +93,7 @@ class Fallback:
         complaint: Complaint,
         dt: float,
         start: float,
-        found: DirectedSolution | None = None,
-        refused: Refused | None = None,
+        refusal: Refusal | None = None,
     ) -> Command:
         """Return the safe command; never raises.
 
@@ -100,19 +102,18 @@ class Fallback:
             complaint: why the tick has no solution.
             dt: time until the next tick [s]; that of the settings where it makes no sense.
             start: when the tick began, by `perf_counter` [s].
-            found: what the solver returned, None where it was not asked.
-            refused: the program that has no solution, None where there is none.
+            refusal: the level that has no solution, None where none was asked.
         """
         self._motors.interrupt()
         dt = dt if is_step(dt) else self._time_step
         self._ticks += 1
         self._time += dt
-        return self._made(self._rotor_torque(motion, dt), motion, complaint, start, found, refused)
+        return self._made(self._rotor_torque(motion, dt), motion, complaint, start, refusal)
 
-    def busy(self, complaint: Complaint, start: float) -> Command:
+    def busy(self, start: float) -> Command:
         """Return the last good torque for a thread that comes in between; nothing is counted."""
         torque = _clipped(self._torque, self._nameplate) / self._robot.transmission.gear_ratio
-        return self._made(torque, None, complaint, start, None, None)
+        return self._made(torque, None, _BUSY, start, None)
 
     def _made(
         self,
@@ -120,10 +121,10 @@ class Fallback:
         motion: Motion | None,
         complaint: Complaint,
         start: float,
-        found: DirectedSolution | None,
-        refused: Refused | None,
+        refusal: Refusal | None,
     ) -> Command:
         place, nothing = self._place(motion), np.zeros(self._size)
+        found = None if refusal is None else refusal.found
         unknown = np.full(self._size, np.nan)
         return Command(
             rotor_torque=torque,
@@ -143,7 +144,7 @@ class Fallback:
             forces={},
             position=unknown if place is None else place[self._robot.actuated_position],
             velocity=nothing,
-            refused=refused,
+            refused=None if refusal is None else refusal.refused,
             passed={},
             prospect=None,
         )

@@ -2,54 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.command import Status, consistent
+from wbc.control.command import Refused, Status, consistent
 from wbc.control.inputs import Complaint
+from wbc.control.memory import COUNT, GEAR, NUMBER, PART
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
 from wbc.control.qp.program import REACH, Program, Recipe
-from wbc.control.qp.search import DirectedSolution, DirectionSearch
+from wbc.control.qp.search import SOLVED, DirectedSolution, DirectionSearch
 from wbc.control.qp.solvers import QPProblem, QPSolution, QPStatus, WarmStart
 from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
-from wbc.control.tick import (
-    ADVANCED,
-    CORRECTED,
-    DONE,
-    GEAR_ROWS,
-    HARD,
-    LIMITED_TORQUE,
-    MESH,
-    OUTPUT,
-    POSITION,
-    SIGMA,
-    TOLERANCE,
-    TURNING,
-    UNSOLVED,
-    VELOCITY,
-    X,
-    Y,
-    Z,
-    finish,
-    solve,
-    write,
-)
-from wbc.robot import Motion
 
 _BINDS = 1e-6
 _FEW = 4
-_SOLVED: Complaint = (Status.SOLVED, "")
 _ROWS = {
-    "output_torque": OUTPUT,
-    "mesh_torque": MESH,
-    "expected_speed": TURNING,
-    "certainty": SIGMA,
+    "output_torque": GEAR.output,
+    "mesh_torque": GEAR.mesh,
+    "expected_speed": GEAR.turning,
+    "certainty": GEAR.sigma,
 }
 
 
@@ -65,6 +41,7 @@ class SolvedLevel(NamedTuple):
         found: what the search took, None where the first guess was right.
         verdict: how usable it is.
         excess: `Program.excess` where limits may be passed, else None.
+        ends: whether the levels below are left out.
     """
 
     level: Level
@@ -73,8 +50,9 @@ class SolvedLevel(NamedTuple):
     hard: int
     solve_time: float
     found: DirectedSolution | None = None
-    verdict: Complaint = _SOLVED
+    verdict: Complaint = SOLVED
     excess: FloatArray | None = None
+    ends: bool = False
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
@@ -83,6 +61,20 @@ class SolvedLevel(NamedTuple):
     @property
     def refused(self) -> None:
         """No program: it has a solution."""
+
+    def followed_by(self, deeper: SolvedLevel | Refusal) -> SolvedLevel | Refusal:
+        """Return the answer with the next level, which passes what this one has to.
+
+        A level that finds nothing leaves it at those above.
+        """
+        if isinstance(deeper, Refusal):
+            if deeper.complaint is None:
+                return deeper
+            message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
+            return self._replace(verdict=(Status.INACCURATE, message), ends=True)
+        if self.excess is None and self.verdict is SOLVED:
+            return deeper
+        return deeper._replace(verdict=self.verdict, excess=self.excess)
 
     @property
     def rounds(self) -> int:
@@ -108,7 +100,8 @@ class SolvedLevel(NamedTuple):
     @property
     def acceleration(self) -> FloatArray:
         """The expected qdd (nv,)."""
-        return self.block[self.level.program.at[X]][: self.level.program.nv]
+        x: FloatArray = self.block[self.level.program.at[PART.x]]
+        return x[: self.level.program.nv]
 
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
@@ -118,35 +111,35 @@ class SolvedLevel(NamedTuple):
     def consistent(self) -> bool:
         """Whether the mesh law allows the torques."""
         gears = self.level.program.memory.gears
-        output, mesh, sigma = self.row(OUTPUT), self.row(MESH), self.row(SIGMA)
+        output, mesh, sigma = self.row(GEAR.output), self.row(GEAR.mesh), self.row(GEAR.sigma)
         return consistent(output, mesh, sigma, gears.forward, gears.backward)
 
     @property
     def forces(self) -> Mapping[str, FloatArray]:
         """The force of every active contact."""
         program = self.level.program
-        x = self.block[program.at[X]]
+        x = self.block[program.at[PART.x]]
         return program.contacts.wrenches(program.force_scale * x[program.nv :])
 
     @property
     def velocity(self) -> FloatArray:
         """Velocity of the driven joints (m,) after the time step."""
-        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at[VELOCITY]
+        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at[PART.velocity]
         return np.asarray(self.block[now][driven] + self.dt * self.acceleration[driven])
 
     @property
     def position(self) -> FloatArray:
         """Position of the driven joints (m,) after the time step."""
         robot, at = self.level.program.recipe.robot, self.level.program.at
-        rate = 0.5 * (self.block[at[VELOCITY]][robot.actuated] + self.velocity)
-        return np.asarray(self.block[at[POSITION]][robot.actuated_position] + self.dt * rate)
+        rate = 0.5 * (self.block[at[PART.velocity]][robot.actuated] + self.velocity)
+        return np.asarray(self.block[at[PART.position]][robot.actuated_position] + self.dt * rate)
 
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
         if self.found is not None:
             return self.found.solution
-        x, z, y = (self.block[self.level.program.at[part]] for part in (X, Z, Y))
+        x, z, y = (self.block[self.level.program.at[part]] for part in (PART.x, PART.z, PART.y))
         return QPSolution(x, y[: self.hard], z, QPStatus.SOLVED, 0)
 
 
@@ -157,12 +150,19 @@ class Refusal(NamedTuple):
     found: DirectedSolution | None
     level: Level
 
+    @property
+    def refused(self) -> Refused | None:
+        """The program, None where the solver was not asked."""
+        program = self.level.program
+        return None if self.found is None else Refused(program.dense(), program)
+
 
 class Level:
     """Solves one level's program of one set of contacts.
 
     Attributes:
         program: of the level.
+        guesses: whether a solution without torque limits is worth a try.
     """
 
     def __init__(self, program: Program, rank: int) -> None:
@@ -170,55 +170,26 @@ class Level:
         settings, stacks = program.recipe.settings, program.recipe.stacks
         self.program, self._above = program, [stack.memory for stack in stacks[:rank]]
         # a program whose diagonal has zeros is none for the guess
-        self._guesses = settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
-        self._search = DirectionSearch(program, self._guesses)
-        self._block, self._passing = np.zeros(program.size), np.zeros(0)
+        self._may_guess = (
+            settings.warm_start is WarmStart.ACTIVE_SET and settings.force_weight > 0.0
+        )
+        self._search = DirectionSearch(program, self._may_guess)
+        self._passing = np.zeros(0)
         self._undecided: IntArray = np.zeros(len(self._search.output), dtype=np.int_)
         self.forget()
 
     def forget(self) -> None:
         """Start the next tick without the rows that bound the last one."""
-        self._saturated = False
+        self.guesses = self._may_guess
         self.program.memory.solver.taken[:] = 0
 
-    def step(
-        self,
-        motion: Motion,
-        ceilings: Mapping[str, float],
-        dt: float,
-        last: FloatArray,
-        above: SolvedLevel | None,
-    ) -> SolvedLevel | Refusal:
-        """Return the solution of a tick, or why there is none.
+    def take(self, ceilings: Mapping[str, float]) -> None:
+        """Begin a tick with the greatest normal force [N] of each active contact."""
+        self._decided = self._undecided
+        self.program.take(ceilings)
+        self.program.memory.counts[COUNT.hard] = self.program.unlocked
 
-        It is the solution of the level above where that leaves this one nothing to decide.
-
-        Args:
-            motion: the state.
-            ceilings: greatest normal force [N] of each active contact.
-            dt: time until the next tick [s].
-            last: block of the last tick.
-            above: what is decided already.
-        """
-        start, program, memory = perf_counter(), self.program, self.program.memory
-        block = np.empty(program.size)
-        self._block, self._decided = block, self._undecided
-        program.take(ceilings)
-        memory.counts[HARD] = program.unlocked
-        if not write(memory, motion.position, motion.velocity, last, dt, block):
-            return Refusal(None, None, self)
-        if program.repeats:
-            program.place_basis()
-        if above is not None and self._hold(above) == 0 and not program.has_efforts:
-            return above
-        guesses = self._guesses and not self._saturated
-        ended = solve(memory, dt, block) if guesses else UNSOLVED
-        if ended != DONE:
-            return self._searched(above, block, ended, dt, last)
-        hard, elapsed = int(memory.counts[HARD]), perf_counter() - start
-        return SolvedLevel(self, block, dt, hard, elapsed)
-
-    def _hold(self, above: SolvedLevel) -> int:
+    def hold(self, above: SolvedLevel) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
 
         Returns:
@@ -227,44 +198,42 @@ class Level:
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
             start = place_above(tasks, lock.above, start)
-        x = self._passing = above.block[above.level.program.at[X]]
+        x = self._passing = above.block[above.level.program.at[PART.x]]
         # a guess leaves torque limits out
         limited = above.found is not None and bool(above.solution.z[program.torque].any())
         if limited and above.found is not None:
             self._search.start(None)
-            self._search.place(above.found.decided, above.row(OUTPUT))
-        reach = REACH * memory.numbers[TOLERANCE]
+            self._search.place(above.found.decided, above.row(GEAR.output))
+        reach = REACH * memory.numbers[NUMBER.tolerance]
         left = int(hold(memory, lock, x, limited, program.unlocked, reach))
         if left < 0:
             extend_by_bounds(lock)
             left = int(place_lock(memory, lock, x, len(x), program.unlocked, reach))
         return left
 
-    def _searched(
-        self, above: SolvedLevel | None, block: FloatArray, ended: int, dt: float, last: FloatArray
-    ) -> SolvedLevel | Refusal:
-        """Return the solution of the program with torque limits, or why there is none."""
+    def search(self, above: SolvedLevel | None, last: FloatArray) -> DirectedSolution:
+        """Return the solution of the program with torque limits.
+
+        Args:
+            above: what is decided already.
+            last: block whose torques the directions begin with where nothing is.
+        """
         program, passing, decided = self.program, None, self._undecided
-        output = last[program.rows[OUTPUT]]
+        output = last[program.rows[GEAR.output]].copy()
         if above is not None:
-            output, passing = above.row(OUTPUT), above.solution.x
+            output, passing = above.row(GEAR.output), above.solution.x
             decided = decided if above.found is None else above.found.decided
-        elif ended == LIMITED_TORQUE:  # as it would be without limits
-            output = block[program.rows[OUTPUT]].copy()
-        search, excess = self._search, None
-        search.start(passing)
-        found = search.solve(output, decided)
+        self._search.start(passing)
+        found, excess = self._search.solve(output, decided), None
         if found.solution.status in (QPStatus.EASED, QPStatus.UNFINISHED):
             excess = program.excess(found.solution)
         verdict = _judged(found, program)
-        if not verdict[0].usable:
-            search.place(found.decided, output)
-            return Refusal(verdict, found, self)
-        self._decided, solution = found.decided, found.solution
-        block[program.at[X]] = solution.x
-        finish(program.memory, dt, block)
-        self._saturated = bool((np.abs(solution.z[program.torque]) > _BINDS).any())
-        return SolvedLevel(self, block, dt, 0, found.solve_time, found, verdict, excess)
+        if verdict[0].usable:
+            self._decided, torques = found.decided, found.solution.z[program.torque]
+            self.guesses = self._may_guess and not (np.abs(torques) > _BINDS).any()
+        else:
+            self._search.place(found.decided, output)
+        return found._replace(verdict=verdict, excess=excess)
 
     def expecting(self, last: FloatArray) -> FloatArray:
         """Return the block of the last tick for the next one, after this one had no solution.
@@ -272,14 +241,14 @@ class Level:
         It expects the speed that was expected of this tick, drawn towards the measured one.
         """
         last = last.copy()
-        last[self.program.at[ADVANCED]] = self._block[self.program.at[CORRECTED]]
+        last[self.program.at[PART.advanced]] = self.program.memory.corrected
         return last
 
     def built(self, last: FloatArray) -> QPProblem:
         """Return a copy of the program of the last tick, in the directions of a block's torques."""
         passing = None if self.program.lock is None else self._passing
         self._search.start(passing)
-        self._search.place(self._decided, last[self.program.rows[OUTPUT]])
+        self._search.place(self._decided, last[self.program.rows[GEAR.output]])
         return self.program.dense()
 
 
@@ -293,7 +262,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
         if solution.status is QPStatus.UNFINISHED:
             return Status.INACCURATE, f"no better motion within {found.iterations} units of work."
         if found.settled or solution.status is QPStatus.EASED:
-            return _SOLVED
+            return SOLVED
         return Status.INACCURATE, "directions of power not settled; torques clipped."
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
@@ -301,32 +270,6 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
         broken = program.labels[int(np.argmax(beyond))] if beyond.any() else "a constraint"
         return Status.INFEASIBLE, f"{broken} cannot be kept beside the others; see explain()."
     return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."
-
-
-def descend(
-    levels: Sequence[Level],
-    motion: Motion,
-    ceilings: Mapping[str, float],
-    dt: float,
-    last: FloatArray,
-) -> SolvedLevel | Refusal:
-    """Solve one level after the other; one that finds nothing leaves it at those above.
-
-    Arguments are those of `Level.step`.
-    """
-    answer = levels[0].step(motion, ceilings, dt, last, None)
-    for level in levels[1:]:
-        if isinstance(answer, Refusal):
-            break
-        deeper = level.step(motion, ceilings, dt, last, answer)
-        if isinstance(deeper, Refusal) and deeper.complaint is not None:
-            message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
-            return answer._replace(verdict=(Status.INACCURATE, message))
-        given = answer.excess is not None or answer.verdict is not _SOLVED
-        if given and isinstance(deeper, SolvedLevel):
-            deeper = deeper._replace(verdict=answer.verdict, excess=answer.excess)
-        answer = deeper
-    return answer
 
 
 class Levels:
@@ -343,7 +286,7 @@ class Levels:
         """Remember what programs are made of."""
         self._recipe, self._contacts, self._all = recipe, dict(contacts), tuple(contacts)
         model, m = recipe.robot.model, recipe.robot.transmission.size
-        self.shared = model.nq + 3 * model.nv + GEAR_ROWS * m
+        self.shared = model.nq + 3 * model.nv + len(GEAR) * m
         self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         self._ramp: ContactRamp | None = None

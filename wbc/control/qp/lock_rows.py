@@ -9,16 +9,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from wbc.compiled import OutDense, OutPlaces, OutRow, Row, compiled
+from wbc.control.memory import COUNT, NUMBER, ProgramMemory, TasksMemory
 from wbc.control.qp.active_set import place_row
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.solvers import INFINITE
-from wbc.control.tick import (
-    COST,
-    HARD,
-    REGULAR,
-    ProgramMemory,
-    TasksMemory,
-)
 from wbc.mechanics.linear import dot
 from wbc.structures import Structure
 
@@ -153,10 +147,10 @@ def place_lock(
     `width` is how many of the variables they are about.
     """
     solver, counts, first, last = program.solver, program.counts, lock.ends[0], lock.ends[1]
-    counts[HARD] = unlocked + last - first
+    counts[COUNT.hard] = unlocked + last - first
     for i in range(first, last):
         row = lock.kept[i, :width]
-        place_row(solver, counts[COST] + unlocked + i - first, row, dot(row, x), 0.0)
+        place_row(solver, counts[COUNT.cost] + unlocked + i - first, row, dot(row, x), 0.0)
     let_pass(program, lock, x, reach, 2 * len(program.limited), len(solver.give))
     return int(width - last)
 
@@ -191,10 +185,10 @@ def hold(
     """
     solver, scales = program.solver, lock.scales
     start = 0 if limited else 2 * len(program.limited)
-    top, nv, n = program.counts[COST], len(program.tasks.diagonal), len(x)
+    top, nv, n = program.counts[COUNT.cost], len(program.tasks.diagonal), len(x)
     for j in range(n):
         weight = program.tasks.diagonal[j] if j < nv else solver.diagonal[j]
-        scales[j] = 1.0 / sqrt(weight + program.numbers[REGULAR])
+        scales[j] = 1.0 / sqrt(weight + program.numbers[NUMBER.regular])
     reached = _gather_binding(program, lock, start, x, reach)
     own, width = top, n
     if reached == 0 and _forces_balance(program, lock):

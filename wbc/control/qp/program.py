@@ -14,6 +14,7 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutDense, OutPlaces, OutRow, Places, Row, compiled, inner
 from wbc.control.drivetrain import GearModel
 from wbc.control.kinematics import Kinematics
+from wbc.control.memory import COUNT, GEAR, NUMBER, PART, PROGRAM, ProgramMemory
 from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
@@ -23,15 +24,6 @@ from wbc.control.rows.contacts import ContactSet
 from wbc.control.rows.limits import JointLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.settings import ControllerSettings
-from wbc.control.tick import (
-    COST,
-    GEAR_ROWS,
-    GEARS,
-    HARD,
-    PROGRAM,
-    TOLERANCE,
-    ProgramMemory,
-)
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.robot import Robot
 
@@ -78,6 +70,12 @@ class Recipe:
     stacks: tuple[TaskStack, ...]
 
     @property
+    def asks_ahead(self) -> bool:
+        """Whether every state is asked for more than the joints' motion before a tick."""
+        alone = self.kinematics.known_by_joints and not self.drivetrain.coupled
+        return not alone or self.collision is not None
+
+    @property
     def load(self) -> float:
         """The robot's weight [N], by which forces are measured; 1 kN where nothing weighs."""
         weight = self.kinematics.mass * self.kinematics.gravity
@@ -112,15 +110,15 @@ def write_out(
         H, g, rows: results.
         lower, upper: results (2, e + r): without limits of joints and distances, and all.
     """
-    solver, counts, hard = program.solver, program.counts, program.counts[HARD]
+    solver, counts, hard = program.solver, program.counts, program.counts[COUNT.hard]
     H[:] = 0.0
     for j in range(len(g)):
         H[j, j], g[j] = solver.diagonal[j], -solver.pull[j]
-    for i in range(counts[COST]):
+    for i in range(counts[COUNT.cost]):
         add_square(solver.rows[i], solver.right[i], 1.0 / solver.softness[i], H, g)
     for i in range(hard):
-        copy_to(solver.rows[counts[COST] + i], rows[i])
-        lower[:, i] = upper[:, i] = solver.right[counts[COST] + i]
+        copy_to(solver.rows[counts[COUNT.cost] + i], rows[i])
+        lower[:, i] = upper[:, i] = solver.right[counts[COUNT.cost] + i]
     for i in range(len(wanted)):
         copy_to(solver.C[i], rows[hard + i])
         lower[:, hard + i], upper[:, hard + i] = solver.lower[i], solver.upper[i]
@@ -145,7 +143,7 @@ def place_prices(program: ProgramMemory, wanted: OutPlaces) -> None:
     solver, heaviest = program.solver, 0.0
     for j in range(len(solver.diagonal)):
         heaviest = max(heaviest, solver.diagonal[j])
-    for i in range(program.counts[COST]):
+    for i in range(program.counts[COUNT.cost]):
         heaviest = max(heaviest, 1.0 / solver.softness[i])
     least = heaviest / FIRM
     for j in range(len(solver.diagonal)):
@@ -182,7 +180,7 @@ class Program:
 
     with e the slope of the mesh law in the direction predicted for each gear. Contact rows that
     repeat each other are met in the least-squares sense (see `place_basis`). All memory is made
-    once, and written by `wbc.control.tick`.
+    once, and written by `wbc.control.memory`.
 
     Attributes:
         recipe: what it is made of.
@@ -199,8 +197,8 @@ class Program:
         repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
         gears: numbers of the gears that have a torque limit.
         labels: what every bound is called in messages.
-        at, rows, size: parts of the block of results, see `wbc.control.tick`, its rows of the gears
-            (m,), and its size.
+        at, rows, size: parts of the block of results, see `wbc.control.memory`, its rows of the
+            gears (m,), and its size.
     """
 
     def __init__(self, recipe: Recipe, contacts: ContactSet, rank: int) -> None:
@@ -220,10 +218,10 @@ class Program:
         cost = len(self.stack.memory.rows.jacobian) + m * len(self._efforts)
         most = self.unlocked + (max(above, self.n) if rank else 0)
         self._lay_out_bounds()
-        parts = [robot.model.nq, *[self.nv] * 3, m * GEAR_ROWS, self.n, self.bounds, most]
+        parts = [robot.model.nq, *[self.nv] * 3, m * len(GEAR), self.n, self.bounds, most]
         ends = np.cumsum([0, *parts])
         self.size, self.at = int(ends[-1]), [slice(a, b) for a, b in pairwise(ends.tolist())]
-        starts = [self.at[GEARS].start + m * row for row in range(GEAR_ROWS)]
+        starts = [self.at[PART.by_gear].start + m * row for row in range(len(GEAR))]
         self.rows = [slice(start, start + m) for start in starts]
         self._lay_out_rows(cost, most, rank, ends)
         solver, shared = self.memory.solver, contacts.load_share(weight) / self.force_scale
@@ -271,7 +269,7 @@ class Program:
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         greatest = tolerance / np.finfo(np.float64).eps
         self.memory: Any = PROGRAM.of(
-            {"m": m, "n": n},
+            {"m": m, "n": n, "v": nv, "q": recipe.robot.model.nq},
             tree=recipe.kinematics.tree,
             tasks=self.stack.memory,
             contacts=contacts.memory,
@@ -316,7 +314,7 @@ class Program:
         """
         solver, (left, kept) = self.memory.solver, self._room
         jacobian, target = self.contacts.memory.rows.jacobian, self.contacts.memory.target
-        top = int(self.memory.counts[COST]) + self._undriven
+        top = int(self.memory.counts[COUNT.cost]) + self._undriven
         basis = slice(top, top + self.contacts.rank)
         rows, right = solver.rows[basis, : self.nv], solver.right[basis]
         softness = solver.softness[basis]
@@ -335,7 +333,9 @@ class Program:
     def told(self, excess: FloatArray) -> tuple[dict[str, float], str]:
         """Return what limits are passed, by how much [rad/s^2 or m/s^2], and that in words."""
         (beyond, push), start = excess, self.joint.start
-        least = max(_TOLD * beyond[start:].max(initial=0.0), REACH * self.memory.numbers[TOLERANCE])
+        least = max(
+            _TOLD * beyond[start:].max(initial=0.0), REACH * self.memory.numbers[NUMBER.tolerance]
+        )
         passed = beyond > least
         passed[:start] = False
         found = {self.labels[i]: float(beyond[i]) for i in np.flatnonzero(passed)}
@@ -352,7 +352,7 @@ class Program:
 
     def written(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return Hessian, gradient, rows and their bounds as they stand, see `write_out`."""
-        count = int(self.memory.counts[HARD]) + self.bounds
+        count = int(self.memory.counts[COUNT.hard]) + self.bounds
         H, g, rows = np.empty((self.n, self.n)), np.empty(self.n), np.empty((count, self.n))
         lower, upper = np.empty((2, count)), np.empty((2, count))
         write_out(self.memory, self.wanted, H, g, rows, lower, upper)
@@ -360,7 +360,7 @@ class Program:
 
     def dense(self) -> QPProblem:
         """Return a copy of the program as it stands, Hessian and gradient written out."""
-        (H, g, rows, lower, upper), hard = self.written(), int(self.memory.counts[HARD])
+        (H, g, rows, lower, upper), hard = self.written(), int(self.memory.counts[COUNT.hard])
         low, high = lower[1, hard:], upper[1, hard:]
         return QPProblem(H, g, rows[:hard], upper[1, :hard], rows[hard:], low, high)
 

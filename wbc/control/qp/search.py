@@ -8,25 +8,28 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled
-from wbc.control.qp.active_set import FEW, STEPS
-from wbc.control.qp.gear_rows import place_output
+from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled, view
+from wbc.control.command import Status
+from wbc.control.inputs import Complaint
+from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
+from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program, place_prices
 from wbc.control.qp.solvers import Daqp, QPSolution, QPStatus, solve
-from wbc.control.tick import (
-    COST,
-    GUESSES,
-    HARD,
-    SMALL,
-    TOLERANCE,
-    ProgramMemory,
+from wbc.control.rows.gear_rows import (
     place_directed_rows,
     place_efforts,
-    try_bounds,
+    place_output,
+    place_torques,
 )
 from wbc.mechanics.linear import dot
 
+UNSOLVED, LIMITED_TORQUE, DONE = range(3)
+"""How a guess ends: without a solution, with a torque limit, or well."""
+GUESSES = 3
+"""How often directions are turned over before they are searched."""
+SMALL = 1e-6
+"""[N m], output torque under which a gear's direction does not matter."""
 # What it takes to write a program out and to begin it, to try bounds that may bind, and a step of
 # that, in iterations of daqp.
 _PROGRAM, _GUESS, _STEP = 70, 30, 2
@@ -36,6 +39,7 @@ _PROGRAM, _GUESS, _STEP = 70, 30, 2
 _SEARCHED = 0.5
 _ACTIVE = 1e-6
 _EMPTY = np.zeros(0)
+SOLVED: Complaint = (Status.SOLVED, "")
 NOTHING = QPSolution(_EMPTY, _EMPTY, _EMPTY, QPStatus.FAILED, 0)
 _Node = tuple[float, IntArray, IntArray]
 """A bound of its cost, the directions it decides, and bounds to start from."""
@@ -51,6 +55,8 @@ class DirectedSolution(NamedTuple):
         rounds: programs solved.
         iterations: work of them, as `ControllerSettings.max_iterations` counts it.
         solve_time: [s] in the solvers.
+        verdict: how usable the solution is, and what is in its way.
+        excess: `Program.excess` where limits may be passed, else None.
     """
 
     solution: QPSolution
@@ -59,6 +65,65 @@ class DirectedSolution(NamedTuple):
     rounds: int
     iterations: int
     solve_time: float
+    verdict: Complaint = SOLVED
+    excess: FloatArray | None = None
+
+
+@compiled(counted=False)
+def try_bounds(
+    program: ProgramMemory, start: int, steps: int, x: OutRow, y: OutRow, z: OutRow
+) -> tuple[int, int]:
+    """Solve from the bounds taken as binding, see `settle`; return what that does.
+
+    Args:
+        program: PROGRAM.
+        start: the first bound that the program has.
+        steps: systems with other bounds that are solved at most.
+        x, y, z: results, as in `QPSolution`.
+    """
+    solver, soft = program.solver, program.counts[COUNT.cost]
+    base, bounds = soft + program.counts[COUNT.hard], (start, len(solver.give))
+    size, took = settle(solver, base, bounds, program.numbers[NUMBER.tolerance], steps, x)
+    if size >= 0:
+        place_multipliers(solver, base, soft, size, y, z)
+    return size, took
+
+
+@compiled
+def guess(program: ProgramMemory, block: OutRow) -> int:
+    """Solve from the rows that bound the last solution, without torque limits, and write torques.
+
+    What efforts cost depends on the directions of the gears: those of the solution are taken.
+
+    Args:
+        program: PROGRAM.
+        block: results.
+
+    Returns:
+        UNSOLVED, LIMITED_TORQUE or DONE.
+    """
+    slopes, ends, positive = program.gears.slopes, program.ends, program.positive
+    rows = view(block, ends[PART.by_gear], len(GEAR), len(positive))
+    output, share = rows[GEAR.output], rows[GEAR.share]
+    x = block[ends[PART.x] : ends[PART.x + 1]]
+    y, z = block[ends[PART.y] : ends[PART.y + 1]], block[ends[PART.z] : ends[PART.z + 1]]
+    for i in range(len(positive)):
+        positive[i] = 1 if program.output[i] > 0.0 else 0
+    size, turned, tries = -1, True, 0
+    while turned and tries < GUESSES:
+        turned, tries = False, tries + 1
+        place_efforts(program, positive)
+        size = try_bounds(program, 2 * len(program.limited), STEPS, x, y, z)[0]
+        if size < 0 or len(program.efforts) == 0:
+            break
+        place_output(program, x, output, share)
+        for i in range(len(positive)):
+            differs = (output[i] > 0.0) != (positive[i] != 0) and slopes[0, i] != slopes[1, i]
+            if differs and abs(output[i]) > SMALL:
+                positive[i], turned = 1 - positive[i], True
+    if size < 0 or turned:
+        return UNSOLVED
+    return DONE if place_torques(program, block) else LIMITED_TORQUE
 
 
 @compiled(counted=False)
@@ -82,7 +147,7 @@ def weigh(
         the cost of x, where what must be kept costs nothing, and whether any gear is beyond.
     """
     gears, solver, counts, cost, some = program.gears, program.solver, program.counts, 0.0, False
-    place_output(gears, program.map, program.output_bias, x, output, share)
+    place_output(program, x, output, share)
     for i in range(len(choice)):
         torque = gears.slopes[1 if output[i] > 0.0 else 0, i] * output[i] + share[i]
         slack = 1e-5 * (1.0 + abs(torque))
@@ -91,7 +156,7 @@ def weigh(
         some = some or beyond[i]
     for j in range(len(x)):
         cost += (0.5 * solver.diagonal[j] * x[j] - solver.pull[j]) * x[j]
-    for i in range(counts[COST]):
+    for i in range(counts[COUNT.cost]):
         miss = dot(solver.rows[i], x) - solver.right[i]
         cost += 0.5 * miss * miss / solver.softness[i]
     return cost, some
@@ -187,7 +252,7 @@ class DirectionSearch:
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:
-            slack = REACH * memory.numbers[TOLERANCE]
+            slack = REACH * memory.numbers[NUMBER.tolerance]
             let_pass(memory, program.lock, self._passing, slack, 0, program.torque.stop)
 
     def _may_begin(self, most: float) -> bool:
@@ -343,7 +408,7 @@ class DirectionSearch:
 
     def _guessed(self, steps: int) -> QPSolution:
         """Return the solution from the rows taken as binding, NOTHING where they lead to none."""
-        program, hard = self._program, int(self._program.memory.counts[HARD])
+        program, hard = self._program, int(self._program.memory.counts[COUNT.hard])
         x, y, z = np.empty(program.n), np.empty(hard), np.empty(program.bounds)
         size, took = try_bounds(program.memory, 0, steps, x, y, z)
         self.iterations += max(_GUESS, _STEP * took)

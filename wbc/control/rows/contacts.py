@@ -14,8 +14,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
-from wbc.control.tick import CONTACTS, rest
-from wbc.control.tree import RowKind
+from wbc.control.memory import CONTACTS
+from wbc.control.tree import RowKind, fill_state_rows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError
 from wbc.robot import Robot
@@ -370,8 +370,8 @@ class ContactSet:
         self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
 
     def fill(self, kinematics: Kinematics) -> None:
-        """Evaluate the rows at the present state, and what they are to be."""
-        rest(kinematics.tree, self.memory, kinematics.velocity, kinematics.mass)
+        """Evaluate the rows at the present state."""
+        fill_state_rows(kinematics.tree, self.memory.rows, kinematics.mass)
 
     def wrenches(self, force: FloatArray) -> dict[str, FloatArray]:
         """Return the force of every contact as users see it, of all components (k,) [N, N m]."""

@@ -5,35 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite, sqrt
-from typing import Annotated, Any, final
+from typing import Any, final
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray, frozen
-from wbc.compiled import Dense, OutRow, Places, Row, Vector, compiled
+from wbc.compiled import compiled
+from wbc.control.memory import JOINTS, ProgramMemory
 from wbc.errors import ControlError
 from wbc.robot import Robot
-from wbc.structures import Structure
-
-JOINTS = Structure(
-    "Joints",
-    rows=Places,
-    position_rows=Places,
-    lower=Row,
-    upper=Row,
-    speed=Row,
-    acceleration=Row,
-    torque=Row,
-    reflected=Row,
-    load=OutRow,
-)
-"""Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
-
-What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
-known to limit it, `reflected` (k,) is the inertia of the rotors then; `load` (nv,) is the torque on
-the coordinates less M qdd of the last tick, NaN where there was none, (0,) where nobody asks.
-"""
-JointsMemory = Annotated[Any, JOINTS.kind]
 
 _MOST = 1e9
 """[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
@@ -58,23 +38,11 @@ def viable(distance: float, speed: float, braking: float, dt: float) -> float:
 
 
 @compiled
-def place_joint_bounds(
-    joints: JointsMemory,
-    bias: Row,
-    mass: Dense,
-    position: Vector,
-    velocity: Vector,
-    dt: float,
-    bounds: tuple[OutRow, OutRow],
-) -> None:
-    """Write the least and greatest acceleration of joints, see `JointLimit`.
-
-    Args:
-        joints: JOINTS.
-        bias, mass: of the robot (nv,) and (nv, nv); the load is the bias until there is another.
-        position, velocity, dt: q (nq,), v (nv,), [s] until the next decision.
-        bounds: results (>= k,).
-    """
+def place_joint_bounds(program: ProgramMemory) -> None:
+    """Write the least and greatest acceleration of joints, see `JointLimit`."""
+    joints, gears, dt = program.joints, program.gears, program.step[0]
+    bias, mass, position, velocity = gears.bias, gears.mass, program.position, program.velocity
+    least, greatest, first = program.stated_lower, program.stated_upper, program.joint
     for k in range(len(joints.rows)):
         row, most, room = joints.rows[k], joints.acceleration[k], joints.torque[k]
         q, v = position[joints.position_rows[k]], velocity[row]
@@ -88,7 +56,7 @@ def place_joint_bounds(
         fall = viable(q - joints.lower[k], -v, low, dt)
         highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
         lowest = max(min(-min((joints.speed[k] + v) / dt, fall), low), -most)
-        bounds[0][k], bounds[1][k] = min(lowest, highest), max(lowest, highest)
+        least[first + k], greatest[first + k] = min(lowest, highest), max(lowest, highest)
 
 
 @final

@@ -11,9 +11,9 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target, TickInputError
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.memory import TASKS
 from wbc.control.rows.motions import PostureTask
 from wbc.control.rows.task import StateTask, Task, vector_target
-from wbc.control.tick import TASKS
 from wbc.errors import ControlError
 from wbc.robot import Robot
 

@@ -1,0 +1,170 @@
+"""Memory of a tick: what the compiled functions of `wbc.control.rows` read and write."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from wbc.compiled import Count, Dense, OutDense, OutPlaces, OutRow, Places, Row, Table
+from wbc.control.qp.active_set import SolverMemory
+from wbc.control.tree import RowsMemory, TreeMemory
+from wbc.structures import Structure, numbered
+
+TASKS = Structure(
+    "Tasks",
+    rows=RowsMemory,
+    targets=Dense,
+    chosen=Places,
+    positions=Places,
+    goals=Row,
+    gains=Dense,
+    limits=Row,
+    weights=Row,
+    parts=OutDense,
+    wanted=(OutRow, "k"),
+    diagonal=(Row, "v"),
+    pull=(OutRow, "v"),
+)
+"""The tasks of a level: k rows J qdd = wanted, and c rows that select coordinates.
+
+targets (e, 12) as placements; chosen (c,) coordinates, where q holds their positions, and goals
+(c,); gains and parts (5, k + c) of error, rate, drift,
+velocity and acceleration; limits of what is fed back, weights and wanted (k + c,); of the selecting
+rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
+"""
+TasksMemory = Annotated[Any, TASKS.kind]
+
+CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=OutRow, corners=Dense)
+"""The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
+
+corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
+"""
+ContactsMemory = Annotated[Any, CONTACTS.kind]
+
+JOINTS = Structure(
+    "Joints",
+    rows=Places,
+    position_rows=Places,
+    lower=Row,
+    upper=Row,
+    speed=Row,
+    acceleration=Row,
+    torque=Row,
+    reflected=Row,
+    load=OutRow,
+)
+"""Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
+
+What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
+known to limit it, `reflected` (k,) is the inertia of the rotors then; `load` (nv,) is the torque on
+the coordinates less M qdd of the last tick, NaN where there was none, (0,) where nobody asks.
+"""
+JointsMemory = Annotated[Any, JOINTS.kind]
+
+GEARS = Structure(
+    "Gears",
+    driven=Places,
+    from_joints=Dense,
+    topology=Dense,
+    inverse_ratio=Row,
+    mass=Dense,
+    rotor=Dense,
+    dry=Row,
+    viscous=Row,
+    rotor_added=(Row, "m"),
+    rest=(Row, "m"),
+    forward=(Row, "m"),
+    backward=(Row, "m"),
+    lower=Row,
+    upper=Row,
+    laws=Table,
+    numbers=Dense,
+    drives=Dense,
+    effects=(Row, "v"),
+    rubbing=(Row, "v"),
+    learned=(Row, "v"),
+    predicted=Row,
+    bound=Row,
+    inertia=Dense,
+    blend=Row,
+    bias=(OutRow, "v"),
+    rotor_bias=(OutRow, "m"),
+    disturbance=(OutRow, "v"),
+    smooth=(OutRow, "v"),
+    rubs=(OutRow, "v"),
+    turning=(OutRow, "m"),
+    sigma=(OutRow, "m"),
+    slopes=(OutDense, 2, "m"),
+)
+"""The gears of a controller, m of them on nv coordinates, and what acts on them in a tick.
+
+driven (m,) coordinates, D^-1 and D (m, m), 1/N (m,); M (nv, nv) with which the rotors' housings
+turn; what the rotors take (m, nv) per qdd, their dry and viscous friction and what else is added to
+it (m,); slopes of the mesh law at rest, where T sigma > 0, and elsewhere (m,); least and greatest
+N tau_phi (m,); effects at joints and drives as `EffectTable` holds them; torque of all other
+effects, and level of their dry friction (nv,); of the observer: torque
+learned, velocity predicted, bound (nv,), and the rotors' inertia (nv, nv). `blend`: error trusted
+and speed of certainty [rad/s], correction [1/s], rate of the observer [1/s], 0 without one.
+Results: bias (nv,), rotor_bias (m,), disturbance (nv,), expected dpsi and its certainty (m,), and
+slopes (2, m) of the mesh law for T <= 0 and for T > 0; `smooth` and `rubs` (nv,) are memory.
+"""
+GearsMemory = Annotated[Any, GEARS.kind]
+
+PROGRAM = Structure(
+    "Program",
+    tree=TreeMemory,
+    tasks=TasksMemory,
+    contacts=ContactsMemory,
+    gears=GearsMemory,
+    joints=JointsMemory,
+    solver=SolverMemory,
+    position=(OutRow, "q"),
+    velocity=(OutRow, "v"),
+    expected=(OutRow, "v"),
+    corrected=(OutRow, "v"),
+    step=(OutRow, 1),
+    limited=Places,
+    map=(OutDense, "m", "n"),
+    output_bias=(OutRow, "m"),
+    undriven=Places,
+    joint=Count,
+    counts=(OutPlaces, 2),
+    ends=Places,
+    numbers=Row,
+    efforts=Dense,
+    effort_kinds=Dense,
+    output=(OutRow, "m"),
+    positive=(OutPlaces, "m"),
+    stated_lower=OutRow,
+    stated_upper=OutRow,
+)
+"""The program of one level for one set of contacts. Its rows: tasks, efforts, balance of the
+undriven coordinates, contacts, what a more important level has decided.
+
+The state of a tick is q (nq,), v, the v that was expected of it and that drawn towards the measured
+one (nv,), and the time until the next tick [s]. `efforts` (e, m) are weights, of N tau_phi where
+the first of `effort_kinds` (e, 2) is one, of T where it is zero, and of what the mesh loses where
+the second one, a least torque, is not zero. They read T of the last tick and, in `positive` (m,),
+whether T > 0. T = map x + output_bias. `limited` (g,) are the gears that have a torque limit, whose
+rows are the first 2 g bounds; those of joints and distances begin at `joint`. The stated bounds are
+those of the solver but where a more important level has to pass. Part p of a block of results
+stands from ends[p] to ends[p + 1].
+"""
+ProgramMemory = Annotated[Any, PROGRAM.kind]
+
+BLEND = numbered("trusted full_speed correction observes")
+"""`blend` of the gears."""
+
+COUNT = numbered("cost hard")
+"""`counts`: rows of tasks and efforts, and hard rows below them."""
+
+NUMBER = numbered("mass scale regular tolerance greatest")
+"""`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side."""
+
+PART = numbered("position velocity corrected advanced by_gear x z y")
+"""Parts of a block: q, v, v corrected and expected next, the rows of the gears, x, z and y. What
+stands before x is the same in every program of a controller, so that a tick reads there what the
+last one came to, whatever its contacts were."""
+
+GEAR = numbered("turning sigma output share mesh torque drive")
+"""Rows of gears in a block: expected dpsi, certainty, T, what the rotors take, t, N tau_phi within
+the limits, and what the drives are told."""
