@@ -326,8 +326,7 @@ def _memory(values: list[FloatArray], speeds: list[FloatArray]) -> bool:
     if len(early) < 6:
         return False
     difference = np.array(late) - np.array(early)
-    score = float(np.mean(difference) / (np.std(difference) / np.sqrt(difference.size)))
-    return abs(score) > 4.0
+    return bool(difference.size * np.mean(difference) ** 2 > 4.0**2 * np.var(difference))
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,7 @@ from wbc.measurement.findings import CERTAIN, LIKELY, LogFinding, say_so, severi
 from wbc.measurement.log import Log
 from wbc.measurement.read import mended
 from wbc.robot import Robot
+from wbc.tables import FEW
 
 _TRUST = {"trusted": True}
 _GRAVITY = {
@@ -143,10 +144,12 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
     for log, own in zip(logs, find_suspicions(logs, robot), strict=True):
         for finding in own:
             found.setdefault(finding.text, (finding, []))[1].append(log.source.label)
-    said = {
-        text: text if len(labels) == len(logs) else f"{', '.join(labels)}: {text}"
-        for text, (_, labels) in found.items()
-    }
+
+    def whose(labels: Sequence[str]) -> str:
+        more = f" and {len(labels) - FEW} more" if len(labels) > FEW else ""
+        return "" if len(labels) == len(logs) else f"{', '.join(labels[:FEW])}{more}: "
+
+    said = {text: whose(labels) + text for text, (_, labels) in found.items()}
     certain = [finding for finding, _ in found.values() if finding.severity == "error"]
     if certain:
         mend = together(finding.mend for finding in certain)
