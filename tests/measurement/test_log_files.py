@@ -237,6 +237,8 @@ def test_a_torque_in_any_spelling_of_its_unit(unit: str, factor: float, tmp_path
         ("Position [rev] 1", "position", "rev", "1"),
         ("q[1] [deg]", "position", "deg", "1"),
         ("pos_deg_1", "position", "deg", "1"),
+        ("position_reference", "target_position", "", ""),
+        ("torque_measurement", "motor_torque", "", ""),
         ("vel_deg_per_s_1", "velocity", "deg/s", "1"),
         ("axis0.motor.current_control.Iq_measured", "current", "", "axis_0_iq"),
         ("tau_ext_hat_filtered[0]", "", "", "ext_hat_filtered_0"),

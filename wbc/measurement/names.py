@@ -42,9 +42,9 @@ _OF_KINDS = {
 """What a unit measures -> the quantity that a name without one means."""
 _VECTORS = {("observation", "state"): "position", ("action",): "target_position"}  # LeRobot's
 _TARGETS = {"cmd", "ref", "des", "desired", "target", "goal", "command", "commanded", "set"}
-_TARGETS |= {"control", "setpoint"}
+_TARGETS |= {"control", "setpoint", "reference"}
 _OF_OTHERS = {"ext", "external"}  # torques that no drive makes
-_MEASURED = {"meas", "measured", "act", "actual", "reported"}
+_MEASURED = {"meas", "measured", "measurement", "act", "actual", "reported"}
 _FILL = {*_MEASURED, "joint", "j", "motor", "rotor", "state", "est"}
 
 
