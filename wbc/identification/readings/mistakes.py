@@ -346,10 +346,14 @@ def _closer(text: str, judged: _Tables) -> bool:
     """Whether a reading brings reports closer to the need.
 
     A correction that does not, explains the reports by its gain and friction, and not by the links.
-    Nor does an exchange take a joint's columns away whose report follows its need already. Joints
-    have errors of their own size: a report of friction alone strays a hundred times as far as one
-    that follows its need, and does not outweigh it.
+    Nor does an exchange take a joint's columns away whose report follows its need already, or
+    explain less than before. Joints have errors of their own size: a report of friction alone
+    strays a hundred times as far as one that follows its need, and does not outweigh it.
     """
+    if any(table[text].reading.exchanged for table in judged.values()):
+        now, then = _explained(text, judged)
+        if then < now:
+            return False
     nearer = 0.0
     for table in judged.values():
         both = as_is, read = table[""], table[text]
