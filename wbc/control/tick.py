@@ -1,12 +1,18 @@
 """A tick from top to bottom: a state and wishes go in at `step`, rotor torques come out.
 
-`step` checks what it is given, asks what only Python can say of the state, and takes the levels of
-priority one after the other. For each of them `solve` has `write` write the program, one function
-of `wbc.control.rows` for every kind of row, and solves it: `guess` begins with the bounds that
-bound the last solution and leaves torque limits out. Where it finds none, or a torque beyond its
-limit, `DirectionSearch` does, with torque limits in the directions of power that the gears have,
-and with daqp. `place_torques` takes the solution through the gears. A tick without a solution gets
-the torques of `Fallback`.
+1. `step` checks what it is given and takes what effects make of it (`_inputs`, `drivetrain`).
+2. `_ask` has pinocchio evaluate M and J, and asks tasks and solids what only Python can say.
+3. `_solve` takes the levels of priority one after the other. `write` writes the program of one, a
+   function of `wbc.control.rows` for every kind of row, and `level.hold` what is decided above.
+4. `guess` solves it from the bounds that bound the last solution, without torque limits, and
+   `place_torques` takes the solution through the gears. That is the end of a usual tick.
+5. Where a guess finds no solution, or a torque beyond its limit, `level.search` looks for the
+   directions of power, with rows of `place_torque_limits`; bounds that it cannot guess are left to
+   daqp, and where not all limits of joints and distances can be kept, these give way.
+6. `_accepted` remembers what the next tick starts from; without a solution `Fallback` commands.
+
+Rows that no state changes, friction cones and normal forces, stand in a `Program` since it was laid
+out; its `take` writes ceilings of forces, and distances of solids.
 """
 
 from __future__ import annotations
@@ -63,7 +69,7 @@ class Ticker(ABC):
 
         Args:
             state: position (nq,) and velocity (nv,), as the encoders report them.
-            references: task name -> what it should do; see `TaskStack.fill` for those left out.
+            references: task name -> what it should do; see `TaskStack.take` for those left out.
             contacts: name -> greatest normal force [N] of each active contact, infinite for no
                 limit. All contacts are active without limit when left out. From tick to tick
                 they change by ramps, see `ControllerSettings.contact_ramp`.
@@ -78,9 +84,11 @@ class Ticker(ABC):
         motion, dt = None, self.settings.time_step if dt is None else dt
         references = {} if references is None else references
         try:
+            # what is given
             motion = self._inputs.admitted(state if hook is None else hook(state))
             self._inputs.check(references, contacts, weights, activation, dt)
             motion = parts.drivetrain.true_motion(motion)
+            # what is asked and allowed
             levels, ceilings = self._levels.of(contacts, dt)
             for stack in parts.stacks:
                 stack.weigh(weights, activation)
@@ -88,6 +96,7 @@ class Ticker(ABC):
             parts.drivetrain.take(motion, levels[0].program.contacts.contacts)
             for level in levels:
                 level.take(ceilings)
+            # level by level
             answer = self._solve(levels[0], motion, dt, None)
             for level in levels[1:]:
                 if isinstance(answer, Refusal) or answer.ends:

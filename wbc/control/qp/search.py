@@ -17,9 +17,9 @@ from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program, place_prices
 from wbc.control.qp.solvers import Daqp, QPSolution, QPStatus, solve
 from wbc.control.rows.gear_rows import (
-    place_directed_rows,
     place_efforts,
     place_output,
+    place_torque_limits,
     place_torques,
 )
 from wbc.mechanics.linear import dot
@@ -248,7 +248,7 @@ class DirectionSearch:
     def place(self, decided: IntArray, output: FloatArray) -> None:
         """Write the rows of torque limits where some gears are decided, and those of efforts."""
         program, memory = self._program, self._program.memory
-        place_directed_rows(memory, decided)
+        place_torque_limits(memory, decided)
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:

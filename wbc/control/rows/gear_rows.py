@@ -66,12 +66,8 @@ def place_map(program: ProgramMemory) -> None:
     """Write T = D' (M qdd + bias - scale J' f)_driven as a map (m, n) and a constant part (m,)."""
     gears, jacobian, torque_map = program.gears, program.contacts.rows.jacobian, program.map
     mass, bias, driven, topology = gears.mass, gears.bias, gears.driven, gears.topology
-    scale, output_bias, nv, m = (
-        program.numbers[NUMBER.scale],
-        program.output_bias,
-        len(bias),
-        len(driven),
-    )
+    output_bias, nv, m = program.output_bias, len(bias), len(driven)
+    scale = program.numbers[NUMBER.scale]
     for gear in range(m):
         output_bias[gear] = 0.0
         torque_map[gear, :] = 0.0
@@ -96,7 +92,7 @@ def place_output(program: ProgramMemory, x: Row, output: OutRow, share: OutRow) 
 
 
 @compiled(counted=False)
-def place_directed_rows(program: ProgramMemory, choice: Places) -> None:
+def place_torque_limits(program: ProgramMemory, choice: Places) -> None:
     """Write the convex rows of all gears, and one half-space of some; call after the map.
 
     A row is lower <= slope T + rotor qdd + rotor_bias <= upper of a gear. N tau_phi is convex in T
