@@ -12,6 +12,7 @@ from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
 from tests.sim.random_robots import geared
 from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
+from wbc.control.qp import search
 from wbc.control.qp.level import Refusal
 from wbc.control.qp.solvers import solve
 from wbc.control.tick import Ticker
@@ -112,6 +113,18 @@ def test_two_solvers_and_the_guess_agree_on_a_lower_level(name):
     states = [state for seed in range(2, 12) for state in moving_slowly(robot, seed)]
     tasks = [control.CenterOfMassTask(), trunk(robot), lower]
     assert agree(robot, tasks, feet(robot), None, states, {}) == len(states)
+
+
+def test_daqp_behind_a_solver_that_gives_up_is_exact(monkeypatch):
+    robot = load_robot("solo12")
+    asked = ControllerSettings(solver="proxqp", warm_start=WarmStart.SOLVER)
+    made = [Controller(robot, usual(robot), feet(robot), settings=asked) for _ in range(2)]
+    state = next(moving_slowly(robot, 0))
+    right = made[0].step(state)
+    monkeypatch.setattr(search, "solve", lambda *a, **k: search.NOTHING)
+    left = made[1].step(state)
+    assert left.status is Status.SOLVED
+    np.testing.assert_allclose(left.rotor_torque, right.rotor_torque, atol=1e-6)
 
 
 def test_a_leg_balances_the_same_by_every_way():

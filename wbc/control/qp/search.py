@@ -347,7 +347,7 @@ class DirectionSearch:
             most, problem = max(self._most - self.iterations - _GUESS, 1), self._program.dense()
             found = solve(self._solver, problem, tolerance=self._tolerance, most=most)
             self.iterations += found.iterations
-            if found.status is QPStatus.SOLVED:
+            if found.status is QPStatus.SOLVED and self._guesses:
                 found = self._refined(found)
         # alone ProxQP calls programs infeasible that leave hardly any room
         unsolved = found.status is not QPStatus.SOLVED
@@ -400,7 +400,7 @@ class DirectionSearch:
         3 rad/s of noise.
         """
         solver = self._program.memory.solver
-        if not (self._guesses or solver.give.any()):
+        if not solver.diagonal.all():  # then the small system is none
             return found
         take_pushing(found.z, self._program.wanted, self._least, solver.taken)
         exact = self._guessed(min((self._most - self.iterations) // _STEP, steps))
