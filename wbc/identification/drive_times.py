@@ -22,9 +22,8 @@ from itertools import product
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.effects.drive import ActuationDelay
-from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
@@ -41,9 +40,9 @@ _TIMES = len(DRIVE_TIMES)
 _MISSED = 0.05
 _LATE, _LAG, _VISCOUS, _INERTIA, _DRY = 0, 2, 3, 4, 5  # of a joint's columns
 _OWN = tuple(
-    [*late, *few]
-    for late in ([], [_LATE])
-    for few in ([], [_VISCOUS], [_INERTIA], [_VISCOUS, _INERTIA])
+    (*late, *few)
+    for late in ((), (_LATE,))
+    for few in ((), (_VISCOUS,), (_INERTIA,), (_VISCOUS, _INERTIA))
 )
 """What one joint may have in place of the shared times: a delay of its own, friction, inertia."""
 # Drives of one machine are alike: what one has alone costs twice. So one of several drives that is
@@ -60,7 +59,9 @@ _REPEATS = 3e-3  # share of the times by which an estimate may differ from the l
 def prepared_with_times(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, tuple[Record, ...]]:
     """Return a robot whose drives have the times that logs of targets show, and its records.
 
-    Drives that report a torque stay as they are, and so does a robot that states such a time.
+    Drives that report a torque stay as they are, and so does a robot that states such a time. A
+    late target is, to first order, friction at every joint in proportion to its gain: which of the
+    two it is shows only where the times repeat. So both are followed there.
 
     Args:
         robot: the robot that the user believes in.
@@ -68,17 +69,43 @@ def prepared_with_times(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, tuple
     """
     records = prepare(robot.without_effects().lossless(), logs)
     followed = np.any([_follows(record) for record in records], axis=0)
+    if _states_times(robot) or not followed.any():
+        return robot, records
+    has = np.tile(followed[:, None], (1, _TIMES))
+    has[:, _LAG] &= np.nan_to_num(robot.transmission.velocity_gain) > 0.0
+    several = [[k for k in range(_TIMES) if n >> k & 1] for n in range(2**_TIMES)]
+    chosen = [free for free in several if has[:, free].any(axis=0).all()]
+    ways = [[free for free in chosen if (_LATE in free) == late] for late in (False, True)]
+    ends = [_repeated(robot, logs, records, has, way) for way in ways]
+    return min(ends, key=lambda end: end[0])[1:]
+
+
+def _repeated(
+    robot: Robot,
+    logs: Sequence[Log],
+    records: tuple[Record, ...],
+    has: BoolArray,
+    chosen: Sequence[Sequence[int]],
+) -> tuple[float, Robot, tuple[Record, ...]]:
+    """Return the cost of times that repeat [nats], the robot with them, and its records.
+
+    Args:
+        robot, logs: as above.
+        records: of the robot as it is.
+        has: (m, 3) which drives have which times.
+        chosen: the sets of times that may be other than zero.
+    """
     times = np.zeros(_TIMES)
-    for _ in range(0 if _states_times(robot) or not followed.any() else _LINEARISED):
+    for _ in range(_LINEARISED):
         before = times
-        times, has = _times(records, followed)
+        cost, times = _cheapest(*_normal_equations(records, np.any(has, axis=1)), chosen)
         target, seen, lag = np.where(has, times, np.nan).T
         each = target + seen, seen, lag
         robot = robot.with_drive_times(dict(zip(DRIVE_TIMES, each, strict=True)))
         if np.max(np.abs(times - before)) <= _REPEATS * np.max(times):
             break
         records = prepare(robot.without_effects().lossless(), logs)
-    return robot, records
+    return cost, robot, records
 
 
 def about_drive_times(robot: Robot) -> list[str]:
@@ -145,20 +172,18 @@ def _follows(record: Record) -> BoolArray:
     return np.asarray(feedback.any(axis=0))
 
 
-def _times(records: Sequence[Record], followed: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Return the times (3,) [s] that cost least, and which drives have which (m, 3).
+def _cheapest(
+    sums: FloatArray, friction: FloatArray, chosen: Sequence[Sequence[int]]
+) -> tuple[float, FloatArray]:
+    """Return the least cost [nats] and the times (3,) [s]; each joint has what costs least.
 
-    Each joint has what costs least beside them.
+    The search begins with the same numbers at all joints, and with one joint that has none.
     """
-    gains = np.nan_to_num(records[0].robot.transmission.velocity_gain)
-    has = np.tile(followed[:, None], (1, _TIMES))
-    has[:, _LAG] &= gains > 0.0
-    several = [[k for k in range(_TIMES) if n >> k & 1] for n in range(2**_TIMES)]
-    chosen = [free for free in several if has[:, free].any(axis=0).all()]
-    sums, friction = _normal_equations(records, followed)
-    starts = product(range(len(_OWN)), chosen)
-    each = [_descended(sums, friction, start, free) for start, free in starts]
-    return min(each, key=lambda one: one[0])[1], has
+    joints = np.arange(len(sums))
+    alike = [np.full(joints.shape, k) for k in range(len(_OWN))]
+    alone = [np.where(joints == k, 0, _OWN.index((_VISCOUS, _INERTIA))) for k in joints]
+    each = [_descended(sums, friction, *start) for start in product((*alike, *alone), chosen)]
+    return min(each, key=lambda one: one[0])
 
 
 def _normal_equations(
@@ -168,8 +193,9 @@ def _normal_equations(
 
     Returns:
         (joints, choices, 4, 4) squares of what is left and of the columns of the times, over the
-        variance, once all that the joint may have is taken out; (joints, choices, 4) the viscous
-        friction that each of these four takes.
+        variance, once all that the joint may have is taken out; what remains beside all the times
+        and numbers counts for none. (joints, choices, 4) the viscous friction that each of these
+        four takes.
     """
     links = records[0].robot
     size = links.transmission.size
@@ -191,10 +217,11 @@ def _normal_equations(
         rest, _ = _without(free[:, 1:], free[:, :1])
         parts = np.split(rest, ends)
         alike = float(correlated_rows(parts, 0.0)[0])
-        variance = np.mean(rest**2) + DISTORTED**2 * np.mean(free[:, 0] ** 2) + 1e-300
+        variance = np.mean(rest**2) + _MISSED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, rows_per_sample(records)))
         for numbers in _OWN:
             own, taken = _without(free[:, [1 + n for n in numbers]], free[:, : 1 + _TIMES])
+            own[:, 0] -= rest[:, 0]  # at right angles to all else
             sums.append(own.T @ own / scale**2)
             rubs = _VISCOUS in numbers
             friction.append(taken[numbers.index(_VISCOUS)] if rubs else np.zeros(1 + _TIMES))
@@ -229,16 +256,19 @@ def _without(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, Float
 
 
 def _descended(
-    sums: FloatArray, friction: FloatArray, start: int, free: Sequence[int]
+    sums: FloatArray, friction: FloatArray, own: IntArray, free: Sequence[int]
 ) -> tuple[float, FloatArray]:
     """Return the cost [nats] and the times (3,) from one choice of the joints' own numbers on.
 
     Infinite where a time is negative.
     """
     usual = np.diag([0.0, *np.power(_USUAL, -2.0)])
-    price = _PRICE * (1 + (len(sums) == 1))
+    # Where in a sample a target acts is known of no machine, and no finding. A lone drive shows
+    # that no better than friction.
+    lone = len(sums) == 1
+    price = _PRICE * (1 + lone) * (len(free) - (_LATE in free and not lone))
     joints = np.arange(len(sums))
-    own, cost, times = np.full(len(sums), start), np.inf, np.zeros(_TIMES)
+    cost, times = np.inf, np.zeros(_TIMES)
     for _ in range(_ROUNDS):
         gram = usual + sums[joints, own].sum(axis=0)
         rows = np.array(free, dtype=np.int_) + 1
@@ -246,7 +276,7 @@ def _descended(
         x = np.array([1.0, *-times])
         each = 0.5 * np.einsum("i,jcik,k->jc", x, sums, x) + _COSTS
         each[friction @ x < 0.0] = np.inf
-        cost = float(each.min(axis=1).sum() + 0.5 * x @ usual @ x + price * len(free))
+        cost = float(each.min(axis=1).sum() + 0.5 * x @ usual @ x + price)
         if np.array_equal(own, own := each.argmin(axis=1)):
             break
-    return (cost if times.min() >= 0.0 else np.inf), times
+    return (cost if times.min() >= 0.0 else np.inf), np.maximum(times, 0.0)
