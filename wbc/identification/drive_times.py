@@ -37,7 +37,7 @@ _USUAL = 0.01, 0.01, 0.005  # [s] usual size of the two delays, of a filter
 _TIMES = len(DRIVE_TIMES)
 # Share of what the times explain (rms) that they may miss. On two arms of another simulator, with
 # held targets and filtered velocities, rotor inertias of 1.5 and 5 % of it were left.
-_MISSED = 0.05
+MISSED = 0.05
 _LATE, _LAG, _VISCOUS, _INERTIA, _DRY = 0, 2, 3, 4, 5  # of a joint's columns
 _OWN = tuple(
     (*late, *few)
@@ -148,8 +148,22 @@ def missed_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
             for parts, each in zip(own, (times, times + sample), strict=True):
                 parts.append(np.sum(columns * each, axis=2))
         squares = [np.mean(np.concatenate(parts) ** 2, axis=0) for parts in own]
-        missed[:, : gears.size] = _MISSED**2 * np.stack(squares)
+        missed[:, : gears.size] = MISSED**2 * np.stack(squares)
     return missed
+
+
+def made_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (rows, m + b, 3) what a second more of each time makes of each output [N m/s].
+
+    Args:
+        robot, records: as above.
+    """
+    wide = np.zeros((sum(r.rows for r in records), records[0].weight.shape[1], _TIMES))
+    followed = np.flatnonzero(np.isfinite(robot.transmission.target_delay))
+    if followed.size:
+        columns = np.concatenate([_columns(record) for record in records])
+        wide[:, followed] = columns[:, followed, :_TIMES]
+    return wide
 
 
 def _times_of(robot: Robot) -> FloatArray:
@@ -217,7 +231,7 @@ def _normal_equations(
         rest, _ = _without(free[:, 1:], free[:, :1])
         parts = np.split(rest, ends)
         alike = float(correlated_rows(parts, 0.0)[0])
-        variance = np.mean(rest**2) + _MISSED**2 * np.mean(free[:, 0] ** 2) + 1e-300
+        variance = np.mean(rest**2) + MISSED**2 * np.mean(free[:, 0] ** 2) + 1e-300
         scale = np.sqrt(variance * max(alike, rows_per_sample(records)))
         for numbers in _OWN:
             own, taken = _without(free[:, [1 + n for n in numbers]], free[:, : 1 + _TIMES])

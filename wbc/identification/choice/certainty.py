@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import expit
 
 from wbc.arrays import FloatArray
-from wbc.identification.choice.drop_screen import gains
+from wbc.identification.choice.drop_screen import gains, without_each
 from wbc.identification.choice.evidence import Hypothesis, Key, weigh, without
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.yielding import deflects
@@ -71,7 +71,7 @@ class Support:
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
         mistimed: what a drive whose times are its own may leave over what the cause explains (rms),
-            at the outputs that it explains.
+            at the outputs that it explains; what no such times make, over its noise.
     """
 
     odds: float
@@ -167,11 +167,12 @@ def _supports(
     tiny = [not unexplained(trials.nothing.error, h, excess + gain) for _, gain in pairs]
     several = len({name for name, is_tiny in zip(names, tiny, strict=True) if is_tiny}) > 1
     result = []
-    for effect, gain, implausible, is_tiny in zip(
-        h.effects, gained, h.implausible, tiny, strict=True
+    for effect, gain, implausible, is_tiny, untimely in zip(
+        h.effects, gained, h.implausible, tiny, _untimely(trials, h), strict=True
     ):
         share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
         small, left = several and is_tiny, excess
+        grown, late = np.maximum(gain, 0.0), trials.problem.late
         if small:
             others = [g for n, g in pairs if n != effect.name and g.sum() > gain.sum()]
             left = left + _MADE_UP**2 * np.sum([np.zeros_like(share), *others], axis=0)
@@ -183,10 +184,24 @@ def _supports(
             explained=explained and not small,
             expected=effect.search.expected,
             implausible=implausible,
-            mistimed=_remainder(np.maximum(gain, 0.0), trials.problem.late),
+            mistimed=(max(_remainder(grown, late), _NONE) ** -2 + untimely) ** -0.5,
         )
         result.append(support)
     return result
+
+
+def _untimely(trials: Trials, h: Hypothesis) -> FloatArray:
+    """Return (causes,) squares of what causes add that no drive's own times make, over its noise.
+
+    Times of its own give a drive viscous friction and inertia, and no more than a share of what is
+    dry or follows the load.
+    """
+    problem, fit = trials.problem, trials.fit(h)
+    if not problem.late.any() or not h.effects:
+        return np.zeros(len(h.effects))
+    each = without_each(problem, fit, [(effect,) for effect in h.effects])
+    beyond = np.array([problem.beyond_times(residual - fit.residual) for residual in each])
+    return np.asarray(len(fit.residual) * beyond @ (h.samples / np.maximum(h.outputs, 1.0)))
 
 
 def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:

@@ -32,7 +32,7 @@ def losses(
     """
     stays = _as_left(problem, h, fit.residual)
     found = []
-    for dropped, residual in zip(drops, _moved(problem, fit, drops), strict=True):
+    for dropped, residual in zip(drops, without_each(problem, fit, drops), strict=True):
         moved = _as_left(problem, h, residual)
         left = replace(moved, effects=without(h.effects, *dropped))
         here, there = log_densities(problem, [stays, left]).sum(axis=1)
@@ -102,7 +102,7 @@ def gains(
     return list(means[1:] - means[0])
 
 
-def _moved(
+def without_each(
     problem: EstimationProblem, fit: Fit, drops: Sequence[Sequence[Effect]]
 ) -> Iterator[FloatArray]:
     """Yield what is left (rows, outputs) without the causes of each drop."""

@@ -11,7 +11,13 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.gear_losses import Side, YieldingGear
-from wbc.identification.drive_times import about_drive_times, missed_by_times, prepared_with_times
+from wbc.identification.drive_times import (
+    MISSED,
+    about_drive_times,
+    made_by_times,
+    missed_by_times,
+    prepared_with_times,
+)
 from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
@@ -282,6 +288,27 @@ class EstimationProblem:
     def late(self) -> FloatArray:
         """(outputs,) mean squares in floors that a drive may leave whose times are its own."""
         return np.delete(self.mistimed[1], self.floor.aside)
+
+    def beyond_times(self, change: FloatArray) -> FloatArray:
+        """Return (outputs,) mean squares in floors of a change that no times of a drive make.
+
+        Args:
+            change: (rows, outputs), whitened.
+        """
+        if not self.late.any():
+            return np.zeros(change.shape[1])
+        beyond = []
+        for own, columns in zip(change.T, self._made_by_times, strict=True):
+            left = own - columns @ np.linalg.lstsq(columns, own, rcond=1e-9)[0]
+            beyond.append(np.mean(left**2) - MISSED**2 * np.mean(own**2))
+        return np.maximum(beyond, 0.0)
+
+    @cached_property
+    def _made_by_times(self) -> FloatArray:
+        """(outputs, rows, 3) what the times of each drive make, each of size one."""
+        made = made_by_times(self.robot, self.records)[:, self.floor.judged]
+        size = np.sqrt(np.sum(made**2, axis=0))
+        return np.moveaxis(made / np.where(size > 0.0, size, 1.0), 1, 0)
 
     def block_means(self, values: FloatArray) -> FloatArray:
         """Return the mean (B,) of `values` (rows,) in every block."""
