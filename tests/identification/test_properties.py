@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.columns import write_columns
-from tests.moved import swing
+from tests.moved import moved, swing
 from wbc import load_robot
 from wbc.effects import (
     CoulombFriction,
@@ -19,6 +19,7 @@ from wbc.effects import (
 )
 from wbc.identification import compare, diagnose
 from wbc.measurement import Log, load_logs
+from wbc.measurement.filters import turned
 from wbc.robot import Effect
 
 LEG = load_robot("planar_leg_fixed").lossless()
@@ -74,6 +75,19 @@ def test_velocities_that_are_late_change_nothing() -> None:
             moved |= {f"{joint}.velocity": velocity, f"{joint}.position": coarse}
         late.append(log.with_columns(moved))
     assert answer(late) == pytest.approx(TRUTH, rel=0.05)
+
+
+def test_torques_that_are_all_late_change_nothing() -> None:
+    """Drags of four joints stood for another clock; a delay of one joint is a cause."""
+    arm = load_robot("staubli_tx40").lossless()
+    waves = np.random.default_rng(0).uniform((0.05, 0.5, 0.0), (0.3, 6.0, 6.0), (6, 3, 3))
+    run = moved(arm, np.arange(0.0, 8.0, 0.004), waves)
+    names = [name for name in run.columns if name.endswith("torque")]
+    usual, late, one = (
+        compare(arm, [turned(run, shares, -0.005)]).error for shares in ([], names, names[:1])
+    )
+    assert late == pytest.approx(usual, rel=0.1)
+    assert one > 1.4 * usual
 
 
 def test_repeats_never_lower_the_noise_floor() -> None:

@@ -29,6 +29,8 @@ from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record, correlated_rows, rows_per_sample
 from wbc.measurement import Log, derivative
+from wbc.measurement.filters import turned
+from wbc.measurement.schema import REPORTED
 from wbc.robot import Robot
 from wbc.transmission import DRIVE_TIMES
 
@@ -38,7 +40,7 @@ _TIMES = len(DRIVE_TIMES)
 # Share of what the times explain (rms) that they may miss. On two arms of another simulator, with
 # held targets and filtered velocities, rotor inertias of 1.5 and 5 % of it were left.
 MISSED = 0.05
-_LATE, _LAG, _VISCOUS, _INERTIA, _DRY = 0, 2, 3, 4, 5  # of a joint's columns
+_LATE, _WHOLE, _LAG, _VISCOUS, _INERTIA, _DRY = range(6)  # of a joint's columns
 _OWN = tuple(
     (*late, *few)
     for late in ((), (_LATE,))
@@ -49,6 +51,7 @@ _OWN = tuple(
 # late has the machine's delay, and the only drive of a machine has times at twice the price.
 _COSTS = tuple(_PRICE * (len(own) + (_LATE in own)) for own in _OWN)
 _ROUNDS = 20
+_AGREEING = 3  # joints that agree on a delay: two may by chance
 # Logs are made ready anew with each estimate, until it repeats. After two rounds the delay of an
 # arm of another simulator was off by .11 of 6.36 ms, which made a fourth of what was left; each
 # round more leaves a third of that.
@@ -106,6 +109,50 @@ def _repeated(
             break
         records = prepare(robot.without_effects().lossless(), logs)
     return cost, robot, records
+
+
+def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """Return logs without the delay that all reported torques share, and what that took out.
+
+    A bus or another clock makes them late, all alike, and the moment at which drives sample makes
+    them early or late. On a sound arm, simulated, 5 ms were a drag at each of four joints. A delay
+    of one joint is a cause, and one with which the robot misses more is none.
+
+    Args:
+        robot: the robot that the user believes in.
+        logs: of it.
+    """
+    links, lag, moved = robot.without_effects().lossless(), 0.0, list(logs)
+    delays = [effect.where for effect in robot.effects if effect.name == ActuationDelay.name]
+    left: list[FloatArray] = []
+    for _ in range(_LINEARISED):
+        records = prepare(links, moved)
+        told = np.all([record.reported for record in records], axis=0)
+        told &= ~np.any([_follows(record) for record in records], axis=0)
+        told &= ~np.isin(robot.transmission.joints, delays)
+        if np.count_nonzero(told) < _AGREEING:
+            return list(logs), []
+        missed = condensed_residual(links, records)[:, : told.size][:, told]
+        left.append(np.mean(missed**2, axis=0) + 1e-300)
+        squares = _normal_equations(records, told)
+        alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
+        if not lag and alone[0] <= together[0]:
+            return list(logs), []
+        more = -float(together[1][_WHOLE])
+        if lag and abs(more) <= _REPEATS * abs(lag):
+            break
+        lag += more
+        moved = [turned(log, _torques(log), lag) for log in logs]
+    if np.sum(np.log(left[-1] / left[0])) >= 0.0:
+        return list(logs), []
+    side = "behind" if lag > 0.0 else "ahead of"
+    said = f"All torques are {1e3 * abs(lag):.1f} ms {side} the motion. That is taken out."
+    return moved, [said]
+
+
+def _torques(log: Log) -> list[str]:
+    names = [name for name in log.columns if name.rpartition(".")[2] in (*REPORTED, "joint_torque")]
+    return [name for name in names if np.isfinite(log.column(name)).all()]
 
 
 def about_drive_times(robot: Robot) -> list[str]:
@@ -187,16 +234,18 @@ def _follows(record: Record) -> BoolArray:
 
 
 def _cheapest(
-    sums: FloatArray, friction: FloatArray, chosen: Sequence[Sequence[int]]
+    sums: FloatArray, friction: FloatArray, chosen: Sequence[Sequence[int]], least: float = 0.0
 ) -> tuple[float, FloatArray]:
     """Return the least cost [nats] and the times (3,) [s]; each joint has what costs least.
 
-    The search begins with the same numbers at all joints, and with one joint that has none.
+    No time is below `least`. The search begins with the same numbers at all joints, and with one
+    joint that has none.
     """
     joints = np.arange(len(sums))
     alike = [np.full(joints.shape, k) for k in range(len(_OWN))]
     alone = [np.where(joints == k, 0, _OWN.index((_VISCOUS, _INERTIA))) for k in joints]
-    each = [_descended(sums, friction, *start) for start in product((*alike, *alone), chosen)]
+    starts = product((*alike, *alone), chosen)
+    each = [_descended(sums, friction, own, free, least) for own, free in starts]
     return min(each, key=lambda one: one[0])
 
 
@@ -270,11 +319,11 @@ def _without(columns: FloatArray, values: FloatArray) -> tuple[FloatArray, Float
 
 
 def _descended(
-    sums: FloatArray, friction: FloatArray, own: IntArray, free: Sequence[int]
+    sums: FloatArray, friction: FloatArray, own: IntArray, free: Sequence[int], least: float
 ) -> tuple[float, FloatArray]:
     """Return the cost [nats] and the times (3,) from one choice of the joints' own numbers on.
 
-    Infinite where a time is negative.
+    Infinite where a time is less than `least`.
     """
     usual = np.diag([0.0, *np.power(_USUAL, -2.0)])
     # Where in a sample a target acts is known of no machine, and no finding. A lone drive shows
@@ -293,4 +342,4 @@ def _descended(
         cost = float(each.min(axis=1).sum() + 0.5 * x @ usual @ x + price)
         if np.array_equal(own, own := each.argmin(axis=1)):
             break
-    return (cost if times.min() >= 0.0 else np.inf), np.maximum(times, 0.0)
+    return (cost if times.min() >= least else np.inf), np.maximum(times, least)

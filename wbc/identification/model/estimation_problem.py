@@ -16,6 +16,7 @@ from wbc.identification.drive_times import (
     about_drive_times,
     made_by_times,
     missed_by_times,
+    on_time,
     prepared_with_times,
 )
 from wbc.identification.model.columns import Columns
@@ -110,7 +111,7 @@ class EstimationProblem:
         warnings += [*moving_bases(robot, logs), *suspicions(robot, pieces)]
         for piece in pieces:
             require_readable(robot, piece)
-        pieces, late = _on_one_clock(pieces)
+        pieces, late = _on_one_clock(robot, pieces)
         robot, prepared = prepared_with_times(robot, pieces)
         warnings += [*late, *about_drive_times(robot)]
         warnings += unmeasured_forces(prepared, output_names(robot))
@@ -124,7 +125,7 @@ class EstimationProblem:
             logs: those that this problem was made from.
             reversal: as in `prepare`.
         """
-        pieces, _ = _on_one_clock(cut_at_gaps(logs)[0])
+        pieces, _ = _on_one_clock(self.robot, cut_at_gaps(logs)[0])
         prepared = prepare(self.robot.without_effects().lossless(), pieces, reversal)
         return self._of(self.robot, pieces, prepared, self.warnings)
 
@@ -374,8 +375,8 @@ class EstimationProblem:
         )
 
 
-def _on_one_clock(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
-    """Return logs without the delays and low-passes of their velocities, and what that took out.
+def _on_one_clock(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
+    """Return logs without the delays of velocities, and of all torques, and what that took out.
 
     A velocity that is late makes its torque early: on a sound arm, simulated, low-passes of 13 ms
     were ten false names.
@@ -388,7 +389,8 @@ def _on_one_clock(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         "of their positions. That is taken out; `wbc check` shows each."
     )
     aligned = [align_velocity(*pair) for pair in zip(logs, late, strict=True)]
-    return aligned, [said] if joints else []
+    aligned, behind = on_time(robot, aligned)
+    return aligned, [said, *behind] if joints else behind
 
 
 def _best_sides(
