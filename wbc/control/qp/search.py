@@ -170,6 +170,16 @@ def take_pushing(z: Row, wanted: Places, least: float, taken: OutPlaces) -> None
 
 
 @compiled
+def follow(program: ProgramMemory, output: Row, choice: OutPlaces) -> bool:
+    """Give gears that are limited and not decided the direction of T (m,); return if any is."""
+    some = False
+    for gear in program.limited:
+        if choice[gear] == 0:
+            choice[gear], some = 1 if output[gear] > 0.0 else -1, True
+    return some
+
+
+@compiled
 def contested(
     program: ProgramMemory, z: Row, choice: Places, decided: Places, sides: OutPlaces
 ) -> int:
@@ -235,7 +245,7 @@ class DirectionSearch:
         self.output, self._beyond, self._sides = np.empty(m), np.empty(m, bool), np.empty(m, int)
         self._written = self.output, np.empty(m), self._beyond
         self._limits = program.joint.start < program.bounds
-        self._limited = np.isin(np.arange(m), program.gears)
+        self._regular = settings.force_weight > 0.0
         self._passing: FloatArray | None = None
         self._daqp = Daqp()
 
@@ -282,10 +292,8 @@ class DirectionSearch:
         """Return the solution of least cost with the efforts of some torques (m,)."""
         memory, most, lowest = self._program.memory, 1.0 * self._most, np.inf
         taken, sides, start = memory.solver.taken, self._sides, memory.solver.taken.copy()
-        open_ones = self._limited & (decided == 0)
-        guess = np.where(open_ones, np.where(output > 0.0, 1, -1), decided)
-        nodes = [(-np.inf, decided, start)]
-        if (guess != decided).any():
+        guess, nodes = decided.copy(), [(-np.inf, decided, start)]
+        if follow(memory, output, guess):
             nodes.append((-np.inf, guess, start))
         best: tuple[QPSolution, IntArray] | None = None
         relaxed, refused = NOTHING, (NOTHING, decided)
@@ -370,7 +378,7 @@ class DirectionSearch:
         place_prices(program.memory, wanted)
         try:
             H, g, rows, lower, upper = program.written()
-            bounds = list(zip(lower, upper, strict=True))[0 if self._limits else 1 :]
+            bounds = [(lower[i], upper[i]) for i in ((0, 1) if self._limits else (1,))]
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)
             asked = H, g, rows, bounds, len(rows) - program.bounds
@@ -400,7 +408,7 @@ class DirectionSearch:
         3 rad/s of noise.
         """
         solver = self._program.memory.solver
-        if not solver.diagonal.all():  # then the small system is none
+        if not self._regular:  # then the small system is none
             return found
         take_pushing(found.z, self._program.wanted, self._least, solver.taken)
         exact = self._guessed(min((self._most - self.iterations) // _STEP, steps))
