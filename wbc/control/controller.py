@@ -35,7 +35,7 @@ class Controller(Ticker):
     """Whole-body controller of a robot with lossy gears.
 
     Each tick solves the contact-force program (accelerations and contact forces under the
-    dissipative equation of motion, see `ContactForceProgram`) and realises its output torques
+    dissipative equation of motion, see `Program`) and realises its output torques
     through the gears, in the direction of power that the solution itself has. The user owns the
     loop; `step` never raises. One thread at a time may be in `step`; a second one gets the last
     good torque and is told so.

@@ -279,7 +279,7 @@ class Levels:
     as long as ten ticks.
 
     Attributes:
-        shared: size of the part of a block of results that all programs have, see `BlockPlaces`.
+        shared: size of the part of a block of results that all programs have, see `PART`.
     """
 
     def __init__(self, recipe: Recipe, contacts: Mapping[str, BoundContact]) -> None:
