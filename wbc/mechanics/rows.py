@@ -188,7 +188,7 @@ def own_speed(law: Row, slope: float, impulse: float, speed: float) -> float:
 
 
 @inner
-def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[float, float, float]:
+def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[float, float]:
     """Return where an element's law meets a row that gives way.
 
     Args:
@@ -198,7 +198,7 @@ def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[flo
         speed: u = W v there.
 
     Returns:
-        the change of the impulse, by how much it falls per speed, and the branch's sign.
+        the change of the impulse, and by how much it falls per speed.
     """
     slope, pull = 1.0 / own, 0.0
     if law[7] < np.inf:
@@ -206,11 +206,11 @@ def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[flo
         slope, pull = law[7] / yields, (law[8] - about) / yields
     sign, gain, bring = branch_of(law, about + pull - slope * speed, slope)
     if sign == 0.0:
-        return pull - slope * speed, slope, sign
+        return pull - slope * speed, slope
     kept = law[2] + gain * law[6]
     share = slope / (kept + gain * slope)
     missing = bring - gain * (about + pull + sign * law[5]) - kept * speed
-    return pull + share * missing, share * kept, sign
+    return pull + share * missing, share * kept
 
 
 @inner
@@ -303,7 +303,7 @@ def tangents_at(
     rise[:] = 0.0
     for i in range(m):
         own = 1.0 / system.slope[i]
-        change, fall, _ = element_meets(system.laws[i], own, impulse[i], speed[i])
+        change, fall = element_meets(system.laws[i], own, impulse[i], speed[i])
         off[i] = own * change
         kept = 1.0 - fall * (own - hold * system.own[i] - system.give[i])
         aim[i], rise[i, 0] = impulse[i] + change / kept, fall / kept

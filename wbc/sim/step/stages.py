@@ -125,7 +125,7 @@ class Flow(Stage):
 
     @property
     def method(self) -> str:
-        """What found the impulses: "newton", "convex" or "proximal".
+        """What found the impulses: "newton", or "proximal".
 
         "passive" where friction gave way, "ranges" where self-locking gears were held to a range
         of their laws.
