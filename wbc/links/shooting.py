@@ -372,8 +372,13 @@ def _chosen(starts: FloatArray, which: IntArray) -> FloatArray:
 
 
 def _typical(links: DrivenLinks, gears: Sequence[Flanks]) -> FloatArray:
-    """Return deflections and rates (1, 2, n) as large as a gear's play and wind-up allow."""
+    """Return deflections and rates (1, 2, n) as large as a gear's play and wind-up allow.
+
+    A soft or heavily damped gear is far from wound up when a window ends: it gets no further than
+    its damping and the link's inertia let it.
+    """
     load, inertia = np.abs(links.load).max(axis=0), np.diagonal(links.inertia.mean(axis=0))
-    stiffness, half = np.transpose([(max(g.stiffness, _SLACK), 0.5 * g.play) for g in gears])
-    away = half + 0.5 * load / stiffness
+    half = np.array([0.5 * gear.play for gear in gears])
+    held = np.array([gear.stiffness + gear.damping / _WINDOW for gear in gears])
+    away = half + 0.5 * load / (held + 2.0 * inertia / _WINDOW**2)
     return np.stack([away, np.sqrt(load * away / inertia)])[None]
