@@ -73,6 +73,8 @@ def test_units_and_defaults(folder: Path) -> None:
     np.testing.assert_allclose(robot.contact("foot").offset, [0.0, 0.0, -0.025])
     assert robot.joints == ("hip", "knee")
     assert load_robot(folder).joints == robot.joints
+    slide = LEG.replace('20.0, unit = "1"', '35.7, unit = "rad/m"')
+    assert load_robot(write(folder, slide)).transmission.gear_ratio[0] == 35.7
 
 
 @pytest.mark.parametrize(

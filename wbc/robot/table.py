@@ -92,6 +92,7 @@ def _holds_numbers(given: Any) -> bool:
 
 SI_UNITS: dict[str, tuple[str, float]] = {
     "1": ("1", 1.0),
+    "rad/m": ("1", 1.0),  # of a slide's gear
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
     "rad": ("rad", 1.0),
