@@ -7,8 +7,9 @@
 4. `guess` solves it from the bounds that bound the last solution, without torque limits, and
    `place_torques` takes the solution through the gears. That is the end of a usual tick.
 5. Where a guess finds no solution, or a torque beyond its limit, `level.search` looks for the
-   directions of power, with rows of `place_torque_limits`; bounds that it cannot guess are left to
-   daqp, and where not all limits of joints and distances can be kept, these give way.
+   directions of power, with the mesh law in the rows of `place_torque_limits`. What it cannot guess
+   either is left to daqp by `DirectionSearch._in_turn`, where limits of joints and distances give
+   way that cannot all be kept.
 6. `_accepted` remembers what the next tick starts from; without a solution `Fallback` commands.
 
 Rows that no state changes, friction cones and normal forces, stand in a `Program` since it was laid

@@ -251,8 +251,7 @@ class DirectionSearch:
 
     def start(self, passing: FloatArray | None) -> None:
         """Count anew; bounds let pass x (n,) of the level above, None where there is none."""
-        self._passing, program = passing, self._program
-        self._gives = passing is None and program.joint.start < program.bounds
+        self._passing, self._gives = passing, passing is None and self._limits
         self.rounds, self.iterations, self._spent = 0, 0, 0.0
 
     def place(self, decided: IntArray, output: FloatArray) -> None:
