@@ -12,6 +12,7 @@ from tests.moved import moved, swing
 from wbc import load_robot
 from wbc.effects import (
     CoulombFriction,
+    Presliding,
     TorqueConstant,
     TorqueOffset,
     TransmissionEfficiency,
@@ -88,6 +89,17 @@ def test_torques_that_are_all_late_change_nothing() -> None:
     )
     assert late == pytest.approx(usual, rel=0.1)
     assert one > 1.4 * usual
+
+
+def test_friction_that_builds_up_over_a_fifth_of_a_milliradian_is_found() -> None:
+    """Below 0.004 of the travel none was tried: plain fits with twenty names stood there."""
+    bent, time = LEG.with_effects(Presliding("hip", level=0.5, length=2e-4)), np.arange(0, 8, 0.004)
+    waves = np.random.default_rng(0).uniform((0.2, 0.5, 0.0), (0.4, 2.0, 6.0), (2, 2, 2, 3))
+    logs = [moved(bent, time, own, seed=k) for k, own in enumerate(waves)]
+    (found,) = diagnose(LEG, logs, [*KINDS, Presliding]).findings
+    assert found.effect.key == ("presliding", "hip")
+    assert found.certain
+    assert found.effect.values["length"] == pytest.approx(2e-4, rel=0.2)
 
 
 def test_repeats_never_lower_the_noise_floor() -> None:
