@@ -32,20 +32,17 @@ A target below zero does not count: a row reaches it only at speeds that count a
 barrier that is kept in a short part has one that no speed comes near.
 """
 
-FULL_STEPS = 20
-"""Solo12 in stance needs up to 5, a robot on 20 feet that rock 13. Of 1600 dense steps (corpora of
-tests/sim/step/test_cones.py) 907, 1348, 1412 and 1474 settle within 6, 15, 20 and 30."""
+_STEPS = 20
+"""Solo12 in stance needs up to 6, TALOS 8, a robot on 20 feet that rock 13. Of 2,420 dense steps
+(corpora of tests/sim/step/test_cones.py) 2,172 settle within 20 and 2,223 within 30, with `HOLD` at
+1e-4."""
 
-HOLD = 1e-4
-"""Compliance of rows that hold, as a share of their own. Newton's steps of TALOS that stands with
-dry friction at 30 joints, and that falls and comes to rest: a step takes 4.3 and 11.4 linear
-systems with 1e-5, 5.4 and 6.9 with 1e-4, 6.9 and 7.9 with 1e-3."""
+HOLD = 3e-5
+"""Compliance of rows that hold, as a share of their own. TALOS that stands with dry friction at 30
+joints, and that falls and comes to rest, takes 4.3 and 5.5 linear systems in a step with 1e-5, 4.5
+and 6.2 with 3e-5, 5.3 and 5.8 with 1e-4, 8.9 and 6.0 with 1e-3. With 1e-5 one of the dense steps
+above ends off its laws."""
 _FIRM = 1e-9  # the same where laws fall: about points, steps then need not come nearer
-
-SHORTENED, _SHORTEST = 12, 1e-2
-_LOST, _PATIENCE = 10.0, 2
-"""Of the residual at the start: a step that leads beyond it and does not halve the residual has
-lost its way. The first one may throw the pieces about; two more show whether they come back."""
 _NEAR, _MEAN = 1e3, 10.0
 """Of the tolerance: what counts as a solution; and what rows may be off by where nothing comes
 nearer, as a mean by what they carry: what they make of energy is rounding then
@@ -55,10 +52,9 @@ _WEAKER, _EXACT = 5, 0.03
 a passive end is off the laws of that friction."""
 _SOFTEST, _HARDEST, _FIRST = 100.0, 1e-9, 1e-3
 _HARDER, _SOFTER, _PROXIMAL_ROUNDS = 0.3, 30.0, 60
-"""Compliance of rounds, as a share of that of each row alone, and how it changes. Of 2,420 dense
-steps (corpora of tests/sim/step/test_cones.py) 398 need rounds: 9 of them are not solved where rows
-get no softer than 1, all are from 30 on; begun at 1e-6, 1e-3 a step takes 16.0, 12.8 linear systems
-(mean)."""
+"""Compliance of rounds, as a share of that of each row alone, and how it changes. Nine of
+the dense steps above are not solved where rows get no softer than 1; all are from 30 on. Begun at
+1e-6 or 1e-3, one takes 16.0 or 12.8 linear systems (mean)."""
 _WORK = 1e8
 """Multiplications and additions, thrice as many, after which no other way is begun."""
 
@@ -122,63 +118,37 @@ def is_near(system: RowSystem, tolerance: float, impulse: Row) -> bool:
 
 
 @compiled(inside=True)
-def newton(
-    system: RowSystem, start: Row, tolerance: float, whole: int, shortened: int, impulse: OutRow
-) -> int:
-    """Write the row impulses (r,) at which every row is on its law.
-
-    Whole steps first: with the right pieces one step is exact. Where they do not settle, steps
-    follow that are shortened until the residual falls; without any of these it ends where whole
-    steps have lost their way.
+def newton(system: RowSystem, start: Row, tolerance: float, firm: bool, impulse: OutRow) -> int:
+    """Write the row impulses (r,) at which every row is on its law, by Newton's steps.
 
     Args:
         system: of the rows.
         start: (r,).
         tolerance: largest accepted residual.
-        whole, shortened: how many of these steps, at most.
+        firm: whether rows that hold hardly give way, as laws that fall and rows with a compliance
+            of their own need; else steps may end near the laws where they come no nearer.
         impulse: to write.
 
     Returns:
         the number of linear systems solved, as a negative number where it did not converge.
     """
-    size, merit, room = len(start), 0.0, room_for(system)
-    hold = HOLD if shortened == 0 else _FIRM
-    speed, aim, trial = np.empty(size), np.empty(size), np.empty(size)
+    speed, room, hold = np.empty(len(start)), room_for(system), _FIRM if firm else HOLD
     copy_to(start, impulse)
-    first, one_sided = look_at(system, hold, impulse, speed, room)
-    before = least = first
-    for iteration in range(1, whole + shortened + 1):
-        if iteration == whole + 1:
-            copy_to(start, impulse)
-            _, one_sided = look_at(system, hold, impulse, speed, room)
-            merit = dot(room.off, room.off)
+    least, one_sided = look_at(system, hold, impulse, speed, room)
+    for iteration in range(1, _STEPS + 1):
         if not solve_tangents(system, one_sided, room, impulse):
             return -iteration
-        follow_tangents(system, room, aim)
-        share = 1.0
-        while True:
-            for i in range(size):
-                trial[i] = impulse[i] + share * (aim[i] - impulse[i])
-            worst, one_sided = look_at(system, hold, trial, speed, room)
-            lower = dot(room.off, room.off)
-            if iteration <= whole or lower < merit * (1.0 - 1e-3 * share) or share < _SHORTEST:
-                break
-            share *= 0.5
-        merit = lower
-        copy_to(trial, impulse)
+        follow_tangents(system, room, impulse)
+        worst, one_sided = look_at(system, hold, impulse, speed, room)
         if worst <= tolerance:
             if same_tangents(room):
                 solve_tangents(system, one_sided, room, impulse)
                 follow_tangents(system, room, impulse)
             return iteration
-        if shortened == 0 and worst > 0.5 * least and is_near(system, tolerance, impulse):
+        if not firm and worst > 0.5 * least and is_near(system, tolerance, impulse):
             return iteration
         least = min(least, worst)
-        lost = worst > _LOST * first and worst > 0.5 * before
-        if iteration > _PATIENCE and shortened == 0 and lost:
-            return -iteration
-        before = worst
-    return -whole - shortened
+    return -_STEPS
 
 
 @compiled(inside=True)
@@ -210,7 +180,7 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
     following = np.empty(len(start))
     for _ in range(_PROXIMAL_ROUNDS):
         soft = softened(system, compliance, impulse)
-        count = newton(soft, impulse, tolerance, FULL_STEPS, SHORTENED, following)
+        count = newton(soft, impulse, tolerance, True, following)
         used += abs(count)
         if distance(system, following) <= tolerance:
             copy_to(following, impulse)
@@ -249,15 +219,14 @@ def solve_system(
     size = len(start)
     if size == 0:
         return 0, NEWTON
-    n, used, good, shortened = system.ways.shape[1], 0, 0.0, 0
+    n, used, good, falls = system.ways.shape[1], 0, 0.0, False
     for i in range(len(system.laws)):
-        if system.laws[i, 4] < 0.0:
-            shortened = SHORTENED
+        falls = falls or system.laws[i, 4] < 0.0
     begin = start.copy()
-    for fresh in range(2 if shortened else 1):  # the last step's tangents may lead astray
+    for fresh in range(2 if falls else 1):  # the last step's tangents may lead astray
         if fresh:
             begin[:] = 0.0
-        count = newton(system, begin, tolerance, FULL_STEPS, shortened, impulse)
+        count = newton(system, begin, tolerance, falls, impulse)
         used += abs(count)
         if count > 0:
             return used, NEWTON
@@ -278,7 +247,7 @@ def solve_system(
     for i in range(len(system.laws)):
         weaker.laws[i, 4] = max(system.laws[i, 4], 0.0)
     for turn in range(_WEAKER if work >= 1.0 else 0):
-        if turn or not shortened:
+        if turn or not falls:
             weaker.frictions[:] *= 0.5 if turn < _WEAKER - 1 else 0.0
         count = proximal(weaker, begin, _EXACT * tolerance, most, impulse)
         used += abs(count)

@@ -28,10 +28,8 @@ from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, OutTable, Places, Row, compiled, inner
 from wbc.mechanics.linear import copy_to, dot, factor_inertia, products
 from wbc.mechanics.newton import (
-    FULL_STEPS,
     RANGES,
     SEVERAL,
-    SHORTENED,
     distance,
     newton,
     proximal,
@@ -120,7 +118,7 @@ def try_ranges(
         tolerance: largest distance of a row from its law.
         impulse: to write.
     """
-    used = abs(newton(held, start, 0.1 * tolerance, FULL_STEPS, SHORTENED, impulse))
+    used = abs(newton(held, start, 0.1 * tolerance, True, impulse))
     if not distance(held, impulse) <= tolerance:
         used += abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse))
     return used, distance(system, impulse) <= tolerance
