@@ -174,43 +174,41 @@ def about_drive_times(robot: Robot) -> list[str]:
 
 
 def missed_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (2, m + b) mean squares that the times may leave of what they explain [N m squared].
-
-    First what all drives miss alike. Then what each may miss by itself: it takes its target at an
-    instant of its own between two samples of the log, and misses as large a share of that length.
+    """Return (m + b,) mean squares that the times may leave of what they explain [N m squared].
 
     Args:
         robot: with times of its drives.
         records: of its links alone.
     """
-    gears = robot.transmission
-    missed = np.zeros((2, records[0].weight.shape[1]))
-    followed = np.isfinite(gears.target_delay)
-    if followed.any():
-        times = _times_of(robot)
-        own: list[list[FloatArray]] = [[], []]
-        for record in records:
-            sample = np.outer(followed, (1.0 / record.rate, *[0.0] * (_TIMES - 1)))
-            columns = _columns(record)[:, :, :_TIMES]
-            for parts, each in zip(own, (times, times + sample), strict=True):
-                parts.append(np.sum(columns * each, axis=2))
-        squares = [np.mean(np.concatenate(parts) ** 2, axis=0) for parts in own]
-        missed[:, : gears.size] = MISSED**2 * np.stack(squares)
+    together = np.sum(_made(robot, records) * _times_of(robot), axis=2)
+    missed = np.zeros(records[0].weight.shape[1])
+    missed[: together.shape[1]] = MISSED**2 * np.mean(together**2, axis=0)
     return missed
 
 
-def made_by_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (rows, m + b, 3) what a second more of each time makes of each output [N m/s].
+def made_by_own_times(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (m + b, rows, 3) what each drive's own times make of its output, one deviation [N m].
+
+    They differ from those of all by as large a share as these may miss, and by as large a share of
+    a sample: a drive takes its target and looks at its motion between two of them.
 
     Args:
         robot, records: as above.
     """
-    wide = np.zeros((sum(r.rows for r in records), records[0].weight.shape[1], _TIMES))
-    followed = np.flatnonzero(np.isfinite(robot.transmission.target_delay))
-    if followed.size:
-        columns = np.concatenate([_columns(record) for record in records])
-        wide[:, followed] = columns[:, followed, :_TIMES]
+    made = _made(robot, records)
+    wide = np.zeros((records[0].weight.shape[1], len(made), _TIMES))
+    wide[: made.shape[1]] = np.moveaxis(
+        MISSED * made * (_times_of(robot) + 1.0 / records[0].rate), 1, 0
+    )
     return wide
+
+
+def _made(robot: Robot, records: Sequence[Record]) -> FloatArray:
+    """Return (rows, m, 3) what a second more of each time makes; zero without a target."""
+    followed = np.isfinite(robot.transmission.target_delay)[:, None]
+    if not followed.any():
+        return np.zeros((sum(record.rows for record in records), followed.size, _TIMES))
+    return np.concatenate([_columns(record)[:, :, :_TIMES] for record in records]) * followed
 
 
 def _times_of(robot: Robot) -> FloatArray:

@@ -14,15 +14,23 @@ from scipy.interpolate import CubicSpline
 from tests.conftest import Told
 from tests.recover.plant import JOINTS, Lane, reference, simulate
 from wbc.dynamics import link_torque, rotor_torque
-from wbc.effects import ActuationDelay, CurrentLimit, load_robot
+from wbc.effects import (
+    ActuationDelay,
+    CoulombFriction,
+    CurrentLimit,
+    RotorInertia,
+    ViscousFriction,
+    load_robot,
+)
 from wbc.errors import LogError
 from wbc.identification import diagnose
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings import check_robot, rotor_torques
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, save_log
-from wbc.robot import Motion, Robot, robots_directory
+from wbc.robot import Effect, Motion, Robot, robots_directory
 
 GAINS = {"position_gain": np.array([120.0, 60.0]), "velocity_gain": np.array([7.0, 3.0])}
 
@@ -115,13 +123,12 @@ def test_drives_that_are_not_late_alike_are_late_and_nothing_else(tables: Tables
     assert {f.effect.name for f in found.findings if f.certain} <= {"actuation_delay"}
 
 
-@pytest.mark.parametrize(
-    ("delay", "seen", "lag", "rubbing"),
-    [(0.016, 0.008, 0.0, 0.0), (0.0035, 0.0015, 0.0026, 0.4)],
-)
-def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: float) -> None:
-    """Friction below zero stood for what they see late, friction of all for a late target."""
-    robot = with_gains()
+def late_log(robot: Robot, delay: float, seen: float, lag: float, rubbing: float) -> Log:
+    """Return targets and positions of drives with these times [s].
+
+    Args:
+        rubbing: viscous friction at the hip [N m s/rad].
+    """
     time = np.arange(0.0, 12.0, 0.004)
     rates = np.array([[3.1, 7.3, 12.1], [2.3, 8.7, 13.9]])
 
@@ -143,12 +150,39 @@ def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: 
         columns[f"{joint}.position"] = now.position[:, k] + noise[:, k]
         told = CubicSpline(time - delay, wanted[:, k])
         columns[f"{joint}.target_position"] = told(np.minimum(time, time[-1] - delay))
-    found = EstimationProblem.from_logs(robot, [Log(time, columns)])
+    return Log(time, columns)
+
+
+@pytest.mark.parametrize(
+    ("delay", "seen", "lag", "rubbing"),
+    [(0.016, 0.008, 0.0, 0.0), (0.0035, 0.0015, 0.0026, 0.4)],
+)
+def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: float) -> None:
+    """Friction below zero stood for what they see late, friction of all for a late target."""
+    robot = with_gains()
+    log = late_log(robot, delay, seen, lag, rubbing)
+    found = EstimationProblem.from_logs(robot, [log])
     known = found.robot.transmission
     np.testing.assert_allclose(known.target_delay, delay, atol=4e-5)
     np.testing.assert_allclose(known.feedback_delay, seen, atol=4e-5)
     np.testing.assert_allclose(np.nan_to_num(known.velocity_lag), lag, atol=4e-5)
     assert rubbing or np.sqrt(found.first).max() < 1.0
+
+
+def test_times_of_a_drive_make_viscous_friction_but_neither_dry_nor_inertia() -> None:
+    """All were doubted that are as small as what a drive makes whose target is late by itself."""
+    robot = with_gains()
+    problem = EstimationProblem.from_logs(robot, [late_log(robot, 0.0035, 0.0015, 0.0026, 0.0)])
+    inertia = float(robot.transmission.reflected_inertia[1]) + 0.01
+
+    def untimely(effect: Effect) -> float:
+        added = condensed_residual(problem.robot.with_effects(effect), problem.records)
+        change = (added - problem.residual) @ problem.whitening
+        return problem.untimely(change, np.full(2, 0.01))
+
+    assert untimely(ViscousFriction("knee", 60.0 * 2e-4)) < 6.0
+    assert untimely(CoulombFriction("knee", 60.0 * 2e-4)) > 20.0
+    assert untimely(RotorInertia("knee", inertia)) > 20.0
 
 
 def test_a_hidden_loss_and_friction_are_named_from_targets(tables: Tables) -> None:

@@ -70,8 +70,8 @@ class Support:
             without this one where it is one of several tiny causes.
         expected: log prior odds of the effect on real machines [nats] (`Effect.search`).
         implausible: what its numbers cost that no machine is likely to have [nats].
-        mistimed: what a drive whose times are its own may leave over what the cause explains (rms),
-            at the outputs that it explains; what no such times make, over its noise.
+        untimely: square of deviations at which drives with times of their own, and noise, make what
+            the cause adds.
     """
 
     odds: float
@@ -81,7 +81,7 @@ class Support:
     explained: bool
     expected: float = 0.0
     implausible: float = 0.0
-    mistimed: float = 0.0
+    untimely: float = np.inf
 
     @property
     def probability(self) -> float:
@@ -109,7 +109,7 @@ class Support:
 
     @property
     def _not_late(self) -> float:
-        return float(expit(0.5 / max(self.mistimed, _NONE) ** 2 - _MISTIMED))
+        return float(expit(0.5 * self.untimely - _MISTIMED))
 
     @property
     def _no_stand_in(self) -> float:
@@ -172,7 +172,6 @@ def _supports(
     ):
         share, places = np.maximum(gain, 0.0) / first, names.count(effect.name)
         small, left = several and is_tiny, excess
-        grown, late = np.maximum(gain, 0.0), trials.problem.late
         if small:
             others = [g for n, g in pairs if n != effect.name and g.sum() > gain.sum()]
             left = left + _MADE_UP**2 * np.sum([np.zeros_like(share), *others], axis=0)
@@ -184,24 +183,20 @@ def _supports(
             explained=explained and not small,
             expected=effect.search.expected,
             implausible=implausible,
-            mistimed=(max(_remainder(grown, late), _NONE) ** -2 + untimely) ** -0.5,
+            untimely=untimely,
         )
         result.append(support)
     return result
 
 
-def _untimely(trials: Trials, h: Hypothesis) -> FloatArray:
-    """Return (causes,) squares of what causes add that no drive's own times make, over its noise.
-
-    Times of its own give a drive viscous friction and inertia, and no more than a share of what is
-    dry or follows the load.
-    """
+def _untimely(trials: Trials, h: Hypothesis) -> list[float]:
+    """Return by how much what each cause adds is nothing that a late drive makes: `untimely`."""
     problem, fit = trials.problem, trials.fit(h)
-    if not problem.late.any() or not h.effects:
-        return np.zeros(len(h.effects))
+    if not np.isfinite(problem.robot.transmission.target_delay).any() or not h.effects:
+        return [np.inf] * len(h.effects)
+    noise = np.maximum(h.outputs, 1.0) / (len(fit.residual) * h.samples)
     each = without_each(problem, fit, [(effect,) for effect in h.effects])
-    beyond = np.array([problem.beyond_times(residual - fit.residual) for residual in each])
-    return np.asarray(len(fit.residual) * beyond @ (h.samples / np.maximum(h.outputs, 1.0)))
+    return [problem.untimely(residual - fit.residual, noise) for residual in each]
 
 
 def unexplained(before: float, final: Hypothesis, excess: FloatArray) -> bool:

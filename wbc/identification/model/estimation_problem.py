@@ -14,7 +14,7 @@ from wbc.effects.gear_losses import Side, YieldingGear
 from wbc.identification.drive_times import (
     MISSED,
     about_drive_times,
-    made_by_times,
+    made_by_own_times,
     missed_by_times,
     on_time,
     prepared_with_times,
@@ -80,8 +80,7 @@ class EstimationProblem:
         floor: noise floor per output.
         folds: (rows,) held out together.
         blocks: (rows,) number of the block of every row, see `time_blocks`.
-        mistimed: (2, m + b) mean squares in floors that the times of the drives may leave: what all
-            drives miss alike, and each by itself, see `missed_by_times`.
+        mistimed: (m + b,) mean squares in floors that the times of the drives may leave.
         warnings: about the logs.
         silent: joints whose drive reports no torque of the motion.
         still: driven joints that move in no log: stiction carries an unknown part of their load.
@@ -283,33 +282,35 @@ class EstimationProblem:
 
     @property
     def _mistimed(self) -> FloatArray:
-        return np.delete(self.mistimed[0], self.floor.aside)
+        return np.delete(self.mistimed, self.floor.aside)
 
-    @property
-    def late(self) -> FloatArray:
-        """(outputs,) mean squares in floors that a drive may leave whose times are its own."""
-        return np.delete(self.mistimed[1], self.floor.aside)
+    def untimely(self, change: FloatArray, noise: FloatArray) -> float:
+        """Return the square of deviations at which drives' own times and noise make a change.
 
-    def beyond_times(self, change: FloatArray) -> FloatArray:
-        """Return (outputs,) mean squares in floors of a change that no times of a drive make.
+        Infinite where no drive follows a target.
 
         Args:
             change: (rows, outputs), whitened.
+            noise: (outputs,) its mean squares in floors, over the independent samples.
         """
-        if not self.late.any():
-            return np.zeros(change.shape[1])
-        beyond = []
-        for own, columns in zip(change.T, self._made_by_times, strict=True):
-            left = own - columns @ np.linalg.lstsq(columns, own, rcond=1e-9)[0]
-            beyond.append(np.mean(left**2) - MISSED**2 * np.mean(own**2))
-        return np.maximum(beyond, 0.0)
+        if not np.isfinite(self.robot.transmission.target_delay).any():
+            return np.inf
+        sizes = noise + MISSED**2 * np.mean(change**2, axis=0)
+        squares = 0.0
+        for own, made, size in zip(change.T, self._own_times, len(change) * sizes, strict=True):
+            along = made.T @ own
+            squares += own @ own / size
+            squares -= (
+                along @ np.linalg.solve(size * np.eye(len(along)) + made.T @ made, along) / size
+            )
+        return float(squares)
 
     @cached_property
-    def _made_by_times(self) -> FloatArray:
-        """(outputs, rows, 3) what the times of each drive make, each of size one."""
-        made = made_by_times(self.robot, self.records)[:, self.floor.judged]
-        size = np.sqrt(np.sum(made**2, axis=0))
-        return np.moveaxis(made / np.where(size > 0.0, size, 1.0), 1, 0)
+    def _own_times(self) -> FloatArray:
+        """(outputs, rows, 3) what the times of each drive make, in floors."""
+        kept = self.floor.judged
+        made = made_by_own_times(self.robot, self.records)[kept]
+        return np.asarray(made / self.floor.values[kept, None, None])
 
     def block_means(self, values: FloatArray) -> FloatArray:
         """Return the mean (B,) of `values` (rows,) in every block."""
