@@ -153,10 +153,7 @@ def newton(system: RowSystem, start: Row, tolerance: float, firm: bool, impulse:
 
 @compiled(inside=True)
 def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
-    """Return the system with a compliance in series with every row, unloaded at `about` (r,).
-
-    It is a share of each row's own, 1/slope before tangents were paired.
-    """
+    """Return the system with a compliance in every row, a share of its own, about `about` (r,)."""
     soft = copied(system)
     for i in range(len(about)):
         own = compliance * system.own[i]
