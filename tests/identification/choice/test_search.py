@@ -110,7 +110,7 @@ def test_a_factor_acts_after_the_sag_that_it_follows() -> None:
 def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
     """Six links as wrong as usual are no surprise; each on its own cost a quarter of a nat."""
     own = {name: 0.5 * (-1) ** k for k, name in enumerate(LinkInertia.null_values(LEG, "shin"))}
-    one = LinkInertia.at("shin", own)
+    one = LinkInertias.at("robot", {f"shin.{name}": value for name, value in own.items()})
     null = LinkInertias.null_values(LEG, "robot")
     every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
     cost = one.search.implausibility(one, LEG, ())
