@@ -113,7 +113,7 @@ def diagnose(
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves or all_silent else tuple(wanted)
     found = find_causes(problem, classes, progress, begun + _SEARCH * budget)
-    found = look_closer(found, different, classes, progress)
+    found = look_closer(found, classes, progress)
     answer, found = _answered(found, classes, begun + budget)
     warnings += _about_the_search(found)
     trials = found.trials

@@ -17,7 +17,6 @@ from wbc.identification.model.estimation_problem import ONLY_NOISE, EstimationPr
 from wbc.identification.model.intervals import DISTORTED
 from wbc.identification.model.yielding import deflects
 from wbc.identification.records.preparation import REVERSAL
-from wbc.measurement import Log
 from wbc.robot import Effect
 
 RIVALS = 3
@@ -175,7 +174,6 @@ _CLOSER = 0.5  # of the usual distance to reversals
 
 def look_closer(
     found: SearchResult,
-    logs: Sequence[Log],
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
 ) -> SearchResult:
@@ -187,7 +185,6 @@ def look_closer(
 
     Args:
         found: from the usual distance.
-        logs: in which it was found.
         classes: effects that may be used.
         report: called with a line of text as the work proceeds.
     """
@@ -197,7 +194,7 @@ def look_closer(
     if not slow or not explained or found.final.swings or found.stopped:
         return found
     try:
-        near = found.trials.problem.nearer(logs, _CLOSER * REVERSAL)
+        near = found.trials.problem.nearer(_CLOSER * REVERSAL)
         return _closer(found, near, classes, report)
     except OutOfTime:
         return replace(found, stopped=_OVER)

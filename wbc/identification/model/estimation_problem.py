@@ -75,6 +75,7 @@ class EstimationProblem:
 
     Attributes:
         robot: the robot that the user believes in.
+        logs: on one clock, cut where samples are missing.
         records: one per log.
         residual: (rows, outputs) of that robot [N m, N].
         floor: noise floor per output.
@@ -87,6 +88,7 @@ class EstimationProblem:
     """
 
     robot: Robot
+    logs: tuple[Log, ...]
     records: tuple[Record, ...]
     residual: FloatArray
     floor: NoiseFloor
@@ -117,16 +119,14 @@ class EstimationProblem:
         warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
         return cls._of(robot, pieces, prepared, warnings)
 
-    def nearer(self, logs: Sequence[Log], reversal: float) -> EstimationProblem:
+    def nearer(self, reversal: float) -> EstimationProblem:
         """Return the problem of the same logs, which need no second check, nearer to reversals.
 
         Args:
-            logs: those that this problem was made from.
             reversal: as in `prepare`.
         """
-        pieces, _ = _on_one_clock(self.robot, cut_at_gaps(logs)[0])
-        prepared = prepare(self.robot.without_effects().lossless(), pieces, reversal)
-        return self._of(self.robot, pieces, prepared, self.warnings)
+        prepared = prepare(self.robot.without_effects().lossless(), self.logs, reversal)
+        return self._of(self.robot, self.logs, prepared, self.warnings)
 
     @classmethod
     def _of(
@@ -148,6 +148,7 @@ class EstimationProblem:
         believed = tuple(record.believing(robot) for record in records)
         return cls(
             robot=robot,
+            logs=tuple(logs),
             records=believed,
             residual=condensed_residual(robot, believed),
             floor=floor,
@@ -287,14 +288,10 @@ class EstimationProblem:
     def untimely(self, change: FloatArray, noise: FloatArray) -> float:
         """Return the square of deviations at which drives' own times and noise make a change.
 
-        Infinite where no drive follows a target.
-
         Args:
             change: (rows, outputs), whitened.
             noise: (outputs,) its mean squares in floors, over the independent samples.
         """
-        if not np.isfinite(self.robot.transmission.target_delay).any():
-            return np.inf
         sizes = noise + MISSED**2 * np.mean(change**2, axis=0)
         squares = 0.0
         for own, made, size in zip(change.T, self._own_times, len(change) * sizes, strict=True):
