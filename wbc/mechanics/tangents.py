@@ -62,6 +62,14 @@ def room_for(system: RowSystem) -> Room:
 
 
 @inner
+def normal_row(system: RowSystem, row: int) -> int:
+    """Return the row of the normal that a tangent's friction depends on; any other row itself."""
+    d, contacts = system.tangents, len(system.frictions)
+    tangents = len(system.free) - contacts * d
+    return row if row < tangents else tangents - contacts + (row - tangents) // d
+
+
+@inner
 def stiffened(system: RowSystem, rise: Dense, whole: bool, line: OutRow, total: OutDense) -> None:
     """Write 1 + ways' R ways (n, n), of the rises (r, 3); its lower half, or the whole."""
     d, contacts, (size, n) = system.tangents, len(system.frictions), system.ways.shape
@@ -70,13 +78,13 @@ def stiffened(system: RowSystem, rise: Dense, whole: bool, line: OutRow, total: 
     for j in range(n):
         total[j, j] = 1.0
     for i in range(size):
-        contact = i - first if i < first + contacts else (i - first - contacts) // d
-        copy_to(ways[min(i, first + max(contact, 0))] if contact >= 0 else ways[i], line)
+        at = normal_row(system, i)
+        copy_to(ways[at], line)
         for k in range(n):
             line[k] *= rise[i, 0]
-        for b in range(d if contact >= 0 else 0):
+        for b in range(d if at >= first else 0):
             if rise[i, 1 + b] != 0.0:
-                add_times(rise[i, 1 + b], ways[first + contacts + contact * d + b], line)
+                add_times(rise[i, 1 + b], ways[first + contacts + (at - first) * d + b], line)
         for j in range(n):
             if ways[i, j] != 0.0:
                 end = n if whole else j + 1
@@ -138,9 +146,8 @@ def follow_tangents(system: RowSystem, room: Room, followed: OutRow) -> None:
     for i in range(size):
         turning[i] = dot(room.change, system.ways[i])
     for i in range(size):
-        contact = i - first if i < first + contacts else (i - first - contacts) // d
-        at = min(i, first + contact) if contact >= 0 else i
+        at = normal_row(system, i)
         followed[i] = room.aim[i] - room.rise[i, 0] * turning[at]
-        for b in range(d if contact >= 0 else 0):
-            along = first + contacts + contact * d + b
+        for b in range(d if at >= first else 0):
+            along = first + contacts + (at - first) * d + b
             followed[i] -= room.rise[i, 1 + b] * turning[along]
