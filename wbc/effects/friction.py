@@ -263,7 +263,7 @@ class StribeckFriction(JointEffect):
 
 
 @dataclass(frozen=True)
-class CoupledRotorNumber(GearNumbers, ABC):
+class RotorFriction(GearNumbers, ABC):
     """Base of the effects whose place is a motor: before its gear, not at the joint behind it.
 
     Where a motor turns with its joint alone and its gear loses nothing, what happens at the motor
@@ -292,7 +292,7 @@ class CoupledRotorNumber(GearNumbers, ABC):
 
 @final
 @dataclass(frozen=True)
-class RotorViscousFriction(CoupledRotorNumber):
+class RotorViscousFriction(RotorFriction):
     """Friction in proportion to the motor's speed: -coefficient psi_dot at the motor's output.
 
     Attributes:
@@ -318,7 +318,7 @@ class RotorViscousFriction(CoupledRotorNumber):
 
 @final
 @dataclass(frozen=True)
-class RotorCoulombFriction(CoupledRotorNumber):
+class RotorCoulombFriction(RotorFriction):
     """Dry friction that follows the motor's speed: -level sgn(psi_dot) at the motor's output.
 
     Attributes:

@@ -137,18 +137,6 @@ def departures(numbers: tuple[float, ...]) -> FloatArray:
     return frozen(np.concatenate([stretched, factor[_BESIDE]]) / USUAL)
 
 
-def missing(numbers: tuple[float, ...]) -> FloatArray:
-    """Return (10,) the part of `departures` that says what is drawn and is not there.
-
-    A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The divergence
-    is a sum over them: those below 1 are what is missing.
-    """
-    factor = lower(numbers)
-    below = np.minimum(np.linalg.eigvalsh(factor @ factor.T), 1.0)
-    squares = np.maximum(below - np.log(below) - 1.0, 0.0)
-    return np.concatenate([np.sqrt(squares), np.zeros(_COUNT - squares.size)]) / USUAL
-
-
 def excess(distances: FloatArray) -> float:
     """Return what a drawing costs that is more wrong than drawings usually are [nats].
 
@@ -209,8 +197,16 @@ def _implausibility(effect: RedrawnLinks, robot: Robot, motions: Sequence[Motion
 
 
 def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
-    """Return what one link costs of which more is missing than drawings usually have too much."""
-    return excess(missing(tuple(effect.values.values())))
+    """Return what one link costs of which more is missing than drawings usually have too much.
+
+    A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The divergence
+    of `departures` is a sum over them: those below 1 are what is drawn and is not there.
+    """
+    factor = lower(tuple(effect.values.values()))
+    below = np.minimum(np.linalg.eigvalsh(factor @ factor.T), 1.0)
+    distances = np.zeros(_COUNT)
+    distances[: below.size] = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
+    return excess(distances)
 
 
 def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:
