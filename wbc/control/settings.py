@@ -177,7 +177,7 @@ class ControllerSettings:
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "daqp"
     tolerance: float = 1e-7
-    max_iterations: int = 370
+    max_iterations: int = 345
     acceleration_weight: float = 1e-6
     force_weight: float = 1e-4
     contact_ramp: float = 0.02

@@ -12,7 +12,7 @@ from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled, vie
 from wbc.control.command import Status
 from wbc.control.inputs import Complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.active_set import FEW, STEPS, place_multipliers, settle
+from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful, place_multipliers, settle
 from wbc.control.qp.lock_rows import let_pass
 from wbc.control.qp.program import REACH, Program, place_prices
 from wbc.control.qp.solvers import Daqp, QPSolution, QPStatus, solve
@@ -347,7 +347,7 @@ class DirectionSearch:
         """
         start, found, solver = perf_counter(), NOTHING, self._program.memory.solver
         self.rounds += 1
-        if self._guesses and solver.taken.any():
+        if self._guesses and keep_hopeful(solver, self._tolerance):
             found = self._guessed(FEW)
         if found is NOTHING and (self._solver == "proxqp" or not self._guesses):
             self.iterations += _PROGRAM
