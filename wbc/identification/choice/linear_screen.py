@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
@@ -147,6 +147,7 @@ class LinearScreen:
         """
         free = [k for k, own in enumerate(self.regressors) if own.key not in self._taken]
         singles = self.matrix.least_errors([self._slices[k] for k in free], self._nuisance)
+        bounds = dict(zip(free, singles.tolist(), strict=True))
         everywhere = self._by_effect(free)
         unions = [[c for k in group for c in self._slices[k]] for group in everywhere]
         groups = self.matrix.least_errors(unions, self._nuisance)
@@ -162,7 +163,7 @@ class LinearScreen:
             if order < len(free):
                 chosen = [free[order]]
             else:
-                chosen = self._best_shapes(everywhere[order - len(free)])
+                chosen = self._best_shapes(everywhere[order - len(free)], bounds)
             error = self.error(chosen) if chosen else float("inf")
             if np.isfinite(error):
                 heappush(queue, (error, order, tuple(chosen)))
@@ -196,14 +197,18 @@ class LinearScreen:
         places = [{self.regressors[k].where for k in group} for group in groups.values()]
         return [g for g, where in zip(groups.values(), places, strict=True) if len(where) > 1]
 
-    def _best_shapes(self, group: Sequence[int]) -> list[int]:
-        """Return an effect in its best shape at every joint it can be at; empty if at most one."""
+    def _best_shapes(self, group: Sequence[int], bounds: Mapping[int, float]) -> list[int]:
+        """Return an effect in its best shape at every joint it can be at; empty if at most one.
+
+        Args:
+            group: regressors of the effect.
+            bounds: below what each leaves: a shape is judged only where it may be the best.
+        """
         best: dict[str, int] = {}
-        for k in group:
+        for k in sorted(group, key=lambda k: bounds[k]):
             where = self.regressors[k].where
-            if not np.isfinite(self.error((k,))):
-                continue
-            if where not in best or self.error((k,)) < self.error((best[where],)):
+            least = self.error((best[where],)) if where in best else np.inf
+            if bounds[k] * _ROUNDING < least and self.error((k,)) < least:
                 best[where] = k
         shapes = sorted(best.values(), key=lambda k: self.error((k,)))
         possible = self._without_impossible(shapes)
