@@ -10,7 +10,6 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.identification.choice.evidence import Hypothesis, fold_means, log_densities, without
 from wbc.identification.choice.prior import asked
-from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit, change_along, scaled
 from wbc.robot import Effect, Robot
@@ -45,7 +44,7 @@ def exchanged(
     fit: Fit,
     h: Hypothesis,
     own: Sequence[Effect],
-    added: Sequence[SparseColumns],
+    columns: FloatArray,
     effects: Sequence[Effect],
 ) -> tuple[float, float]:
     """Return what causes in the place of others gain of the log density and of the prior [nats].
@@ -57,10 +56,9 @@ def exchanged(
         fit: of the hypothesis.
         h: the hypothesis.
         own: its causes that give way; none where others stand beside all.
-        added: (rows, outputs, r) what each unit of the new causes takes from the residual.
+        columns: (rows, judged outputs, r) by which each number of the new ones changes residuals.
         effects: what the hypothesis then holds.
     """
-    columns = np.concatenate([-new.whitened(problem.whitening) for new in added], axis=2)
     felt = np.flatnonzero(columns.any(axis=(0, 2)))
     columns, weight = columns[:, felt], 1.0 / fit.usual.noise[felt]
     gram, moment = fit.known, fit.moment

@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from wbc.arrays import FloatArray
 from wbc.identification.choice.candidate_columns import Regressor
 from wbc.identification.choice.drop_screen import exchanged, losses, until_null
 from wbc.identification.choice.evidence import Hypothesis, Key, Offer, weigh, without
@@ -171,17 +172,40 @@ class Proposer:
         """
         if any(regressor.usual.any() for regressor in added):
             return np.inf
-        trials, columns = self.trials, [regressor.columns for regressor in added]
+        trials, columns = self.trials, self._changes(added)
         return sum(exchanged(trials.problem, trials.fit(h), h, own, columns, offer))
 
+    def _changes(self, added: Sequence[Regressor]) -> FloatArray:
+        """Return (rows, judged outputs, r) by how much the units of causes change the residual."""
+        whitening = self.trials.problem.whitening
+        return -np.concatenate([one.columns.whitened(whitening) for one in added], axis=2)
+
     def _may_add(self, h: Hypothesis, offer: Offer, added: Sequence[Regressor]) -> bool:
+        """Whether causes more are drawn to what is usual, or may explain what they cost."""
+        drawn = any(regressor.usual.any() for regressor in added)
+        return drawn or self._worth(h, offer, self._changes(added))
+
+    def _worth(self, h: Hypothesis, offer: Offer, columns: FloatArray) -> bool:
         """Whether derivatives do not say that causes more explain far less than they cost."""
-        if any(regressor.usual.any() for regressor in added):
-            return True
         trials = self.trials
-        columns = [regressor.columns for regressor in added]
         density, prior = exchanged(trials.problem, trials.fit(h), h, (), columns, offer)
         return MISSED * density > -prior
+
+    def with_more(self, h: Hypothesis, offers: Sequence[Offer]) -> list[Offer]:
+        """Return those offers of a hypothesis with causes more that may be worth what they cost.
+
+        Their own derivatives say so: screens see a drive's causes only as the last to act.
+        """
+        kept = []
+        for offer in offers:
+            fit = self.trials.begun(offer, h)
+            if fit is None:
+                continue
+            new = [row for row, (k, _) in enumerate(fit.parameters) if offer[k].key not in h.keys]
+            columns = fit.jacobian[:, :, new]
+            if columns.any() and self._worth(h, offer, columns):
+                kept.append(offer)
+        return kept
 
     def _around(self, h: Hypothesis) -> LinearScreen:
         """Return the screen of all causes that act at once, in the place of others or beside."""

@@ -47,7 +47,7 @@ def _additions(proposer: Proposer, h: Hypothesis, exclude: Sequence[Key] = ()) -
     orders = [offer for one in longer for offer in _reordered(one, record, robot)]
     first = _placed_first(h, proposer.candidates, record, robot)
     kept = [offer for offer in first if not {e.key for e in offer} & {*exclude}]
-    return [*longer, *trials.rivals_of(h, [*orders, *kept])]
+    return [*longer, *trials.rivals_of(h, [*orders, *proposer.with_more(h, kept)])]
 
 
 def _likely(longer: Hypothesis, h: Hypothesis) -> Offer:

@@ -98,18 +98,17 @@ class Trials:
         if time.monotonic() > self.until:
             raise OutOfTime
 
-    def _fitted(
-        self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None = None
-    ) -> Hypothesis | None:
+    def begun(self, effects: Sequence[Effect], near: Hypothesis) -> Fit | None:
+        """Return what these start values leave, with derivatives; None where that is impossible."""
+        return self._fit(tuple(effects), 0, near)
+
+    def _fit(
+        self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None
+    ) -> Fit | None:
         try:
             self.ask()
             known = None if near is None else self.fit(near)
             fit = self.problem.fit(start, iterations, self.ask, known)
-            if fit.failed:
-                self.failures[fit.failed] += 1
-                return None
-            ended = fit.whole and iterations == ITERATIONS
-            found = hypothesis_of(self.problem, fit, whole=ended)
         except IMPOSSIBLE:
             return None
         except OutOfTime:
@@ -118,6 +117,20 @@ class Trials:
             return None
         except Exception as error:  # whatever one effect does, the others are still tried
             self.failures[f"{type(error).__name__}: {error}"] += 1
+            return None
+        self.failures += Counter(filter(None, [fit.failed]))
+        return None if fit.failed else fit
+
+    def _fitted(
+        self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None = None
+    ) -> Hypothesis | None:
+        fit = self._fit(start, iterations, near)
+        if fit is None:
+            return None
+        try:
+            ended = fit.whole and iterations == ITERATIONS
+            found = hypothesis_of(self.problem, fit, whole=ended)
+        except IMPOSSIBLE:
             return None
         if found.whole:
             self._keep(fit.effects, fit)
