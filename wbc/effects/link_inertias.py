@@ -305,8 +305,8 @@ class LinkInertia(RedrawnLinks):
 class LinkInertias(RedrawnLinks):
     """The whole drawing is wrong: the inertias of all links at once, as one cause.
 
-    Each body has the ten numbers of `link_inertia`, called `BODY.alpha` and so on, also as
-    attributes. Each is drawn to its own drawing.
+    Each body has the ten numbers of `link_inertia`, called `BODY.alpha` and so on. Each is drawn to
+    its own drawing.
 
     Attributes:
         links: (body, its ten log-Cholesky parameters); no body twice.
@@ -332,12 +332,14 @@ class LinkInertias(RedrawnLinks):
         names = [body for body, _ in self.links]
         if len(set(names)) < len(names) or any(len(own) != _COUNT for _, own in self.links):
             raise EffectError(f"{self.name}: each body once, with {_COUNT} numbers.")
-        parameters = _named(tuple(names))
-        values = [value for _, numbers in self.links for value in numbers]
-        for parameter, value in zip(parameters, values, strict=True):
-            object.__setattr__(self, parameter.name, float(value))
-        object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "parameters", _named(tuple(names)))
         super().__post_init__()
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers of all bodies by name."""
+        own = (value for _, numbers in self.links for value in numbers)
+        return {p.name: float(value) for p, value in zip(self.parameters, own, strict=True)}
 
     @classmethod
     def at(cls, where: str, values: Mapping[str, float] | None = None) -> Self:

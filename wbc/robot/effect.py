@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, fields, replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -211,9 +212,8 @@ class Effect(ABC):
 
     def __post_init__(self) -> None:
         """Check every parameter against its bounds."""
-        for parameter in self.parameters:
-            value = getattr(self, parameter.name)
-            if not (np.isfinite(value) and parameter.low <= value <= parameter.high):
+        for parameter, value in zip(self.parameters, self.values.values(), strict=True):
+            if not (isfinite(value) and parameter.low <= value <= parameter.high):
                 raise EffectError(
                     f"{self.name} at '{self.where}': {parameter.name} = {value:g} "
                     f"{parameter.unit} lies outside [{parameter.low:g}, {parameter.high:g}]."
