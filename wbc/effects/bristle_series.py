@@ -11,6 +11,14 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.compiled import Matrix, OutMatrix, Vector, compiled
 
+_SHARES = (0.01, 0.05, 0.2)  # of the travel
+
+
+def memories(positions: FloatArray) -> list[FloatArray]:
+    """Return how bristles bend along positions (N,) or (N, k), for lengths of 1, 5 and 20 %."""
+    travel = np.ptp(positions, axis=0)
+    return [bent_along(positions, share * np.where(travel > 0.0, travel, 1.0)) for share in _SHARES]
+
 
 def bent_along(positions: FloatArray, length: ArrayLike) -> FloatArray:
     """Return z (N,) or (N, k) along positions (N,) or (N, k), from z = 0.

@@ -49,7 +49,6 @@ _NOT_DRIVEN = "move {0} alone: what is left at {1} follows the motion of {0}"
 _FOLDS = 5  # of interleaved blocks, each predicted from the others
 _RIDGES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # shares of the mean square of a column
 _SLOW = (0.05, 0.3)  # of the rms speed, over which a direction turns round
-_BRISTLES = (0.01, 0.05, 0.2)  # of the travel, over which a memory follows the direction
 _KNOTS = 8  # of bent lines over speed, acceleration and load
 _WAVES = 4  # periods over the travel, and ...
 _TURNS = 2  # ... of a turn of the rotor
@@ -446,16 +445,15 @@ def _over_travel(
     position: FloatArray, speed: FloatArray, ways: Sequence[FloatArray], ratio: float
 ) -> list[FloatArray]:
     """Return waves over the travel and the rotor's turn, and memories of the direction."""
-    from wbc.effects.bristle_series import bent_along  # it loads the compiler
+    from wbc.effects.bristle_series import memories  # it loads the compiler
 
     travel = float(np.ptp(position)) or 1.0  # a joint may stand still in one log of several
     share = (position - position.min()) / travel
     waves = [f(np.pi * k * share) for k in range(1, 2 * _WAVES + 1, 2) for f in (np.sin, np.cos)]
     turns = [f(k * ratio * position) for k in range(1, _TURNS + 1) for f in (np.sin, np.cos)]
-    memories = [bent_along(position, length * travel) for length in _BRISTLES]
     scaled = _scaled(share - share.mean())
     return [
-        *waves, *turns, *memories, *(wave * ways[-1] for wave in waves), scaled * speed,
+        *waves, *turns, *memories(position), *(wave * ways[-1] for wave in waves), scaled * speed,
         scaled**2, scaled**3,
     ]  # fmt: skip
 
