@@ -18,6 +18,7 @@ from wbc.effects import (
     ActuationDelay,
     CoulombFriction,
     CurrentLimit,
+    PayloadMass,
     RotorInertia,
     ViscousFriction,
     load_robot,
@@ -167,6 +168,15 @@ def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: 
     np.testing.assert_allclose(known.feedback_delay, seen, atol=4e-5)
     np.testing.assert_allclose(np.nan_to_num(known.velocity_lag), lag, atol=4e-5)
     assert rubbing or np.sqrt(found.first).max() < 1.0
+
+
+def test_a_payload_leaves_the_delays_of_drives_as_they_are() -> None:
+    """They took up a part of what it needs: torque constants and rotor inertias stood for that."""
+    robot = with_gains()
+    log = late_log(robot.with_effects(PayloadMass("shin", 1.5)), 0.0035, 0.0015, 0.0026, 0.0)
+    known = EstimationProblem.from_logs(robot, [log]).robot.transmission
+    np.testing.assert_allclose(known.target_delay, 0.0035, atol=1e-4)
+    np.testing.assert_allclose(known.feedback_delay, 0.0015, atol=1e-4)
 
 
 def test_times_of_a_drive_make_viscous_friction_but_neither_dry_nor_inertia() -> None:
