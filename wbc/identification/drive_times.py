@@ -12,7 +12,7 @@ price. So are the ten numbers of the one link that may not be as drawn. All are 
 
     sum over joints of  1/2 ||r_j - ...||^2 / variance_j  +  price * (numbers that are not zero)
 
-No time is negative, and no friction gives power. Drives whose torque is late do: -kp v is in u'.
+Nothing is early, and no friction gives power. Drives whose torque is late do: -kp v is in u'.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.effects.drive import ActuationDelay
 from wbc.identification.model.columns import inertial_columns
-from wbc.identification.model.fit import scaled
+from wbc.identification.model.fit import beside_others, scaled
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.not_judged import reported_torque
 from wbc.identification.records.preparation import prepare
@@ -36,7 +36,7 @@ from wbc.measurement.schema import REPORTED
 from wbc.robot import Robot
 from wbc.transmission import DRIVE_TIMES
 
-_PRICE = 10.0  # [nats] for a time, and for what stands for it at one joint: name, place, number
+_PRICE = 10.0  # [nats] for what stands for a time at one joint: name, place, number
 _USUAL = 0.01, 0.01, 0.005  # [s] usual size of the two delays, of a filter
 _TIMES = len(DRIVE_TIMES)
 # Share of what the times explain (rms) that they may miss. On two arms of another simulator, with
@@ -373,16 +373,20 @@ def _descended(
 ) -> tuple[float, FloatArray]:
     """Return the cost [nats] and the times (3,) from one choice of the joints' own numbers on.
 
-    Infinite where a time is less than `least`.
+    Infinite where a target, the torque or a velocity is late by less than `least`.
     """
     usual = np.diag([0.0, *np.power(_USUAL, -2.0), *np.zeros(sums.shape[2] - 1 - _TIMES)])
-    # Where in a sample a target acts is known of no machine, and no finding. A lone drive shows
-    # that no better than friction.
-    lone = len(sums) == 1
-    price = _PRICE * (1 + lone) * (len(free) - (_LATE in free and not lone))
-    joints = np.arange(len(sums))
     cost, found = np.inf, np.zeros(len(usual) - 1)
     rows = np.array([*free, *range(_TIMES, len(found))], dtype=np.int_) + 1
+    # A time costs by how much narrower the logs make it, beside what links need. Where in a sample
+    # a target acts is known of no machine, and no finding: that costs nothing. A lone drive shows
+    # that no better than friction, and its times cost twice.
+    lone, joints = len(sums) == 1, np.arange(len(sums))
+    paid = [1 + k for k in free if k != _LATE or lone]
+    counted = [*paid, *range(1 + _TIMES, len(usual))]
+    told = (usual + sums[:, 0].sum(axis=0))[np.ix_(counted, counted)]
+    told = beside_others(told, range(len(paid)))
+    price = 0.5 * (1 + lone) * (np.linalg.slogdet(told)[1] - np.sum(np.log(np.diag(usual)[paid])))
     for _ in range(_ROUNDS):
         gram = usual + sums[joints, own].sum(axis=0)
         found[rows - 1] = _solved(gram[np.ix_(rows, rows)], gram[rows, 0])
@@ -393,7 +397,9 @@ def _descended(
         if np.array_equal(own, own := each.argmin(axis=1)):
             break
     times = found[:_TIMES]
-    return (cost if times.min() >= least else np.inf), np.maximum(times, least)
+    # A target is late by the sum of two: it may act before the drive sees its own motion.
+    lowest = np.array([least - max(times[_WHOLE], least), least, least])
+    return (cost if np.all(times >= lowest) else np.inf), np.maximum(times, lowest)
 
 
 def _solved(gram: FloatArray, moment: FloatArray) -> FloatArray:

@@ -156,7 +156,7 @@ def late_log(robot: Robot, delay: float, seen: float, lag: float, rubbing: float
 
 @pytest.mark.parametrize(
     ("delay", "seen", "lag", "rubbing"),
-    [(0.016, 0.008, 0.0, 0.0), (0.0035, 0.0015, 0.0026, 0.4)],
+    [(0.016, 0.008, 0.0, 0.0), (0.0035, 0.0015, 0.0026, 0.4), (0.001, 0.003, 0.0026, 0.4)],
 )
 def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: float) -> None:
     """Friction below zero stood for what they see late, friction of all for a late target."""
@@ -170,13 +170,15 @@ def test_late_drives_do_not_rub(delay: float, seen: float, lag: float, rubbing: 
     assert rubbing or np.sqrt(found.first).max() < 1.0
 
 
-def test_a_payload_leaves_the_delays_of_drives_as_they_are() -> None:
-    """They took up a part of what it needs: torque constants and rotor inertias stood for that."""
+@pytest.mark.parametrize(("body", "mass"), [("shin", 0.3), ("thigh", 0.6)])
+def test_a_payload_is_no_time_of_the_drives(body: str, mass: float) -> None:
+    """Its inertia stood for the filter, and rotor inertias for what the wrong filter left."""
     robot = with_gains()
-    log = late_log(robot.with_effects(PayloadMass("shin", 1.5)), 0.0035, 0.0015, 0.0026, 0.0)
+    log = late_log(PayloadMass(body, mass).change(robot), 0.0035, 0.0015, 0.0026, 0.0)
     known = EstimationProblem.from_logs(robot, [log]).robot.transmission
-    np.testing.assert_allclose(known.target_delay, 0.0035, atol=1e-4)
-    np.testing.assert_allclose(known.feedback_delay, 0.0015, atol=1e-4)
+    np.testing.assert_allclose(known.velocity_lag, 0.0026, atol=2e-4)
+    np.testing.assert_allclose(known.target_delay, 0.0035, atol=2e-4)
+    np.testing.assert_allclose(known.feedback_delay, 0.0015, atol=2e-4)
 
 
 def test_times_of_a_drive_make_viscous_friction_but_neither_dry_nor_inertia() -> None:
