@@ -8,9 +8,10 @@ what is left unexplained, reported minus needed at the output of gear j,
 with u the torque and s its delay, w the part of it that follows the target and d by how much more
 that is late, and t the time constant of the velocity's filter. The three times are shared by all
 drives; a delay of its own, viscous friction b and inertia I stand for them at each joint, at a
-price. So are the ten numbers of the one link that may not be as drawn. All are chosen together, by
+price. The ten numbers of one link that is not as drawn are shared, too. All are chosen together, by
 
-    sum over joints of  1/2 ||r_j - ...||^2 / variance_j  +  price * (numbers that are not zero)
+    sum over joints of  1/2 ||r_j - ...||^2 / variance_j  +  price * (own numbers of the joint)
+        +  1/2 log det (information of the logs and of what is usual about s and t, over the latter)
 
 Nothing is early, and no friction gives power. Drives whose torque is late do: -kp v is in u'.
 """

@@ -118,8 +118,10 @@ class Trials:
         except Exception as error:  # whatever one effect does, the others are still tried
             self.failures[f"{type(error).__name__}: {error}"] += 1
             return None
-        self.failures += Counter(filter(None, [fit.failed]))
-        return None if fit.failed else fit
+        if fit.failed:
+            self.failures[fit.failed] += 1
+            return None
+        return fit
 
     def _fitted(
         self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None = None
