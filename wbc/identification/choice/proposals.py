@@ -198,7 +198,7 @@ class Proposer:
         """
         kept = []
         for offer in offers:
-            fit = self.trials.begun(offer, h)
+            fit = self.trials.at_start(offer, h)
             if fit is None:
                 continue
             new = [row for row, (k, _) in enumerate(fit.parameters) if offer[k].key not in h.keys]

@@ -98,7 +98,7 @@ class Trials:
         if time.monotonic() > self.until:
             raise OutOfTime
 
-    def begun(self, effects: Sequence[Effect], near: Hypothesis) -> Fit | None:
+    def at_start(self, effects: Sequence[Effect], near: Hypothesis) -> Fit | None:
         """Return what these start values leave, with derivatives; None where that is impossible."""
         return self._fit(tuple(effects), 0, near)
 
