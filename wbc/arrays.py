@@ -91,6 +91,29 @@ def checked(
     return array
 
 
+_COMPARE = {">": np.greater, ">=": np.greater_equal, "<": np.less, "<=": np.less_equal}
+
+
+def require_ranges(thing: object, told: str, error: type[WbcError], **ranges: str) -> None:
+    """Raise an error unless numbers of a thing are where they must be; None may be anywhere.
+
+    Args:
+        thing: has the numbers (...) as attributes.
+        told: what the message begins with.
+        error: its class.
+        ranges: attribute -> what it must be, such as "> 0 rad/s" or ">= 0 and < inf".
+
+    Raises:
+        WbcError: of that class.
+    """
+    for name, conditions in ranges.items():
+        given = getattr(thing, name)
+        for condition in conditions.split(" and ") if given is not None else ():
+            sign, end, *_ = condition.split()
+            if not np.all(_COMPARE[sign](given, float(end))):
+                raise error(f"{told}{name} must be {conditions}, got {given}.")
+
+
 class Remade:
     """Base of frozen dataclasses that are made anew where they are copied or unpickled.
 

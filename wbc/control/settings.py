@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, require_ranges
 from wbc.control.inputs import State, TickInputError, check_step
 from wbc.control.qp.solvers import SOLVERS, WarmStart
 from wbc.errors import ControlError, require_known
@@ -57,11 +57,8 @@ class SpeedBlend:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not self.full_speed > 0.0:
-            raise ControlError(f"full_speed must be > 0 rad/s, got {self.full_speed:g}.")
-        for name in ("correction", "trusted_error"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise ControlError(f"{name} must be >= 0, got {getattr(self, name):g}.")
+        finite = dict.fromkeys(("correction", "trusted_error"), ">= 0 and < inf")
+        require_ranges(self, "speed blend: ", ControlError, full_speed="> 0 rad/s", **finite)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +84,8 @@ class DisturbanceObserver:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0.0 < self.rate < np.inf:
-            raise ControlError(f"disturbance observer: rate must be > 0 1/s, got {self.rate}.")
-        bound = np.asarray(self.bound, dtype=np.float64)
-        if not np.isfinite(bound).all() or (bound < 0.0).any():
-            raise ControlError(f"disturbance observer: bound must be >= 0, got {self.bound}.")
+        ranges = {"rate": "> 0 1/s and < inf", "bound": ">= 0 and < inf"}
+        require_ranges(self, "disturbance observer: ", ControlError, **ranges)
 
     def bounds(self, nv: int) -> FloatArray:
         """Return the bound of every coordinate (nv,).
@@ -133,10 +127,8 @@ class LetDown:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not self.ride_through >= 0 or not self.hold >= 0.0:
-            raise ControlError("let down: ride_through and hold must be >= 0.")
-        if not self.lowering > 0.0 or not 0.0 <= self.rate < np.inf:
-            raise ControlError("let down: lowering must be > 0 s and rate >= 0 1/s.")
+        ranges = {"ride_through": ">= 0", "hold": ">= 0 s", "lowering": "> 0 s"}
+        require_ranges(self, "let down: ", ControlError, **ranges, rate=">= 0 1/s and < inf")
 
 
 @dataclass(frozen=True)
@@ -193,16 +185,7 @@ class ControllerSettings:
         except TickInputError as cause:
             raise ControlError(f"setting time_step: {cause}") from cause
         require_known(ControlError, "QP solver", self.solver, SOLVERS)
-        positive = ("tolerance", "max_iterations", "acceleration_weight")
-        for name in positive:
-            if not getattr(self, name) > 0:
-                raise ControlError(f"setting {name} must be > 0, got {getattr(self, name)}.")
-        for name in ("force_weight", "contact_ramp"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise ControlError(f"setting {name} must be >= 0, got {getattr(self, name)}.")
-        if not 0.0 <= self.rest_margin <= 0.5:
-            raise ControlError(
-                f"setting rest_margin must lie between 0 and 0.5, got {self.rest_margin}."
-            )
-        if self.deadline is not None and not self.deadline > 0.0:
-            raise ControlError(f"setting deadline must be > 0 s, got {self.deadline}.")
+        ranges = dict.fromkeys(("tolerance", "max_iterations", "acceleration_weight"), "> 0")
+        ranges |= dict.fromkeys(("force_weight", "contact_ramp"), ">= 0 and < inf")
+        ranges |= {"rest_margin": ">= 0 and <= 0.5", "deadline": "> 0 s"}
+        require_ranges(self, "setting ", ControlError, **ranges)

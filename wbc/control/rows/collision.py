@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import frozen
+from wbc.arrays import frozen, require_ranges
 from wbc.control.kinematics import Kinematics, frame_number
 from wbc.control.tree import place_distances
 from wbc.errors import ControlError, require_known
@@ -81,11 +81,8 @@ class CollisionLimit:
             raise ControlError(f"two shapes have one name: {', '.join(names)}.")
         for name in (name for pair in self.pairs for name in pair):
             require_known(ControlError, "shape", name, names)
-        if not 0.0 <= self.margin < self.influence or not 0.0 < self.rate < np.inf:
-            raise ControlError(
-                "a collision limit needs 0 <= margin < influence [m] and a rate > 0 1/s, got "
-                f"{self.margin}, {self.influence} and {self.rate}."
-            )
+        ranges = {"margin": f">= 0 and < {self.influence} m", "rate": "> 0 1/s and < inf"}
+        require_ranges(self, "collision limit: ", ControlError, **ranges)
 
 
 class CollisionRows:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen
+from wbc.arrays import FloatArray, IntArray, checked, frozen, require_ranges
 from wbc.control.kinematics import Kinematics, StateRows, rows_of
 from wbc.control.memory import CONTACTS
 from wbc.control.tree import RowKind, fill_state_rows
@@ -46,15 +46,9 @@ class Contact(ABC):
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.friction is not None and not self.friction >= 0.0:
-            raise ControlError(f"contact '{self.name}': friction must be >= 0.")
-        if not 0.0 <= self.normal_minimum <= self.normal_maximum:
-            raise ControlError(
-                f"contact '{self.name}': 0 <= normal_minimum <= normal_maximum is violated: "
-                f"{self.normal_minimum:g}, {self.normal_maximum:g}."
-            )
-        if not 0.0 <= self.damping < np.inf:
-            raise ControlError(f"contact '{self.name}': damping must be >= 0.")
+        ranges = {"friction": ">= 0", "damping": ">= 0 and < inf"}
+        ranges["normal_minimum"] = f">= 0 and <= {self.normal_maximum} N"
+        require_ranges(self, f"contact '{self.name}': ", ControlError, **ranges)
 
     @abstractmethod
     def bind(self, robot: Robot) -> BoundContact:

@@ -8,7 +8,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, require_ranges
 from wbc.errors import ControlError
 from wbc.robot import Robot, state_gear
 
@@ -35,8 +35,7 @@ class Effort(ABC):
 
     def __post_init__(self) -> None:
         """Check the weight."""
-        if not 0.0 <= self.weight < np.inf:
-            raise ControlError(f"effort '{self.name}': weight must be >= 0, got {self.weight}.")
+        require_ranges(self, f"effort '{self.name}': ", ControlError, weight=">= 0 and < inf")
 
     @abstractmethod
     def weights(self, robot: Robot) -> FloatArray:
@@ -95,8 +94,7 @@ class MeshLossEffort(Effort):
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
-        if not self.least_torque > 0.0:
-            raise ControlError(f"effort '{self.name}': least_torque must be > 0 N m.")
+        require_ranges(self, f"effort '{self.name}': ", ControlError, least_torque="> 0 N m")
 
     def weights(self, robot: Robot) -> FloatArray:
         """Return the weights, which the tick multiplies with |e - 1| |dpsi| / |T_0|."""

@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray, frozen, require_ranges
 from wbc.compiled import compiled
 from wbc.control.memory import JOINTS, ProgramMemory
 from wbc.errors import ControlError
@@ -77,12 +77,8 @@ class RotorTorqueLimit:
 
     def __post_init__(self) -> None:
         """Check the fraction."""
-        if not 0.0 < self.fraction <= 1.0:
-            raise ControlError(
-                f"rotor torque limit: fraction must lie in (0, 1], got {self.fraction:g}."
-            )
-        if self.knee is not None and not 0.0 <= self.knee < 1.0:
-            raise ControlError(f"rotor torque limit: knee must lie in [0, 1), got {self.knee:g}.")
+        ranges = {"fraction": "> 0 and <= 1", "knee": ">= 0 and < 1"}
+        require_ranges(self, "rotor torque limit: ", ControlError, **ranges)
 
     def bounds(self, robot: Robot, rotor_speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest rotor torque (m,) [N m] at these rotor speeds."""

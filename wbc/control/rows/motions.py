@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, IntArray, frozen, require_ranges
 from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.rows.task import (
@@ -246,8 +246,7 @@ class CapturePointTask(StateTask):
     def __post_init__(self) -> None:
         """Check the height."""
         super().__post_init__()
-        if not 0.0 < self.height < np.inf:
-            raise ControlError(f"task '{self.name}': height must be > 0 m, got {self.height}.")
+        require_ranges(self, f"task '{self.name}': ", ControlError, height="> 0 m and < inf")
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return xi (2,) [m]."""

@@ -8,6 +8,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
+from wbc.arrays import require_ranges
 from wbc.compiled import Dense, OutDense, Row, compiled, local
 from wbc.control.kinematics import Kinematics, StateRows
 from wbc.control.qp.linalg import factorise_from, substitute
@@ -147,8 +148,7 @@ class PointFootBalanceTask(StateTask):
     def __post_init__(self) -> None:
         """Check the bandwidth."""
         super().__post_init__()
-        if self.bandwidth is not None and not self.bandwidth > 0.0:
-            raise ControlError(f"task '{self.name}': bandwidth must be > 0 1/s.")
+        require_ranges(self, f"task '{self.name}': ", ControlError, bandwidth="> 0 1/s")
 
     @property
     def state_rows(self) -> StateRows:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import final
 
+from wbc.arrays import require_ranges
 from wbc.errors import ControlError, require_known
 
 
@@ -96,11 +97,8 @@ class ContactSchedule:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if not 0.0 < self.period < inf or not 0.0 < self.duty <= 1.0 or not self.offsets:
-            raise ControlError(
-                "a contact schedule needs contacts, a period > 0 s and a duty in (0, 1]; got "
-                f"{len(self.offsets)} contacts, {self.period} s and {self.duty}."
-            )
+        ranges = {"period": "> 0 s and < inf", "duty": "> 0 and <= 1"}
+        require_ranges(self, "contact schedule: ", ControlError, **ranges)
         for name, offset in self.offsets.items():
             if not 0.0 <= offset <= 1.0:
                 raise ControlError(f"contact '{name}': an offset lies in [0, 1], got {offset}.")

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from wbc.arrays import FloatArray, reals
+from wbc.arrays import FloatArray, reals, require_ranges
 from wbc.compiled import Matrix, compiled
 from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows, frame_number, rows_of
@@ -68,20 +68,9 @@ class Task(ABC):
 
     def __post_init__(self) -> None:
         """Check gains and weights."""
-        weight = np.asarray(self.weight, dtype=np.float64)
-        if not ((weight >= 0.0) & (weight < np.inf)).all():
-            raise ControlError(
-                f"task '{self.name}': weight must be >= 0 and finite, got {self.weight}; "
-                "tasks of a level above it leave it as it is."
-            )
-        for label, gain in (("stiffness", self.stiffness), ("damping", self.damping)):
-            if gain is not None and not 0.0 <= gain < np.inf:
-                raise ControlError(f"task '{self.name}': {label} must be >= 0, got {gain}.")
-        if not self.acceleration_limit > 0.0:
-            raise ControlError(
-                f"task '{self.name}': acceleration_limit must be > 0, got "
-                f"{self.acceleration_limit}."
-            )
+        ranges = dict.fromkeys(("weight", "stiffness", "damping"), ">= 0 and < inf")
+        ranges["acceleration_limit"] = "> 0"
+        require_ranges(self, f"task '{self.name}': ", ControlError, **ranges)
         if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
             raise ControlError(
                 f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
