@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 from tests.sim.random_robots import geared
 from wbc import Robot, load_robot, metrics
 from wbc.dynamics import evaluate
-from wbc.transmission import mesh_input_interval
+from wbc.transmission import mesh_input
 
 POSE = {"hip": -0.5, "knee": 1.1}
 SQUAT = {"FL_HAA": 0.1, "FL_HFE": 0.8, "FL_KFE": -1.6}
@@ -19,8 +19,8 @@ def holdable(robot: Robot, q: np.ndarray, rows: list[int], force: np.ndarray, en
     terms = evaluate(robot, q, np.zeros(robot.model.nv))
     joint = terms.contact_jacobian[rows][:, robot.actuated].T @ force
     output = gears.topology.T @ joint
-    interval = mesh_input_interval(output, gears.forward_efficiency, gears.backward_efficiency)
-    magnitude = np.abs(np.array(interval))
+    etas = gears.forward_efficiency, gears.backward_efficiency
+    magnitude = np.abs([mesh_input(output, speed, *etas) for speed in (1.0, -1.0)])
     need = magnitude.max(axis=0) if end > 0 else magnitude.min(axis=0)
     return float(np.max(need / (gears.gear_ratio * gears.torque_limit)))
 

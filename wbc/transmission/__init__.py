@@ -7,8 +7,6 @@ from wbc.transmission.mesh import (
     direction,
     efficiency,
     mesh_input,
-    mesh_input_interval,
-    mesh_output,
     wedge_backward_efficiency,
 )
 from wbc.transmission.transmission import DRIVE_TIMES, GEAR_NUMBERS, Transmission
@@ -24,7 +22,5 @@ __all__ = [
     "direction",
     "efficiency",
     "mesh_input",
-    "mesh_input_interval",
-    "mesh_output",
     "wedge_backward_efficiency",
 ]

@@ -48,11 +48,6 @@ class Flanks:
         touching = np.abs(d) >= 0.5 * self.play
         return np.asarray(np.where(touching, -side * np.maximum(pressed, 0.0), 0.0))
 
-    def energy(self, deflection: ArrayLike) -> FloatArray:
-        """Return what is stored at deflections (...) of the link [J]; zero between the flanks."""
-        bent = np.maximum(np.abs(np.asarray(deflection, dtype=float)) - 0.5 * self.play, 0.0)
-        return np.asarray(0.5 * self.stiffness * bent**2)
-
     def scaled(self, stiffness: float, damping: float, play: float) -> Self:
         """Return the flanks with every number multiplied."""
         return type(self)(

@@ -174,12 +174,6 @@ class CompoundPlanetaryGear:
         through = (1.0 - self.ring_ratio / e) / (1.0 + self.sun_ratio / e)
         return np.asarray(through * self.reduction)
 
-    @property
-    def locking_efficiency(self) -> float:
-        """eta_f at which the gear begins to lock itself (e = i2): (1 + i1 i2)/((1+i1)(1+i2))."""
-        i1, i2 = self.sun_ratio, self.ring_ratio
-        return (1.0 + i1 * i2) / ((1.0 + i1) * (1.0 + i2))
-
     def _checked(self, basic_efficiency: ArrayLike) -> FloatArray:
         e = np.asarray(basic_efficiency, dtype=np.float64)
         if not np.all((e > 0.0) & (e <= 1.0)):

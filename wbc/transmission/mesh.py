@@ -52,8 +52,8 @@ def mesh_input(
 ) -> FloatArray:
     """Return the mesh input torque t that a moving gear needs to put out T.
 
-    t = T/eta_f where T v > 0, t = eta_b T where T v < 0. At v = 0 any value between the two will
-    do (see `mesh_input_interval`); their mean is returned.
+    t = T/eta_f where T v > 0, t = eta_b T where T v < 0. At v = 0 any value between the two holds
+    T; their mean is returned.
 
     Args:
         output_torque: T [N m], any shape.
@@ -67,57 +67,6 @@ def mesh_input(
     backward = np.asarray(backward_efficiency, dtype=np.float64)
     gain = np.where(sign > 0, forward, np.where(sign < 0, backward, 0.5 * (forward + backward)))
     return np.asarray(torque * gain)
-
-
-def mesh_input_interval(
-    output_torque: ArrayLike, forward_efficiency: ArrayLike, backward_efficiency: ArrayLike
-) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest input torque with which a gear at rest holds T.
-
-    For T > 0 that is [eta_b T, T/eta_f]; for T < 0 the mirror image.
-    """
-    torque = np.asarray(output_torque, dtype=np.float64)
-    one = torque / np.asarray(forward_efficiency, dtype=np.float64)
-    other = torque * np.asarray(backward_efficiency, dtype=np.float64)
-    return np.minimum(one, other), np.maximum(one, other)
-
-
-def mesh_output(
-    input_torque: ArrayLike,
-    speed: ArrayLike,
-    forward_efficiency: ArrayLike,
-    backward_efficiency: ArrayLike,
-) -> FloatArray:
-    """Return the output torque T of a moving gear fed with the mesh input torque t.
-
-    v > 0: T = min(eta_f t, t/eta_b);  v < 0: T = max(eta_f t, t/eta_b);  at v = 0 the mean of the
-    two is returned (every value between them is possible).
-
-    Args:
-        input_torque: t [N m], any shape.
-        speed: output speed v [rad/s], same shape.
-        forward_efficiency: eta_f, broadcast over the last axis.
-        backward_efficiency: eta_b, likewise.
-
-    Raises:
-        TransmissionError: a self-locking gear (eta_b <= 0) that turns against its input torque,
-            a state in which no output torque balances it.
-    """
-    torque = np.asarray(input_torque, dtype=np.float64)
-    velocity = np.asarray(speed, dtype=np.float64)
-    backward = np.broadcast_to(np.asarray(backward_efficiency, dtype=np.float64), torque.shape)
-    locked = (backward <= 0.0) & (torque * velocity < 0.0)
-    if np.any(locked):
-        raise TransmissionError(
-            "a self-locking gear (backward efficiency <= 0) cannot turn against its input torque; "
-            "it stops at once. Use the simulator's step, which finds the stop."
-        )
-    one = np.asarray(forward_efficiency, dtype=np.float64) * torque
-    other = np.where(backward > 0.0, torque / np.where(backward > 0.0, backward, 1.0), one)
-    low, high = np.minimum(one, other), np.maximum(one, other)
-    return np.asarray(
-        np.where(velocity > 0.0, low, np.where(velocity < 0.0, high, 0.5 * (low + high)))
-    )
 
 
 def direction(mesh_power: ArrayLike, *, deadband: float = 0.0) -> FloatArray:
