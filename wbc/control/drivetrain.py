@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,14 @@ from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.settings import ControllerSettings, RestPolicy
 from wbc.dynamics.equation import rotor_coupling
 from wbc.effects.tables import (
+    add_torques,
     effect_table,
     fill_commands,
     fill_efficiencies,
     fill_joint_torques,
     left_for_hooks,
 )
-from wbc.robot import Effect, Hook, Motion, Robot
+from wbc.robot import Motion, Robot
 
 
 class GearModel:
@@ -33,8 +33,8 @@ class GearModel:
         rotors:    N tau_phi = t(T) + rotor qdd + rotor_bias        (t: the mesh law)
 
     so that the directions of power enter in t alone. M is H_l, plus what a rotor's spin asks of
-    its housing where the robot couples the two. Hooks of effects are called where one overrides
-    them; structural effects are folded into the robot already.
+    its housing where the robot couples the two. Effects that no table holds are asked by their
+    hooks; structural effects are folded into the robot already.
 
     Attributes:
         memory: the GEARS.
@@ -66,13 +66,12 @@ class GearModel:
         bounded = np.isfinite(gears.torque_limit) & (limit is not None)
         self.limited: IntArray = np.flatnonzero(bounded)
         self._table, self._effects = effect_table(robot), left_for_hooks(robot)
-        self._smooth, self._dry = self._by("joint_torque"), self._by("joint_friction")
-        self._rotor, self._efficient = self._by("rotor_torque"), self._by("gear_efficiencies")
-        self._drive, self._truth = self._by("drive_inverse")[::-1], self._by("true")[::-1]
-        self._drives_act, self._gears_act = self._table.act_on_drives, self._table.act_on_gears
-        self.differs = bool(self._rotor or self._drive)
-        self._acts = bool(self._gears_act or self._smooth or self._dry or self._efficient)
-        self._varies = limit is not None and (limit.knee is not None or bool(self._rotor))
+        asked = frozenset[str]().union(*[effect.acts_by for effect in self._effects])
+        self.differs = bool(asked & {"rotor_torque", "drive_inverse"})
+        self._pushed = bool(asked & {"joint_torque", "joint_friction", "rotor_torque"})
+        self._asks_gears = "gear_efficiencies" in asked
+        self._gears_act = self._asks_gears or self._table.act_on_gears
+        self._varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._contacts: object = None
         from_joints, own = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
         own[:, robot.actuated] = gears.reflected_inertia[:, None] * from_joints
@@ -104,15 +103,11 @@ class GearModel:
         )
         self._take_efficiencies(gears.forward_efficiency, gears.backward_efficiency)
         if limit is not None:
-            self._take_limits(*limit.bounds(robot, np.zeros(gears.size)), None)
-
-    def _by(self, hook: Hook) -> Sequence[Effect]:
-        """Return the effects that override a hook."""
-        return tuple(effect for effect in self._effects if hook in effect.acts_by)
+            self._take_limits(*limit.bounds(robot, np.zeros(gears.size)))
 
     def true_motion(self, motion: Motion) -> Motion:
         """Return the motion behind what the encoders report."""
-        for effect in self._truth:
+        for effect in reversed(self._effects):
             motion = effect.true(self.robot, motion)
         return motion
 
@@ -123,27 +118,35 @@ class GearModel:
             motion: the state; the kinematics stand at it where `coupled`.
             contacts: the active contacts, to be told from those of the last tick.
         """
-        if self._acts:
-            self._ask_effects(motion)
+        memory, added = self.memory, None
+        if self._pushed or self.coupled:
+            memory.effects[:], memory.rubbing[:], added = self._exerted(motion)
+        if self._gears_act:
+            self._take_efficiencies(*self._efficiencies(motion))
         if self._varies and self._limit is not None:
             low, high = self._limit.bounds(self.robot, self._ratio * self.speed(motion.velocity))
-            self._take_limits(low, high, self._on_rotors(motion))
+            self._take_limits(low, high, added)
         if self.coupled:
-            self._couple(motion)
+            self._couple()
         if self.learns and contacts != self._contacts:
             self.interrupt()
 
-    def _ask_effects(self, motion: Motion) -> None:
-        """Write the torques of hooks on the coordinates, and the efficiencies of gears."""
-        self.memory.effects[:] = self.memory.rubbing[:] = 0.0
-        self._ask_hooks(motion, self.memory.effects, self.memory.rubbing)
-        if self._gears_act:
-            gears, now = self.robot.transmission, np.empty((2, self.size))
-            given = gears.forward_efficiency, gears.backward_efficiency
-            fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
-            self._take_efficiencies(*now)
-        if self._efficient:
-            self._take_efficiencies(*self.robot.gear_efficiencies(motion))
+    def _exerted(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what hooks say: torque, level of dry friction (nv,), torque on rotors (m,)."""
+        (smooth, dry), added = np.zeros((2, len(self.memory.bias))), np.zeros(self.size)
+        for effect in self._effects:
+            add_torques(self.robot, effect, motion, (smooth, dry, added))
+        return smooth, dry, added
+
+    def _efficiencies(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Return eta_f and eta_b (m,) at a motion."""
+        if self._asks_gears:
+            return self.robot.gear_efficiencies(motion)
+        gears, (forward, backward) = self.robot.transmission, np.empty((2, self.size))
+        given = gears.forward_efficiency, gears.backward_efficiency
+        speed = self.speed(motion.velocity)
+        fill_efficiencies(self._table.gears, speed, *given, forward, backward)
+        return forward, backward
 
     def _take_efficiencies(self, forward: FloatArray, backward: FloatArray) -> None:
         """Write the slopes of the mesh law t(T) from efficiencies (m,).
@@ -164,48 +167,29 @@ class GearModel:
         free = self._settings.rest_margin * (high - low)
         memory.rest[:] = np.clip(preferred, low + free, high - free)
 
-    def on_joints(self, motion: Motion, smooth: FloatArray, dry: FloatArray) -> None:
-        """Write the torque of effects on the coordinates, and the level of their dry friction."""
+    def on_joints(self, motion: Motion) -> FloatArray:
+        """Return the torque of effects on the coordinates (nv,), dry friction left out."""
         state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
+        smooth, dry = np.empty((2, len(self.memory.bias)))
         fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
-        self._ask_hooks(motion, smooth, dry)
+        return np.asarray(smooth + self._exerted(motion)[0])
 
-    def _ask_hooks(self, motion: Motion, smooth: FloatArray, dry: FloatArray) -> None:
-        """Add what the hooks of effects say to torques and levels of dry friction (nv,)."""
-        for effect in self._smooth:
-            torque = effect.joint_torque(self.robot, motion)
-            if torque is not None:
-                smooth += torque
-        for effect in self._dry:
-            level = effect.joint_friction(self.robot, motion)
-            if level is not None:
-                dry += level
-
-    def _on_rotors(self, motion: Motion) -> FloatArray | None:
-        """Return the torque that effects add on the rotors (m,), None without such effects."""
-        total: FloatArray | None = None
-        for effect in self._rotor:
-            torque = effect.rotor_torque(self.robot, motion)
-            if torque is not None:
-                total = torque if total is None else total + torque
-        return total
-
-    def _take_limits(self, low: FloatArray, high: FloatArray, more: FloatArray | None) -> None:
+    def _take_limits(
+        self, low: FloatArray, high: FloatArray, more: FloatArray | None = None
+    ) -> None:
         """Take the least and greatest torque of the drives (m,) [N m], and what is added to it."""
         added = self._table.drives[:, 2] if more is None else self._table.drives[:, 2] + more
         one, other = self._ratio * (low + added), self._ratio * (high + added)
         np.minimum(one, other, out=self.memory.lower)
         np.maximum(one, other, out=self.memory.upper)
 
-    def _couple(self, motion: Motion) -> None:
+    def _couple(self) -> None:
         """Write what rotors and their housings ask of one another."""
         kinematics, memory = self._kinematics, self.memory
         coupling = rotor_coupling(self.robot, kinematics.velocity, kinematics.data)
         np.add(kinematics.mass_matrix, coupling.inertia.T @ self._turns, out=memory.mass)
         np.add(self._rotor_own, self._ratio[:, None] * coupling.inertia, out=memory.rotor)
         np.multiply(self._ratio, coupling.rotor_bias, out=memory.rotor_added)
-        if not self._acts:
-            memory.effects[:] = 0.0
         memory.effects[:] -= coupling.link_bias
 
     def remember(self, velocity: FloatArray, contacts: object) -> None:
@@ -229,13 +213,9 @@ class GearModel:
     def to_drive(self, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the drive command (m,) that puts N tau_phi = `torque` on the rotors."""
         rotor = torque * self.memory.inverse_ratio
-        added = self._on_rotors(motion)
-        if added is not None:
-            rotor = rotor - added
-        if self._drives_act:
-            command = np.empty(self.size)
-            fill_commands(self._table.drives, rotor, command)
-            rotor = command
-        for effect in self._drive:
+        if self.differs:
+            rotor -= self._exerted(motion)[2]
+        fill_commands(self._table.drives, rotor, rotor)
+        for effect in reversed(self._effects):
             rotor = effect.drive_inverse(self.robot, motion, rotor)
         return np.asarray(rotor)

@@ -184,10 +184,9 @@ class Fallback:
         rest = np.zeros(robot.model.nv)
         if tuple(names) not in self._sets:
             self._sets[tuple(names)] = ContactSet(self._contacts, kinematics.model)
-        rows, pushing = self._sets[tuple(names)], np.zeros(robot.model.nv)
+        rows, pushing = self._sets[tuple(names)], self._motors.on_joints(Motion(position, rest))
         kinematics.update(position, rest)
         rows.fill(kinematics)
-        self._motors.on_joints(Motion(position, rest), pushing, np.empty(len(rest)))
         least, moved = dt / _SHARE, motion is not None and self._policy.rate > 0.0
         times = max(1.0 / self._policy.rate - least, 0.0) if moved else 0.0, least
         velocity = motion.velocity if motion is not None and moved else rest

@@ -76,11 +76,6 @@ class EffectTable(NamedTuple):
     gears: FloatArray
 
     @property
-    def act_on_drives(self) -> bool:
-        """Whether a drive gives anything but what it is asked for."""
-        return bool(np.any(self.drives != _PERFECT))
-
-    @property
     def act_on_gears(self) -> bool:
         """Whether the efficiencies of any gear depend on its speed."""
         return bool(np.any(self.gears[:, COEFFICIENT]))
