@@ -16,7 +16,7 @@ from wbc.control import (
     RotorTorqueLimit,
     Status,
 )
-from wbc.control.rows.limits import viable
+from wbc.control.rows.motion_rows import viable
 from wbc.effects import load_robot
 from wbc.robot import Motion
 from wbc.sim import Plane, Plant

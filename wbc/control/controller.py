@@ -76,23 +76,21 @@ class Controller(Ticker):
         self.settings = settings = ControllerSettings() if settings is None else settings
         names = _distinct("task", [task.name for task in self.tasks])
         _distinct("contact", [contact.name for contact in contacts])
-        limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
+        limits = (RotorTorqueLimit(), JointLimit.of(robot)) if limits is None else limits
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         bound = tuple(self._contacts.values())
         kinematics = Kinematics(robot, [f for contact in bound for f in contact.frames])
         drivetrain = GearModel(robot, kinematics, settings, _single(RotorTorqueLimit, limits))
         efforts = [task for task in self.tasks if isinstance(task, Effort)]
         weights = [effort.weights(robot) for effort in efforts]
-        stops, apart = _single(JointLimit, limits), _single(CollisionLimit, limits)
-        joint_limit = JointLimit() if stops is None else stops
-        if stops is not None and not stops.joints:
-            joint_limit = JointLimit.of(robot)
+        apart = _single(CollisionLimit, limits)
+        stops = _single(JointLimit, limits) or JointLimit.of(robot, ())
         self._parts = Recipe(
             robot=robot,
             drivetrain=drivetrain,
             kinematics=kinematics,
-            joint_limit=joint_limit,
-            joints=joint_limit.structure(robot.model.nv),
+            joint_limit=stops,
+            joints=stops.structure(robot.model.nv),
             collision=None if apart is None else CollisionRows(apart, kinematics.model),
             settings=settings,
             efforts=np.array(weights).reshape(-1, drivetrain.size),

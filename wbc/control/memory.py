@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from wbc.compiled import Count, Dense, OutDense, OutPlaces, OutRow, Places, Row, Table
 from wbc.control.qp.active_set import SolverMemory
+from wbc.control.rows.limits import JointsMemory
 from wbc.control.tree import RowsMemory, TreeMemory
 from wbc.structures import Structure, numbered
 
@@ -39,26 +40,6 @@ CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=OutRow, co
 corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.
 """
 ContactsMemory = Annotated[Any, CONTACTS.kind]
-
-JOINTS = Structure(
-    "Joints",
-    rows=Places,
-    position_rows=Places,
-    lower=Row,
-    upper=Row,
-    speed=Row,
-    acceleration=Row,
-    torque=Row,
-    reflected=Row,
-    load=OutRow,
-)
-"""Limits of joints (k,): where they stand in v and q, stops, greatest speed and acceleration.
-
-What motors do about it: `torque` (k,) [N m] holds a joint back at most, infinite where nothing is
-known to limit it, `reflected` (k,) is the inertia of the rotors then; `load` (nv,) is the torque on
-the coordinates less M qdd of the last tick, NaN where there was none, (0,) where nobody asks.
-"""
-JointsMemory = Annotated[Any, JOINTS.kind]
 
 GEARS = Structure(
     "Gears",

@@ -34,10 +34,14 @@ from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.level import Level, Levels, Refusal, SolvedLevel
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
-from wbc.control.rows.balance import place_balance, rest_contacts
 from wbc.control.rows.gear_rows import place_loads, place_map, place_torques
-from wbc.control.rows.limits import place_joint_bounds
-from wbc.control.rows.task_rows import place_tasks, want
+from wbc.control.rows.motion_rows import (
+    place_balance,
+    place_joint_bounds,
+    place_tasks,
+    rest_contacts,
+    want,
+)
 from wbc.control.settings import ControllerSettings
 from wbc.control.tree import move_joints
 from wbc.mechanics.linear import copy_to

@@ -62,24 +62,37 @@ def place_loads(program: ProgramMemory) -> None:
 
 
 @inner
+def add_force(program: ProgramMemory, coordinate: int, share: float, row: OutRow) -> float:
+    """Add a share of a coordinate of M qdd - scale J' f to a row (n,); return that of its bias."""
+    gears, jacobian = program.gears, program.contacts.rows.jacobian
+    nv, scale = len(gears.bias), program.numbers[NUMBER.scale]
+    add_times(share, gears.mass[coordinate], row)
+    for k in range(len(jacobian)):
+        row[nv + k] -= scale * share * jacobian[k, coordinate]
+    return float(share * gears.bias[coordinate])
+
+
+@inner
 def place_map(program: ProgramMemory) -> None:
     """Write T = D' (M qdd + bias - scale J' f)_driven as a map (m, n) and a constant part (m,)."""
-    gears, jacobian, torque_map = program.gears, program.contacts.rows.jacobian, program.map
-    mass, bias, driven, topology = gears.mass, gears.bias, gears.driven, gears.topology
-    output_bias, nv, m = program.output_bias, len(bias), len(driven)
-    scale = program.numbers[NUMBER.scale]
-    for gear in range(m):
-        output_bias[gear] = 0.0
-        torque_map[gear, :] = 0.0
-        for i in range(m):
-            share = topology[i, gear]
-            if share == 0.0:
-                continue
-            row = driven[i]
-            output_bias[gear] += share * bias[row]
-            add_times(share, mass[row], torque_map[gear])
-            for k in range(len(jacobian)):
-                torque_map[gear, nv + k] -= scale * share * jacobian[k, row]
+    topology, driven = program.gears.topology, program.gears.driven
+    for gear in range(len(driven)):
+        program.output_bias[gear], program.map[gear] = 0.0, 0.0
+        for i in range(len(driven)):
+            share, row = topology[i, gear], program.map[gear]
+            if share != 0.0:
+                program.output_bias[gear] += add_force(program, driven[i], share, row)
+
+
+@inner
+def place_drive(
+    program: ProgramMemory, gear: int, slope: float, rotor: float, row: OutRow
+) -> float:
+    """Write slope T + rotor (what the rotor takes) as a row (n,); return its constant part."""
+    row[:] = 0.0
+    add_times(slope, program.map[gear], row)
+    add_times(rotor, program.gears.rotor[gear], row)
+    return float(slope * program.output_bias[gear] + rotor * program.gears.rotor_bias[gear])
 
 
 @inner
@@ -112,10 +125,7 @@ def place_torque_limits(program: ProgramMemory, choice: Places) -> None:
         steeper = slopes[1, gear] - slopes[0, gear]
         for side in range(2):
             row, slope = i + side * count, slopes[side, gear]
-            C[row] = 0.0
-            add_times(slope, program.map[gear], C[row])
-            add_times(1.0, gears.rotor[gear], C[row])
-            offset = slope * program.output_bias[gear] + gears.rotor_bias[gear]
+            offset = place_drive(program, gear, slope, 1.0, C[row])
             both = choice[gear] == 2 * side - 1 if steeper != 0.0 else side == 0
             has_low, has_high = both or steeper < 0.0, both or steeper > 0.0
             lower[row] = gears.lower[gear] - offset if has_low else -INFINITE
@@ -139,12 +149,8 @@ def place_efforts(program: ProgramMemory, positive: Places) -> None:
                 weight *= rate / max(abs(program.output[i]), least)
             root = sqrt(weight)
             slope = root * (e if rotor > 0.0 else 1.0)
-            solver.rows[row] = 0.0
-            add_times(slope, program.map[i], solver.rows[row])
-            add_times(rotor * root, gears.rotor[i], solver.rows[row])
-            right = slope * program.output_bias[i] + rotor * root * gears.rotor_bias[i]
-            solver.right[row], solver.softness[row] = -right, 1.0
-            row += 1
+            right = -place_drive(program, i, slope, rotor * root, solver.rows[row])
+            solver.right[row], solver.softness[row], row = right, 1.0, row + 1
 
 
 @compiled(counted=False)

@@ -3,60 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from math import isfinite, sqrt
-from typing import Any, final
+from dataclasses import dataclass
+from typing import Annotated, Any, final, get_type_hints
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray, frozen, require_ranges
-from wbc.compiled import compiled
-from wbc.control.memory import JOINTS, ProgramMemory
+from wbc.arrays import FloatArray, frozen, require_ranges
+from wbc.compiled import OutRow, Places, Row
 from wbc.errors import ControlError
 from wbc.robot import Robot
+from wbc.structures import Structure
 
-_MOST = 1e9
-"""[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
-_LEAST = 1.0  # [rad/s^2] deceleration to count on where the load leaves none
 _SHARE = 0.8  # of a motor's torque limit that braking counts on; the load changes until it rests
 _ENDLESS = 1e8  # [rad, rad/s] stated in place of none
-
-
-@compiled
-def viable(distance: float, speed: float, braking: float, dt: float) -> float:
-    """Return the acceleration towards a stop after which a joint can still stop before it.
-
-    The larger root a of (v + h a)^2 = 2 b (d - h v - h^2 a/2); braking in full where none is left.
-    """
-    if distance == np.inf:
-        return np.inf
-    reach = braking * dt
-    root = reach * reach + 8.0 * braking * distance - 4.0 * reach * speed
-    if root < 0.0:
-        return -braking
-    return (sqrt(root) - 2.0 * speed - reach) / (2.0 * dt)
-
-
-@compiled
-def place_joint_bounds(program: ProgramMemory) -> None:
-    """Write the least and greatest acceleration of joints, see `JointLimit`."""
-    joints, gears, dt = program.joints, program.gears, program.step[0]
-    bias, mass, position, velocity = gears.bias, gears.mass, program.position, program.velocity
-    least, greatest, first = program.stated_lower, program.stated_upper, program.joint
-    for k in range(len(joints.rows)):
-        row, most, room = joints.rows[k], joints.acceleration[k], joints.torque[k]
-        q, v = position[joints.position_rows[k]], velocity[row]
-        high = low = min(most, _MOST)
-        if isfinite(room):
-            load = joints.load[row] if isfinite(joints.load[row]) else bias[row]
-            whole = mass[row, row] + joints.reflected[k]
-            high = min(high, max((room + load) / whole, _LEAST))
-            low = min(low, max((room - load) / whole, _LEAST))
-        rise = viable(joints.upper[k] - q, v, high, dt)
-        fall = viable(q - joints.lower[k], -v, low, dt)
-        highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
-        lowest = max(min(-min((joints.speed[k] + v) / dt, fall), low), -most)
-        least[first + k], greatest[first + k] = min(lowest, highest), max(lowest, highest)
 
 
 @final
@@ -133,9 +92,6 @@ class JointLimit:
     Where motors share joints (T = D' tau), a torque on one joint alone is what the weakest of its
     motors holds, and the rotors of all of them have to stop.
 
-    `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has, and is what
-    a controller has by default.
-
     Attributes:
         joints: names, in the order of the arrays.
         rows: velocity rows (k,) of the joints.
@@ -147,15 +103,15 @@ class JointLimit:
         reflected: (k,) inertia of the rotors then.
     """
 
-    joints: tuple[str, ...] = ()
-    rows: IntArray = field(default_factory=lambda: frozen([], np.int_))
-    position_rows: IntArray = field(default_factory=lambda: frozen([], np.int_))
-    lower: FloatArray = field(default_factory=lambda: frozen([]))
-    upper: FloatArray = field(default_factory=lambda: frozen([]))
-    speed: FloatArray = field(default_factory=lambda: frozen([]))
-    acceleration: FloatArray = field(default_factory=lambda: frozen([]))
-    torque: FloatArray = field(default_factory=lambda: frozen([]))
-    reflected: FloatArray = field(default_factory=lambda: frozen([]))
+    joints: tuple[str, ...]
+    rows: Places
+    position_rows: Places
+    lower: Row
+    upper: Row
+    speed: Row
+    acceleration: Row
+    torque: Row
+    reflected: Row
 
     @classmethod
     def of(
@@ -213,8 +169,16 @@ class JointLimit:
     def structure(self, nv: int) -> Any:
         """Return JOINTS with a memory of the load that no other controller has."""
         load = np.full(nv if np.isfinite(self.torque).any() else 0, np.nan)
-        arrays = {part.name: getattr(self, part.name) for part in fields(self)[1:]}
-        return JOINTS.of(load=load, **arrays)
+        return JOINTS.of(load=load, **vars(self))
+
+
+_ARRAYS = get_type_hints(JointLimit, include_extras=True)
+JOINTS = Structure("Joints", load=OutRow, **{name: _ARRAYS[name] for name in [*_ARRAYS][1:]})
+"""The arrays of a `JointLimit`, and of the last tick the torque on the coordinates less M qdd.
+
+`load` (nv,) is NaN where there was none, (0,) where nobody asks.
+"""
+JointsMemory = Annotated[Any, JOINTS.kind]
 
 
 def _braking(robot: Robot, joints: tuple[str, ...], braking: float | None) -> dict[str, FloatArray]:

@@ -1,14 +1,15 @@
-"""Rows of tasks in a tick, compiled: what is wanted of the accelerations."""
+"""Rows about accelerations in a tick, compiled: contacts, tasks, bounds of joints, balance."""
 
 from __future__ import annotations
 
-from math import sqrt
+from math import isfinite, sqrt
 
 import numpy as np
 
 from wbc.compiled import compiled, inner
 from wbc.control.memory import COUNT, NUMBER, ProgramMemory
 from wbc.control.qp.active_set import place_row
+from wbc.control.rows.gear_rows import add_force
 from wbc.control.rows.point_foot import balancing
 from wbc.control.tree import (
     BALANCE,
@@ -19,6 +20,9 @@ from wbc.control.tree import (
 from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import add_times, dot
 
+_MOST = 1e9
+"""[rad/s^2] that brakes without a limit are taken to give: within a tick whatever is needed."""
+_LEAST = 1.0  # [rad/s^2] deceleration to count on where the load leaves none
 INSIDE = 0.1
 """Share of the way from an edge to the middle that a centre of mass at rest keeps from the edge."""
 SWEEPS = 4
@@ -79,6 +83,16 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
                     wanted[row + 1] -= beyond * ny
         if kept:
             return
+
+
+@inner
+def rest_contacts(program: ProgramMemory) -> None:
+    """Write J of the contacts, and what brings them to rest: J qdd = -damping J v - dJ/dt v."""
+    contacts, velocity = program.contacts, program.velocity
+    fill_state_rows(program.tree, contacts.rows, program.numbers[NUMBER.mass])
+    jacobian, drift = contacts.rows.jacobian, contacts.rows.drift
+    for i in range(len(drift)):
+        contacts.target[i] = -contacts.damping[i] * dot(jacobian[i], velocity) - drift[i]
 
 
 @inner
@@ -144,4 +158,60 @@ def place_tasks(program: ProgramMemory) -> float:
         solver.pull[j] = tasks.pull[j]
         total += abs(tasks.pull[j])
     program.counts[COUNT.cost] = count + len(program.efforts) * len(program.map)
+    return total
+
+
+@compiled
+def viable(distance: float, speed: float, braking: float, dt: float) -> float:
+    """Return the acceleration towards a stop after which a joint can still stop before it.
+
+    The larger root a of (v + h a)^2 = 2 b (d - h v - h^2 a/2); braking in full where none is left.
+    """
+    if distance == np.inf:
+        return np.inf
+    reach = braking * dt
+    root = reach * reach + 8.0 * braking * distance - 4.0 * reach * speed
+    if root < 0.0:
+        return -braking
+    return (sqrt(root) - 2.0 * speed - reach) / (2.0 * dt)
+
+
+@compiled
+def place_joint_bounds(program: ProgramMemory) -> None:
+    """Write the least and greatest acceleration of joints, see `JointLimit`."""
+    joints, gears, dt = program.joints, program.gears, program.step[0]
+    bias, mass, position, velocity = gears.bias, gears.mass, program.position, program.velocity
+    least, greatest, first = program.stated_lower, program.stated_upper, program.joint
+    for k in range(len(joints.rows)):
+        row, most, room = joints.rows[k], joints.acceleration[k], joints.torque[k]
+        q, v = position[joints.position_rows[k]], velocity[row]
+        high = low = min(most, _MOST)
+        if isfinite(room):
+            load = joints.load[row] if isfinite(joints.load[row]) else bias[row]
+            whole = mass[row, row] + joints.reflected[k]
+            high = min(high, max((room + load) / whole, _LEAST))
+            low = min(low, max((room - load) / whole, _LEAST))
+        rise = viable(joints.upper[k] - q, v, high, dt)
+        fall = viable(q - joints.lower[k], -v, low, dt)
+        highest = min(max(min((joints.speed[k] - v) / dt, rise), -high), most)
+        lowest = max(min(-min((joints.speed[k] + v) / dt, fall), low), -most)
+        least[first + k], greatest[first + k] = min(lowest, highest), max(lowest, highest)
+
+
+@inner
+def place_balance(program: ProgramMemory) -> float:
+    """Write (M qdd - scale J' f)_undriven = -bias_undriven, and the rows of contacts below.
+
+    Returns:
+        the sum of the sizes of what stands on the right.
+    """
+    solver, at, total = program.solver, program.counts[COUNT.cost], 0.0
+    jacobian, target = program.contacts.rows.jacobian, program.contacts.target
+    for row in program.undriven:
+        solver.rows[at], solver.softness[at] = 0.0, 0.0
+        solver.right[at] = -add_force(program, row, 1.0, solver.rows[at])
+        at, total = at + 1, total + abs(solver.right[at])
+    for k in range(len(jacobian)):
+        place_row(solver, at + k, jacobian[k], target[k], 0.0)
+        total += abs(target[k])
     return total
