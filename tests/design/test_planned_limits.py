@@ -211,7 +211,6 @@ def test_no_link_meets_another_along_a_designed_motion(tmp_path: Path) -> None:
     q = found.path.at(fine)[0]
     near = distance_to_wall(robot, q)
     assert near > 0.015  # 20 mm at the samples of the search, a little less between them
-    assert limits.clearance.least(q[::40]) >= near - 1e-9
     assert found.worst > 0.0
 
 
@@ -223,7 +222,7 @@ def test_a_row_touches_whatever_stands_in_the_rows_before_it() -> None:
     phase = random.uniform(0.0, 6.0, (len(center), 3))
     beats = 0.6 * np.pi * np.arange(1, 4)
     rows = center + 0.4 * np.sin(time[:, None, None] * beats + phase).sum(axis=2)
-    apart = np.array([found.least(row[None]) >= found.margin for row in rows])
+    apart = np.array([found.keeps(row[None]) for row in rows])
     assert 50 < apart.sum() < 280
     free = rows[apart]
     assert found.keeps(free)

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.conftest import Told
+from tests.metrics.one_design import robot_at
 from wbc import design, load_robot
 from wbc.errors import DesignError, WbcError
 from wbc.metrics import sweep
@@ -70,7 +71,7 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
     assert table["design"].tolist() == list(range(24))
     assert len({tuple(table[p.column][i] for p in chosen.parameters) for i in range(24)}) == 24
     for i in (0, 7, 23):
-        robot, q = chosen.designs(i, i + 1).robot_at(0)
+        robot, q = robot_at(chosen.designs(i, i + 1), 0)
         knee, gears = table["forward_efficiency.knee"][i], robot.transmission
         assert gears.forward_efficiency.tolist() == [0.8, knee]  # the hip keeps its own
         assert gears.backward_efficiency == pytest.approx([0.75, 2.0 - 1.0 / knee])
@@ -200,7 +201,7 @@ def test_every_row_has_a_source_and_plausible_numbers() -> None:
 def test_a_gearbox_sets_what_it_knows_and_nothing_else() -> None:
     gears = LEG.transmission
     chosen = (
-        geared(name).designs(0, 1).robot_at(0)[0] for name in ("bilateral_drive", "sp100_mc_10")
+        robot_at(geared(name).designs(0, 1), 0)[0] for name in ("bilateral_drive", "sp100_mc_10")
     )
     drive, planetary = (robot.transmission for robot in chosen)
     np.testing.assert_array_equal(drive.gear_ratio, gears.gear_ratio)

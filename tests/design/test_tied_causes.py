@@ -149,7 +149,7 @@ def test_a_diagnosis_says_its_band_and_what_it_leaves_open(found: Diagnosis) -> 
     assert (older.band, older.covariances) == (BAND, (None, None))
 
 
-def test_rivals_are_the_ties_or_the_closest_or_the_alternatives() -> None:
+def test_rivals_are_the_ties_or_the_closest() -> None:
     given = diagnosis()
     found, rival = tied_causes(given, LEG)
     assert found == (CoulombFriction("hip", level=0.5),)
@@ -159,11 +159,8 @@ def test_rivals_are_the_ties_or_the_closest_or_the_alternatives() -> None:
     rows.append({**rows[0], "effects": [effect("torque_offset", "hip", offset=0.1)]})
     _, rival = tied_causes(diagnosis(ranking=rows), LEG)
     assert rival[0].name == "viscous_friction"
-    # Without fitted rivals the alternatives have typical sizes.
-    own = {**given["effects"][0], "alternatives": [{"effect": "viscous_friction", "where": "hip"}]}
-    _, rival = tied_causes(diagnosis(effects=[own], ranking=[]), LEG)
-    (parameter,) = effect_class("viscous_friction").parameters
-    assert rival[0].values == {"coefficient": parameter.scale}
+    with pytest.raises(DesignError, match="holds no rival"):
+        tied_causes(diagnosis(ranking=[]), LEG)
     soft = effect("joint_compliance", "knee", stiffness=900.0, damping=2.0)
     with pytest.raises(DesignError, match="soft or loose gear"):
         tied_causes(diagnosis(ranking=[{**row, "effects": [soft]}]), LEG)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.metrics.one_design import robot_at
 from tests.sim.random_robots import geared
 from wbc import Robot, load_robot, metrics
 from wbc.errors import DynamicsError, TransmissionError
@@ -41,7 +42,7 @@ def test_many_designs_are_the_metrics_of_each(name: str, coupled: bool) -> None:
     n = np.arange(1.0, 1.0 + len(axes))
     found = metrics.design_metrics(designs, contact, n, axes, load=30.0)
     for i in range(designs.size):
-        one, q = designs.robot_at(i)
+        one, q = robot_at(designs, i)
         task = metrics.contact_task(one, q, contact, axes)
         unit = task.direction(n)
         free, driven = (unit @ task.mobility(mode)[0] @ unit for mode in (0.0, -1.0))
@@ -81,7 +82,7 @@ def test_a_stretched_leg_carries_as_statics_say() -> None:
     designs = metrics.Designs.of(LEG, LEG.pose("paper"), lengths=given)
     found = metrics.design_metrics(designs, "foot", [0, 1], "xz")
     np.testing.assert_allclose(found.conventional, 20.0 / (lengths * np.sin(np.pi / 6)))
-    reach = metrics.force_capability(*designs.robot_at(2), "foot", "xz")
+    reach = metrics.force_capability(*robot_at(designs, 2), "foot", "xz")
     assert reach.along([0, 1]).conventional == pytest.approx(50.0)
 
 

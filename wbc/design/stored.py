@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,9 +19,6 @@ from wbc.progress import Watch
 
 _BLOCK = 1024
 _CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results
-
-Chunk = tuple[int, int]
-"""First design, and the one after the last."""
 
 
 @dataclass(frozen=True)
@@ -126,28 +122,23 @@ def run_study(
     """
     study.designs(0, 1)  # wrong values show before anything is written
     pa, pq = _pyarrow()
-    chunks = [(start, min(start + chunk, study.size)) for start in range(0, study.size, chunk)]
+    chunks = [range(study.size)[start : start + chunk] for start in range(0, study.size, chunk)]
     schema = pa.schema(
         pa.field(name, pa.float64(), metadata={"unit": unit})
         for name, unit in describe_columns(study).items()
     )
 
     def write(file: BinaryIO) -> None:
-        results = run_jobs(partial(evaluate_chunk, study), chunks, workers)
+        results = run_jobs(study.evaluate, chunks, workers)
         with pq.ParquetWriter(file, schema) as writer:
-            for (_, done), columns in zip(chunks, results, strict=True):
+            for rows, columns in zip(chunks, results, strict=True):
                 writer.write_table(pa.table(columns, schema=schema))
                 if watch:
-                    watch(done, study.size)
+                    watch(rows.stop, study.size)
 
     if watch:
         watch(0, study.size)
     return atomic_write(path, write)
-
-
-def evaluate_chunk(study: Study, chunk: Chunk) -> dict[str, FloatArray]:
-    """Return the part of the table of one chunk; what a worker runs."""
-    return study.evaluate(*chunk)
 
 
 def read_designs(path: str | Path) -> dict[str, FloatArray]:

@@ -272,12 +272,12 @@ class Study:
             "backward_efficiency": told("backward_efficiency"),
         }
 
-    def evaluate(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Return the table of designs `start` to before `stop` by column."""
-        designs = self.designs(start, stop)
-        table = {"design": np.arange(start, stop, dtype=np.float64), **self.values(start, stop)}
-        found = design_metrics(designs, self.contact, self.direction, self.axes, self.load)
-        return table | found.columns()
+    def evaluate(self, rows: range) -> dict[str, FloatArray]:
+        """Return the table of some designs by column."""
+        ends = rows.start, rows.stop
+        table = {"design": np.array(rows, dtype=np.float64), **self.values(*ends)}
+        where = self.contact, self.direction, self.axes, self.load
+        return table | vars(design_metrics(self.designs(*ends), *where))
 
 
 def describe_columns(study: Study) -> dict[str, str]:

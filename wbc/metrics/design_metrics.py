@@ -61,10 +61,6 @@ class DesignMetrics:
     holding_torque_lossless: FloatArray
     heat_saved: FloatArray
 
-    def columns(self) -> dict[str, FloatArray]:
-        """Return the metrics by name, for a table."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
 
 def design_metrics(
     designs: Designs,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -106,19 +106,6 @@ class Designs:
             cut(self.mass_scale),
         )
 
-    def robot_at(self, index: int) -> tuple[Robot, FloatArray]:
-        """Return one design as a robot of its own and its pose q (nq,)."""
-
-        def pick(values: FloatArray) -> FloatArray:
-            return np.asarray(values[0 if len(values) == 1 else index])
-
-        fields = {name: pick(values) for name, values in self.gears.items()}
-        robot = self.robot.with_transmission(self.robot.transmission.replace(**fields))
-        lengths, masses = pick(self.length_scale), pick(self.mass_scale)
-        if np.any(lengths != 1.0) or np.any(masses != 1.0):
-            robot = stretched(robot, lengths, masses)
-        return robot, np.array(pick(self.position))
-
 
 def link_length(robot: Robot, body: str) -> float:
     """Return the length [m] of a link: from its joint to the furthest joint or contact on it.
@@ -171,27 +158,6 @@ class Stretching:
             body.inertia = share * scale**2 * inertia
             for place, drawn in self._places[joint]:
                 place.translation = scale * drawn
-
-
-def stretched(robot: Robot, length_scale: FloatArray, mass_scale: FloatArray) -> Robot:
-    """Return the robot with scaled links; see `Designs` for what a scale means.
-
-    Args:
-        robot: the robot.
-        length_scale, mass_scale: (joints,), one per moving joint.
-    """
-    model = robot.model.copy()
-    Stretching(model, range(len(model.frames))).to(length_scale, mass_scale)
-    contacts = tuple(
-        replace(contact, offset=contact.offset * _scale_at(robot, contact.frame, length_scale))
-        for contact in robot.contacts
-    )
-    return replace(robot, model=model, contacts=contacts, source=None)
-
-
-def _scale_at(robot: Robot, frame: str, length_scale: FloatArray) -> float:
-    joint = robot.model.frames[robot.model.getFrameId(frame)].parentJoint
-    return float(length_scale[joint - 1]) if joint > 0 else 1.0
 
 
 def _gears(robot: Robot, gears: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from wbc.measurement import Log, save_log
 from wbc.robot import Motion, Robot
 from wbc.robot.body_contacts import collision_solids
 
+Course = tuple[FloatArray, FloatArray, FloatArray]
+"""Positions, velocities and accelerations of driven joints, each (N, m)."""
 _RAMP = 0.1  # share of the duration over which the window opens, and closes
 
 
@@ -45,7 +48,7 @@ class FourierPath:
         if not (self.frequency > 0.0 and self.duration > 0.0):
             raise DesignError("frequency and duration of a path must be > 0.")
 
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def at(self, time: FloatArray) -> Course:
         """Return positions, velocities and accelerations (N, m) at times (N,) [s]."""
         order = 2.0 * np.pi * self.frequency * np.arange(1, self.sine.shape[1] + 1)
         angle = time[:, None] * order
@@ -60,9 +63,7 @@ class FourierPath:
     def scaled(self, share: float | FloatArray) -> FourierPath:
         """Return the path with all amplitudes multiplied by `share`, one or one per joint (m,)."""
         rows = np.broadcast_to(share, self.center.shape)[:, None]
-        return FourierPath(
-            self.center, rows * self.sine, rows * self.cosine, self.frequency, self.duration
-        )
+        return replace(self, sine=rows * self.sine, cosine=rows * self.cosine)
 
     def times(self, rate: float) -> FloatArray:
         """Return the times (N,) [s] of samples at `rate` [Hz], both ends included."""
@@ -96,70 +97,62 @@ def write_set_points(name: str | Path, robot: Robot, path: FourierPath, rate: fl
     return save_log(Log(time, columns), name)
 
 
-MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
+_MARGIN = 0.02  # [m] that links keep, as `CollisionLimit` does
 
 
 @dataclass(frozen=True, eq=False)
 class LinkDistances:
-    """Pairs of links that must keep a distance.
+    """Pairs of links that must keep a distance of 20 mm.
 
-    Links that a joint joins, and those that are nearer than the margin in the pose about which
-    the robot moves, are no pairs: they touch by design.
+    Links that a joint joins, and those that are nearer in the pose about which the robot moves,
+    are no pairs: they touch by design.
 
     Attributes:
         robot: whose links they are.
         solids: with their pairs.
-        margin: [m] that is kept between the solids of a pair.
     """
 
     robot: Robot
     solids: pin.GeometryModel
-    margin: float
 
     @classmethod
-    def of(cls, robot: Robot, center: FloatArray, margin: float = MARGIN) -> LinkDistances | None:
+    def of(cls, robot: Robot, center: FloatArray) -> LinkDistances | None:
         """Return the clearance of a robot, None where its model file holds no pair of solids.
 
         Args:
             robot: with collision geometry in its URDF or MJCF file.
             center: (m,) of the driven joints, about which it moves.
-            margin: [m].
         """
         solids, parents = collision_solids(robot), robot.model.parents
-        for i, one in enumerate(solids.geometryObjects):
-            for k in range(i + 1, len(solids.geometryObjects)):
-                a, b = one.parentJoint, solids.geometryObjects[k].parentJoint
-                if a != b and parents[a] != b and parents[b] != a:
-                    solids.addCollisionPair(pin.CollisionPair(i, k))
-        found = cls(robot, solids, margin)
-        near = found._distances(center) < margin
-        for pair in [pair for pair, touch in zip(_pairs(solids), near, strict=True) if touch]:
-            solids.removeCollisionPair(pair)
+        joints = [one.parentJoint for one in solids.geometryObjects]
+        pairs = [
+            pin.CollisionPair(i, k)
+            for (i, a), (k, b) in combinations(enumerate(joints), 2)
+            if a != b and parents[a] != b and parents[b] != a
+        ]
+        for pair in pairs:
+            solids.addCollisionPair(pair)
+        found = cls(robot, solids)
+        (position,) = _whole(robot, center[None])
+        for pair, touch in zip(pairs, found._touching(position, first=False), strict=True):
+            if touch:
+                solids.removeCollisionPair(pair)
         return found if len(solids.collisionPairs) else None
 
     def keeps(self, positions: FloatArray) -> bool:
         """Whether all pairs stay apart at driven positions (N, m); a free base is held."""
-        return not any(map(self._touch, _whole(self.robot, positions)))
+        rows = _whole(self.robot, positions)
+        return not any(any(self._touching(row, first=True)) for row in rows)
 
-    def _touch(self, position: FloatArray) -> bool:
+    def _touching(self, position: FloatArray, first: bool) -> list[bool]:
+        """Return which pairs are too near at q (nq,); only the first of them is looked for."""
         # Fresh data for every row: with those of the row before, coal 3.0.3 starts from its old
         # guess and misses touching links (5 of 300 rows of Solo12, distances wrong by 0.3 m).
         model, near = self.robot.model, self.solids.createData()
         for request in near.collisionRequests:
-            request.security_margin = self.margin
-        return bool(
-            pin.computeCollisions(model, model.createData(), self.solids, near, position, True)
-        )
-
-    def least(self, positions: FloatArray) -> float:
-        """Return the least distance [m] of any pair at driven positions (N, m)."""
-        return float(min(self._distances(row).min() for row in positions))
-
-    def _distances(self, position: FloatArray) -> FloatArray:
-        model, near = self.robot.model, self.solids.createData()
-        whole = _whole(self.robot, position[None])[0]
-        pin.computeDistances(model, model.createData(), self.solids, near, whole)
-        return np.array([one.min_distance for one in near.distanceResults], dtype=np.float64)
+            request.security_margin = _MARGIN
+        pin.computeCollisions(model, model.createData(), self.solids, near, position, first)
+        return [result.isCollision() for result in near.collisionResults]
 
 
 def _whole(robot: Robot, driven: FloatArray) -> FloatArray:
@@ -171,10 +164,6 @@ def _whole(robot: Robot, driven: FloatArray) -> FloatArray:
 
 def _usual(robot: Robot) -> FloatArray:
     return robot.pose() if robot.poses else robot.neutral()
-
-
-def _pairs(solids: pin.GeometryModel) -> list[pin.CollisionPair]:
-    return [pin.CollisionPair(pair.first, pair.second) for pair in solids.collisionPairs]
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,11 +242,7 @@ class MotionLimits:
             clearance=LinkDistances.of(robot, middle),
         )
 
-    def used(
-        self,
-        motion: tuple[FloatArray, FloatArray, FloatArray],
-        torque: FloatArray,
-    ) -> float:
+    def used(self, motion: Course, torque: FloatArray) -> float:
         """Return the largest share of a limit that a motion uses; above 1 it is broken.
 
         Args:
@@ -266,11 +251,7 @@ class MotionLimits:
         """
         return float(max(self.joint_shares(motion).max(), (np.abs(torque) / self.torque).max()))
 
-    def keeps_apart(self, positions: FloatArray) -> bool:
-        """Whether no links come too near one another at driven positions (N, m)."""
-        return self.clearance is None or self.clearance.keeps(positions)
-
-    def joint_shares(self, motion: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+    def joint_shares(self, motion: Course) -> FloatArray:
         """Return (m,) the largest share of position, speed or acceleration that each joint uses.
 
         Args:
@@ -315,6 +296,16 @@ class Site:
         velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
         return Motion(_whole(robot, q), velocity, acceleration, time)
 
+    def predicted(self, path: FourierPath, rate: float) -> tuple[Predictions, float]:
+        """Return what the rivals predict along a path, and the largest share of a limit it uses.
+
+        Args:
+            path: of the driven joints.
+            rate: of its samples [Hz].
+        """
+        found = self.rivals.predictions(self.motion(path, rate))
+        return found, self.limits.used(path.at(path.times(rate)), found.peak())
+
     def require_stillness(self) -> None:
         """Check that the motors hold the robot where motions start and end, whatever is true.
 
@@ -323,7 +314,7 @@ class Site:
         """
         nothing = np.zeros((len(self.limits.center), 1))
         still = FourierPath(self.limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
-        peak = self.rivals.predictions(self.motion(still, SEARCH_RATE)).peak()
+        peak = self.predicted(still, SEARCH_RATE)[0].peak()
         share = peak.max(axis=0) / self.limits.torque
         if share.max() >= ROOM:
             joint = self.rivals.robot.transmission.joints[int(share.argmax())]
@@ -341,21 +332,23 @@ class Site:
         used = self.limits.joint_shares(path.at(path.times(SEARCH_RATE)))
         return path.scaled(np.minimum(1.0, 0.97 * ROOM / np.maximum(used, 1e-300)))
 
-    def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions, float]:
+    def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions]:
         """Return the path made as large as the limits allow, and its predictions.
 
         Torque does not grow in proportion to the size: the scale is found in a few rounds, and a
         path that breaks a limit is made smaller.
         """
         for _ in range(6):
-            found = self.rivals.predictions(self.motion(path, SEARCH_RATE))
-            motion = path.at(path.times(SEARCH_RATE))
-            used = self.limits.used(motion, found.peak())
+            found, used = self.predicted(path, SEARCH_RATE)
             if 0.9 * ROOM <= used <= ROOM:
                 break
             path = path.scaled(0.97 * ROOM / used)
-        while used > ROOM or not self.limits.keeps_apart(path.at(path.times(SEARCH_RATE))[0]):
+        while used > ROOM or not self._keeps_apart(path):
             path = path.scaled(0.9)
-            found = self.rivals.predictions(self.motion(path, SEARCH_RATE))
-            used = self.limits.used(path.at(path.times(SEARCH_RATE)), found.peak())
-        return path, found, used
+            found, used = self.predicted(path, SEARCH_RATE)
+        return path, found
+
+    def _keeps_apart(self, path: FourierPath) -> bool:
+        """Whether no links come too near one another along a path."""
+        clearance = self.limits.clearance
+        return clearance is None or clearance.keeps(path.at(path.times(SEARCH_RATE))[0])

@@ -91,30 +91,23 @@ def require_predictable(effect: Effect, robot: Robot) -> None:
 
 def parameter_names(cause: Cause) -> tuple[tuple[Effect, Parameter], ...]:
     """Return effect and parameter of every number of a cause, in the order of `widths`."""
-    return tuple((cause[owner], parameter) for owner, parameter in cause_parameters(cause))
-
-
-def cause_parameters(cause: Cause) -> list[tuple[int, Parameter]]:
-    """Return every number of a cause, with the place of its effect in the cause."""
-    return [(k, parameter) for k, effect in enumerate(cause) for parameter in effect.parameters]
+    return tuple((effect, parameter) for effect in cause for parameter in effect.parameters)
 
 
 def cause_numbers(cause: Cause, of: str) -> FloatArray:
     """Return (p,) one of `scale`, `low`, `high` of every number of a cause."""
-    return np.array([getattr(parameter, of) for _, parameter in cause_parameters(cause)])
+    return np.array([getattr(parameter, of) for _, parameter in parameter_names(cause)])
 
 
 def cause_values(cause: Cause) -> FloatArray:
-    """Return (p,) the numbers of a cause, in the order of `cause_parameters`."""
-    return np.array([cause[k].values[parameter.name] for k, parameter in cause_parameters(cause)])
+    """Return (p,) the numbers of a cause, in the order of `parameter_names`."""
+    return np.array([value for effect in cause for value in effect.values.values()])
 
 
 def with_cause_values(cause: Cause, values: Sequence[float] | FloatArray) -> Cause:
-    """Return a cause with other numbers (p,), in the order of `cause_parameters`."""
-    parts: list[dict[str, float]] = [{} for _ in cause]
-    for (k, parameter), value in zip(cause_parameters(cause), values, strict=True):
-        parts[k][parameter.name] = float(value)
-    return tuple(effect.with_values(part) for effect, part in zip(cause, parts, strict=True))
+    """Return a cause with other numbers (p,), in the order of `parameter_names`."""
+    rest = map(float, values)
+    return tuple(e.with_values({p.name: next(rest) for p in e.parameters}) for e in cause)
 
 
 def passive_joints(robot: Robot) -> tuple[str, ...]:
@@ -178,7 +171,7 @@ class Rivals:
         if not self.band > 0.0:
             raise DesignError("the band of the diagnosis must be > 0; give --band.")
         for cause, open_part in zip(self.causes, self.covariances, strict=False):
-            count = len(cause_parameters(cause))
+            count = len(parameter_names(cause))
             if open_part is not None and open_part.shape != (count, count):
                 raise DesignError(
                     f"the covariance of a cause with {count} parameters must be "
@@ -249,9 +242,9 @@ class Predictions:
         """Return d torque / d parameter over noise, per typical size, (N m, p)."""
         if number not in self._slopes:
             cause, here, columns = self.rivals.causes[number], self.expected_torque(number), []
-            for row, (owner, parameter) in enumerate(cause_parameters(cause)):
-                values, own = cause_values(cause), cause[owner].values[parameter.name]
-                step = _STEP if own + _STEP * parameter.scale <= parameter.high else -_STEP
+            for row, (_, parameter) in enumerate(parameter_names(cause)):
+                values = cause_values(cause)
+                step = _STEP if values[row] + _STEP * parameter.scale <= parameter.high else -_STEP
                 values[row] += step * parameter.scale
                 columns.append((self.torque(with_cause_values(cause, values)) - here) / step)
             read = self.in_noise(np.stack(columns, axis=2))

@@ -180,18 +180,19 @@ def design_experiment(
     total = _DRAWN + rounds
     drawn: list[tuple[FourierPath, Predictions]] = []
     for i in range(_DRAWN):
-        path, found, _ = site.fitted(_drawn(site, random))
-        drawn.append((path, found))
+        drawn.append(site.fitted(_drawn(site, random)))
         if watch:
             watch(i + 1, total)
-    alike = _alike([found for _, found in drawn]) if aim is deciding else ()
+    alike: tuple[Pair, ...] = ()
+    if aim is deciding:  # judged on the motions that say most about all parameters
+        alike = _alike(sorted((f for _, f in drawn), key=lambda f: -f.information())[:2])
     pairs = [pair for pair in rivals.pairs if pair not in alike]
     if rivals.pairs and not pairs:
         raise DesignError(
             "no motion of this robot tells these causes apart: whatever one of them does, the "
             "others do as well. Mount the robot otherwise, or measure one of them off the robot."
         )
-    drawn += [site.fitted(start)[:2] for start in starts]
+    drawn += map(site.fitted, starts)
     tried = [(aim(found, pairs), path) for path, found in drawn]
     tried = sorted(tried, key=lambda one: -one[0])[:_KEPT]
     best = [(value, path, _FIRST) for value, path in tried]
@@ -199,7 +200,7 @@ def design_experiment(
         # Each of the best has its turn at first, then whichever is the best.
         k = i % len(best) if i < rounds // 4 else int(np.argmax([one[0] for one in best]))
         value, path, size = best[k]
-        changed, found, _ = site.fitted(site.each_within(_changed(path, random, size)))
+        changed, found = site.fitted(site.each_within(_changed(path, random, size)))
         new = aim(found, pairs)
         if new > value:
             best[k] = (new, changed, min(_GROWN * size, _WIDEST))
@@ -270,24 +271,21 @@ def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
 
 def _within(site: Site, path: FourierPath, rate: float) -> FourierPath:
     """Return a path made smaller until it keeps the limits at `rate`, denser than the search."""
-    while True:
-        found = site.rivals.predictions(site.motion(path, rate))
-        if site.limits.used(path.at(path.times(rate)), found.peak()) <= ROOM:
-            return path
+    while site.predicted(path, rate)[1] > ROOM:
         path = path.scaled(0.995)
+    return path
 
 
-def _alike(drawn: Sequence[Predictions]) -> tuple[Pair, ...]:
-    """Return the pairs of which the second cause does what the first does, on rich motions.
+def _alike(along: Sequence[Predictions]) -> tuple[Pair, ...]:
+    """Return the pairs of which the second cause does what the first does, along all motions.
 
     A special case is never told from the general one by what it leaves unexplained: load friction
-    is a gear with two efficiencies. Judged on the motions that say most about all parameters.
+    is a gear with two efficiencies.
     """
-    rich = sorted(drawn, key=lambda found: -found.information())[:2]
     return tuple(
         pair
-        for pair in drawn[0].rivals.pairs
-        if all(found.distance(pair) <= _MIMICKED * found.signal(pair[0]) for found in rich)
+        for pair in along[0].rivals.pairs
+        if all(found.distance(pair) <= _MIMICKED * found.signal(pair[0]) for found in along)
     )
 
 
@@ -298,25 +296,20 @@ def torque_misfit(
 
     (N, m) in units of the noise, at `path.times(rate)`; the odds are half its sum of squares.
     """
-    site = Site(rivals, limits, path.duration)
-    return rivals.predictions(site.motion(path, rate)).misfit(pair)
+    found, _ = Site(rivals, limits, path.duration).predicted(path, rate)
+    return found.misfit(pair)
 
 
 def expected(
     rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = 100.0
 ) -> Designed:
     """Return what a path is expected to say, logged at `rate` [Hz]."""
-    site = Site(rivals, limits, path.duration)
-    found = rivals.predictions(site.motion(path, rate))
-    used = limits.used(path.at(path.times(rate)), found.peak())
+    found, used = Site(rivals, limits, path.duration).predicted(path, rate)
     widths = tuple(map(found.widths, range(len(rivals.causes))))
     apart = {pair: found.distances(pair) for pair in rivals.pairs}
     odds = {pair: _softened(d) for pair, d in apart.items()}
     chance = {pair: _decided(d) for pair, d in apart.items()}
-    alike = tuple(
-        pair for pair in rivals.pairs if found.distance(pair) <= _MIMICKED * found.signal(pair[0])
-    )
-    return Designed(path, odds, chance, widths, used, alike)
+    return Designed(path, odds, chance, widths, used, _alike([found]))
 
 
 def _softened(distances: FloatArray) -> float:

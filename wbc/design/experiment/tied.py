@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Cause, Rivals, require_predictable, typical_values
+from wbc.design.experiment.rivals import Cause, Rivals, require_predictable
 from wbc.effects import effect_class
 from wbc.errors import DesignError
 from wbc.files import take_schema
@@ -42,9 +42,8 @@ def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Ca
             f"the diagnosis is '{table.get('verdict')}' and names no effect; there is nothing to "
             "tell apart. Name causes with --between EFFECT@PLACE EFFECT@PLACE."
         )
-    rivals = _ranked(table, robot) or _named(table, own, robot)
     causes, refused = [own], ""
-    for rival in rivals:
+    for rival in _ranked(table, robot):
         try:
             for effect in rival:
                 require_predictable(effect, robot)
@@ -107,19 +106,6 @@ def _ranked(table: Mapping[str, Any], robot: Robot) -> list[Cause]:
     tied = [row for row in instead if row["standing"] in ("better", "not distinguishable")]
     chosen = tied or instead[:1] or rows[:1]
     return [tuple(_effect(e, robot) for e in row["effects"]) for row in chosen]
-
-
-def _named(table: Mapping[str, Any], own: Cause, robot: Robot) -> list[Cause]:
-    """Return what was found with one effect replaced by an alternative of typical size."""
-    rivals = []
-    for k, entry in enumerate(_list(table, "effects")):
-        for other in entry.get("alternatives", []):
-            values = dict(effect_class(other["effect"]).null_values(robot, other["where"]))
-            instead = _effect(
-                {**other, "parameters": typical_values(other["effect"], values)}, robot
-            )
-            rivals.append((*own[:k], instead, *own[k + 1 :]))
-    return rivals
 
 
 def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
