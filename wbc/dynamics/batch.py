@@ -64,7 +64,10 @@ def inertial_parameters(robot: Robot) -> FloatArray:
 
 
 def contact_torque(
-    robot: Robot, position: FloatArray, forces: Mapping[str, FloatArray]
+    robot: Robot,
+    position: FloatArray,
+    forces: Mapping[str, FloatArray],
+    points: Mapping[str, FloatArray] | None = None,
 ) -> FloatArray:
     """Return J' f (N, nv) of measured contact forces.
 
@@ -72,23 +75,20 @@ def contact_torque(
         robot: the robot.
         position: q (N, nq).
         forces: contact name -> (N, 3) [N], ground on robot, world axes.
+        points: contact name -> `point_jacobians` at these positions, where they are known.
 
     Raises:
         RobotError: a contact that the robot does not have.
     """
     result = np.zeros((len(position), robot.model.nv))
     for name, force in forces.items():
-        jacobians = contact_jacobians(robot, position, name)
-        result += np.einsum("nij,ni->nj", jacobians, force)
+        point = point_jacobians(robot, position, name) if points is None else points[name]
+        result += np.einsum("nij,ni->nj", point, force @ _at_ground(robot, name))
     return result
 
 
 def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
     """Return J (N, 3, nv) of the velocity of what touches level ground, in world axes.
-
-    A ball touches a radius r below its centre c and turns with its link:
-
-        v_contact = v_c + r n x w,     n the normal of the ground, w the link's angular velocity.
 
     Args:
         robot: the robot.
@@ -98,17 +98,39 @@ def contact_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArr
     Raises:
         RobotError: a contact that the robot does not have.
     """
-    contact = robot.contact(name)
-    space = Workspace(robot)
-    frame = space.frames[robot.contacts.index(contact)]
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    return np.asarray(_at_ground(robot, name) @ point_jacobians(robot, position, name))
+
+
+def _at_ground(robot: Robot, name: str) -> FloatArray:
+    """Return (3, 6) what touches level ground moves by, of the motion of a contact's point.
+
+    A ball touches a radius r below its centre c and turns with its link:
+
+        v_contact = v_c + r n x w,     n the normal of the ground, w the link's angular velocity.
+    """
     below = np.eye(3, 6)
-    below[:, 3:] = contact.radius * pin.skew(level_normal(robot))
-    jacobians = [
-        below @ pin.computeFrameJacobian(space.model, space.data, q, frame, world).reshape(6, -1)
-        for q in position
-    ]
-    return np.array(jacobians).reshape(len(position), 3, robot.model.nv)
+    below[:, 3:] = robot.contact(name).radius * pin.skew(level_normal(robot))
+    return below
+
+
+def point_jacobians(robot: Robot, position: FloatArray, name: str) -> FloatArray:
+    """Return J (N, 6, nv) of the velocity of a contact's point and of its link, in world axes.
+
+    Args:
+        robot: the robot.
+        position: q (N, nq).
+        name: of the contact.
+
+    Raises:
+        RobotError: a contact that the robot does not have.
+    """
+    space, world = Workspace(robot), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    frame = space.frames[robot.contacts.index(robot.contact(name))]
+    result = np.empty((len(position), 6, robot.model.nv))
+    for row, q in enumerate(position):
+        jacobian = pin.computeFrameJacobian(space.model, space.data, q, frame, world)
+        result[row] = jacobian.reshape(6, -1)  # of one coordinate pinocchio returns a vector
+    return result
 
 
 def level_normal(robot: Robot) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import islice
 from typing import Self, final
 
@@ -335,8 +335,8 @@ class LinkInertias(RedrawnLinks):
         object.__setattr__(self, "parameters", _named(tuple(names)))
         super().__post_init__()
 
-    @property
-    def values(self) -> dict[str, float]:
+    @cached_property
+    def values(self) -> Mapping[str, float]:
         """The numbers of all bodies by name."""
         own = (value for _, numbers in self.links for value in numbers)
         return {p.name: float(value) for p, value in zip(self.parameters, own, strict=True)}

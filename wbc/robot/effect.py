@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, fields, replace
+from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
@@ -250,8 +251,8 @@ class Effect(ABC):
         """Name and place; a model holds each at most once."""
         return self.name, self.where
 
-    @property
-    def values(self) -> dict[str, float]:
+    @cached_property
+    def values(self) -> Mapping[str, float]:
         """The parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 

@@ -1,9 +1,13 @@
 """The noise of sensors and the floor that it makes, on columns whose noise is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tests.moved import waving
 from tests.recover.plant import recorded
+from wbc.dynamics import contact_torque
 from wbc.effects import load_robot
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings import find_repeats
@@ -62,3 +66,14 @@ def test_slow_steps_of_an_encoder_are_noise_at_low_frequencies() -> None:
     assert level == pytest.approx(step**2 / 6.0 / max(crossings, 10.0), rel=0.2)
     noisy = slow + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
     assert quantisation_level(noisy[:, None], rate)[0] < 1e-12
+
+
+def test_a_record_knows_what_its_contacts_push_whatever_their_balls_and_places() -> None:
+    """It keeps Jacobians of the points that it has: those of other points are others."""
+    robot = load_robot("solo12").lossless()
+    (record,) = prepare(robot, [waving(robot)])
+    foot, *others = robot.contacts
+    for changed in (foot, replace(foot, radius=0.03), replace(foot, offset=foot.offset + 0.05)):
+        other = robot.with_contacts((changed, *others))
+        pushed = contact_torque(other, record.motion.position, record.forces)
+        np.testing.assert_allclose(record.contacts_of(other), pushed, atol=1e-9)

@@ -576,10 +576,10 @@ def derivatives(
                 result[row] = column.whitened(whitening)[:, :, 0]
                 waiting.discard(row)
     size = np.array([np.linalg.norm(column) for column in result])
-    for row, (k, _) in enumerate(slots):
-        beside = max(size[other] for other, (owner, _) in enumerate(slots) if owner == k)
-        if size[row] < _UNFELT * beside:
-            result[row] = 0.0
+    owners = np.array([k for k, _ in slots])
+    beside = np.zeros(owners.max() + 1)
+    np.maximum.at(beside, owners, size)
+    result[size < _UNFELT * beside[owners]] = 0.0
     return np.moveaxis(result, 0, -1)
 
 

@@ -464,16 +464,12 @@ def with_changes(
     Raises:
         EffectError: a value that the effect cannot have.
     """
-    result = list(effects)
-    for k in dict.fromkeys(k for k, _ in changes):
-        bounds = {p.name: p for p in result[k].parameters}
-        values = result[k].values
-        for (owner, name), change in changes.items():
-            if owner != k:
-                continue
-            value = values[name] + change
-            if clip:
-                value = float(np.clip(value, bounds[name].low, bounds[name].high))
-            values[name] = value
+    result, each = list(effects), dict[int, dict[str, float]]()
+    for (k, name), change in changes.items():
+        each.setdefault(k, {})[name] = result[k].values[name] + change
+    for k, values in each.items():
+        if clip:
+            bounds = {p.name: p for p in result[k].parameters}
+            values = {n: min(max(v, bounds[n].low), bounds[n].high) for n, v in values.items()}
         result[k] = result[k].with_values(values)
     return result

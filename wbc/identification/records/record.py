@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
+from wbc.dynamics.batch import point_jacobians
 from wbc.identification.records.channels import loaded
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
@@ -173,7 +174,14 @@ class Record:
     @cached_property
     def contacts(self) -> FloatArray:
         """J' f of the contact forces, (N, nv): measured, or as the balance of the base asks."""
-        return self._balanced(contact_torque(self.robot, self.motion.position, self.forces))
+        torque = contact_torque(self.robot, self.motion.position, self.forces, self._points)
+        return self._balanced(torque)
+
+    @cached_property
+    def _points(self) -> dict[str, FloatArray]:
+        """(N, 6, nv) per contact with a force: most of the time that such a log takes."""
+        q = self.motion.position
+        return {name: point_jacobians(self.robot, q, name) for name in self.forces}
 
     def _balanced(self, measured: FloatArray) -> FloatArray:
         """Return J' f (N, nv) with the forces beside the measured ones that carry the links."""
@@ -202,7 +210,10 @@ class Record:
         if forces is self.forces and robot.contacts is self.robot.contacts:
             return self.contacts
         touching = self.robot.with_contacts(robot.contacts)
-        return self._balanced(contact_torque(touching, self.motion.position, forces))
+        places = zip(robot.contacts, self.robot.contacts, strict=True)
+        same = all(np.array_equal(one.offset, other.offset) for one, other in places)
+        points = self._points if same else None
+        return self._balanced(contact_torque(touching, self.motion.position, forces, points))
 
     def believing(self, robot: Robot) -> Record:
         """Return the same log for another robot with the same joints."""
