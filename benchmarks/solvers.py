@@ -79,7 +79,7 @@ def of_robot(name, each):
 
 def own_method(ours):
     """Return what solves the program that stands in a controller, from nothing."""
-    level = ours._level
+    level = ours._answer.level
     level.program.memory.solver.taken[:] = 0
     return lambda: level._search._guessed(STEPS)
 

@@ -13,7 +13,7 @@ from tests.sim.random_robots import geared
 from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp import search
-from wbc.control.qp.level import Refusal
+from wbc.control.qp.level import Answer
 from wbc.control.qp.solvers import solve
 from wbc.control.tick import Ticker
 from wbc.robot import Motion
@@ -174,8 +174,9 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
 def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypatch):
     robot = load_robot("solo12")
     alone, both = overdetermined(robot)
-    gave_up, solve = Refusal((Status.FAILED, "the solver gave up."), None, None), Ticker._solve
-    second = both._levels.of(None, 1e-3)[0][1]
+    second, solve = both._levels.of(None, 1e-3)[0][1], Ticker._solve
+    found = second.unsearched._replace(verdict=(Status.FAILED, "the solver gave up."))
+    gave_up = Answer(second, np.zeros(0), 1e-3, found)
     monkeypatch.setattr(
         Ticker, "_solve", lambda t, at, *a: gave_up if at is second else solve(t, at, *a)
     )

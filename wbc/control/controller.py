@@ -100,14 +100,15 @@ class Controller(Ticker):
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(robot, names, weighed, tuple(self._contacts))
         self._levels = Levels(self._parts, self._contacts)
-        self._fallback = Fallback(robot, drivetrain, settings, bound)
-        self._free, self._level = Lock(), None
+        self._fallback = Fallback(self._parts, bound)
+        self._free, self._answer = Lock(), None
         self.reset()
 
     @property
     def problem(self) -> QPProblem | None:
         """A copy of the program of the last tick, for inspection; None before the first."""
-        return None if self._level is None else self._level.built(self._last)
+        answer = self._answer
+        return None if answer is None else answer.level.built(self._last, answer.found.decided)
 
     @property
     def disturbance(self) -> FloatArray:

@@ -10,16 +10,14 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Status
-from wbc.control.drivetrain import GearModel
 from wbc.control.inputs import Complaint, is_step
-from wbc.control.kinematics import Kinematics
 from wbc.control.memory import GEAR, PART
-from wbc.control.qp.level import Refusal, SolvedLevel
+from wbc.control.qp.level import Answer
 from wbc.control.qp.linalg import factorise_from, substitute
+from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import BoundContact, ContactSet
-from wbc.control.settings import ControllerSettings
 from wbc.mechanics.linear import factor_inertia, halfway, products
-from wbc.robot import Motion, Robot
+from wbc.robot import Motion
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
 _SOFT = 1e-9
@@ -27,6 +25,7 @@ _BUSY: Complaint = (
     Status.BAD_INPUT,
     "step is called while another thread is in it; give every thread a controller of its own.",
 )
+_OF_GEARS = "output_torque", "mesh_torque", "expected_speed", "certainty", "velocity"
 _SHARE = 0.25
 """Greatest part of a speed that damping may take away in one tick.
 
@@ -38,27 +37,22 @@ any, 0.28 with five.
 class Fallback:
     """Commands what `LetDown` says, from the last tick that had a solution."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        drivetrain: GearModel,
-        settings: ControllerSettings,
-        contacts: tuple[BoundContact, ...],
-    ) -> None:
+    def __init__(self, parts: Recipe, contacts: tuple[BoundContact, ...]) -> None:
         """Start without a tick to look back on.
 
         Args:
-            robot, drivetrain: of the controller.
-            settings: of the controller, with its `LetDown`.
+            parts: of the controller.
             contacts: that carry the robot until a good tick says which do.
         """
-        self._robot, self._motors = robot, drivetrain
-        self._all = contacts
-        # of its own, so that nothing of a tick is overwritten
-        self._kinematics = Kinematics(robot, [f for bound in contacts for f in bound.frames])
-        self._sets: dict[tuple[str, ...], ContactSet] = {}
-        self._policy, self._time_step = settings.safety, settings.time_step
-        gears, self._size, m = robot.transmission, robot.transmission.size, robot.actuated
+        self._robot, self._motors, self._kinematics = (
+            parts.robot,
+            parts.drivetrain,
+            parts.kinematics,
+        )
+        self._all = ContactSet(contacts, parts.kinematics.model)
+        self._policy, self._time_step = parts.settings.safety, parts.settings.time_step
+        robot, gears = parts.robot, parts.robot.transmission
+        self._size, m = gears.size, robot.actuated
         self._rotors, B = np.zeros((robot.model.nv,) * 2), gears.motor_from_joint
         self._rotors[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
@@ -66,12 +60,11 @@ class Fallback:
 
     def forget(self) -> None:
         """Forget the last good tick."""
-        self.remember(None, self._all)
+        self.remember(None)
 
-    def remember(self, answer: SolvedLevel | None, contacts: tuple[BoundContact, ...]) -> None:
-        """Take a tick with a solution as the last good one, and the contacts that carried it."""
-        self._last, self._contacts = answer, contacts
-        self._ticks, self._time = 0, 0.0
+    def remember(self, answer: Answer | None) -> None:
+        """Take a tick with a solution as the last good one."""
+        self._last, self._ticks, self._time = answer, 0, 0.0
 
     @property
     def _torque(self) -> FloatArray:
@@ -93,7 +86,7 @@ class Fallback:
         complaint: Complaint,
         dt: float,
         start: float,
-        refusal: Refusal | None = None,
+        refusal: Answer | None = None,
     ) -> Command:
         """Return the safe command; never raises.
 
@@ -121,32 +114,26 @@ class Fallback:
         motion: Motion | None,
         complaint: Complaint,
         start: float,
-        refusal: Refusal | None,
+        refusal: Answer | None,
     ) -> Command:
-        place, nothing = self._place(motion), np.zeros(self._size)
-        found = None if refusal is None else refusal.found
-        unknown = np.full(self._size, np.nan)
+        place, unknown = self._place(motion), np.full(self._size, np.nan)
+        refused = None if refusal is None else refusal.refused
+        found = None if refusal is None or refused is None else refusal.found
         return Command(
             rotor_torque=torque,
             acceleration=np.zeros(self._robot.model.nv),
             consistent=False,
-            output_torque=nothing,
-            mesh_torque=nothing,
-            expected_speed=nothing,
-            certainty=nothing,
             status=complaint[0],
             message=complaint[1],
-            solve_time=0.0 if found is None else found.solve_time,
             tick_time=perf_counter() - start,
-            rounds=0 if found is None else found.rounds,
-            iterations=0 if found is None else found.iterations,
             solution=None if found is None else found.solution,
             forces={},
             position=unknown if place is None else place[self._robot.actuated_position],
-            velocity=nothing,
-            refused=None if refusal is None else refusal.refused,
+            refused=refused,
             passed={},
             prospect=None,
+            **{name: getattr(found, name, 0) for name in ("solve_time", "rounds", "iterations")},
+            **dict.fromkeys(_OF_GEARS, np.zeros(self._size)),
         )
 
     def _rotor_torque(self, motion: Motion | None, dt: float) -> FloatArray:
@@ -180,11 +167,10 @@ class Fallback:
         position = self._place(motion)
         if position is None:
             return np.zeros(self._size)
-        robot, kinematics, names = self._robot, self._kinematics, [c.name for c in self._contacts]
+        robot, kinematics, last = self._robot, self._kinematics, self._last
         rest = np.zeros(robot.model.nv)
-        if tuple(names) not in self._sets:
-            self._sets[tuple(names)] = ContactSet(self._contacts, kinematics.model)
-        rows, pushing = self._sets[tuple(names)], self._motors.on_joints(Motion(position, rest))
+        rows = self._all if last is None else last.level.program.contacts
+        pushing = self._motors.on_joints(Motion(position, rest))
         kinematics.update(position, rest)
         rows.fill(kinematics)
         least, moved = dt / _SHARE, motion is not None and self._policy.rate > 0.0
@@ -210,6 +196,22 @@ def solve_positive(matrix: OutDense, right: OutRow) -> None:
     substitute(matrix, len(right), right)
 
 
+@compiled(inside=True)
+def through(inertia: Dense, rows: OutDense) -> OutDense:
+    """Return rows H^-1 rows' (r, r), and leave the rows (r, n) half done.
+
+    Raises:
+        LinAlgError: H (n, n) is not positive definite.
+    """
+    lower, gram = np.empty_like(inertia), np.empty((len(rows), len(rows)))
+    if not factor_inertia(inertia, lower):
+        raise np.linalg.LinAlgError
+    for i in range(len(rows)):
+        halfway(lower, rows[i])
+    products(rows, gram)
+    return gram
+
+
 @compiled
 def held(
     mass: Dense,
@@ -226,7 +228,7 @@ def held(
     coordinates u as far as they can; what they cannot balance moves the base, and the driven
     joints m are held beside it:
 
-        a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f.
+        a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f = F^-1 (M^-1 (g - J' f))_m.
 
     Torques alone accelerate the joints by F = (M^-1)_mm, and by C = F - (M^-1 J')_m (J M^-1 J')^-1
     (J M^-1)_m while the contacts rest. With h a least time the damping is
@@ -245,57 +247,19 @@ def held(
     Raises:
         LinAlgError: a matrix that has no inverse.
     """
-    (u, m), (share, more, least) = moving, slows
-    n, k, b, size = len(mass), len(jacobian), len(u), len(m)
-    pushes, base, on_base = force.copy(), gravity[u], np.zeros((b, b))
-    for i in range(b):
-        on_base[i, i] = _SOFT
-        for c in range(k):
-            base[i] -= jacobian[c, u[i]] * force[c]
-            for j in range(b):
-                on_base[i, j] += jacobian[c, u[i]] * jacobian[c, u[j]]
-    solve_positive(on_base, base)
-    left, rows = gravity.copy(), np.zeros((size + k, n))
-    for c in range(k):
-        for i in range(b):
-            pushes[c] += jacobian[c, u[i]] * base[i]
-        for i in range(n):
-            left[i] -= jacobian[c, i] * pushes[c]
-            rows[size + c, i] = jacobian[c, i]
-    for i in range(b):
-        base[i] = -left[u[i]]
-        for j in range(b):
-            on_base[i, j] = mass[u[i], u[j]]
-    solve_positive(on_base, base)
-    torque, lower, moved = left[m], np.empty((n, n)), np.empty((size + k, size + k))
-    for i in range(size):
-        rows[i, m[i]] = 1.0
-        for j in range(b):
-            torque[i] += mass[m[i], u[j]] * base[j]
-    if not factor_inertia(mass, lower):
-        raise np.linalg.LinAlgError
-    for i in range(size + k):
-        halfway(lower, rows[i])
-    products(rows, moved)
-    slowing, rested = moved[:size, :size].copy(), np.empty((size, size))
-    pushed, normal, hard = moved[:size, size:].copy(), moved[size:, size:].copy(), 1.0
-    for c in range(k):
-        hard += normal[c, c]
-    for c in range(k):
-        normal[c, c] += _SOFT * hard
-    stiff, damping = np.empty((k, k)), velocity[m]
-    if not factor_inertia(normal, stiff):
-        raise np.linalg.LinAlgError
-    for i in range(size):
-        halfway(stiff, pushed[i])
-    products(pushed, rested)
-    for i in range(size):
-        for j in range(size):
-            slowing[i, j] = (more + least) * slowing[i, j] - more * rested[i, j]
+    (u, m), (share, more, least), size = moving, slows, len(moving[1])
+    on_base = np.ascontiguousarray(jacobian[:, u])
+    base = gravity[u] - force @ on_base
+    solve_positive(on_base.T @ on_base + _SOFT * np.eye(len(u)), base)
+    left = gravity - (force + on_base @ base) @ jacobian
+    moved = through(mass, np.vstack((np.eye(len(mass))[m], jacobian, left.reshape((1, -1)))))
+    freely, pushed, normal = moved[:size, :size], moved[:size, size:-1], moved[size:-1, size:-1]
+    firm = normal + _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
+    slowing = (more + least) * freely - more * through(firm, pushed.copy())
+    torque, damping = moved[:size, -1].copy(), velocity[m]
+    solve_positive(freely.copy(), torque)
     solve_positive(slowing, damping)
-    for i in range(size):
-        torque[i] = share * torque[i] - damping[i]
-    return torque
+    return share * torque - damping
 
 
 def _clipped(torque: FloatArray, limit: FloatArray) -> FloatArray:

@@ -254,9 +254,15 @@ def check_step(dt: object) -> None:
         )
 
 
+TOO_LARGE: Complaint = (
+    Status.NOT_FINITE,
+    "the accelerations or forces of this state are too large.",
+)
+
+
 def size_complaint(references: Mapping[str, Reference]) -> Complaint:
     """Return why the program of a finite state holds numbers that are not finite or too large."""
     for name, reference in references.items():
         if not reference.is_finite():
             return Status.NOT_FINITE, f"the reference of task '{name}' is not finite."
-    return Status.NOT_FINITE, "the accelerations or forces of this state are too large."
+    return TOO_LARGE

@@ -29,9 +29,16 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Row, Vector, compiled, view
 from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
-from wbc.control.inputs import InputCheck, Reference, State, TickInputError, size_complaint
+from wbc.control.inputs import (
+    TOO_LARGE,
+    InputCheck,
+    Reference,
+    State,
+    TickInputError,
+    size_complaint,
+)
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.level import Level, Levels, Refusal, SolvedLevel
+from wbc.control.qp.level import Answer, Level, Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
 from wbc.control.rows.gear_rows import place_loads, place_map, place_torques
@@ -58,7 +65,7 @@ class Ticker(ABC):
     _fallback: Fallback
     _free: Lock  # held by the thread that is in `step`
     _last: FloatArray  # block of results of the last tick with a solution, see `PART`
-    _level: Level | None  # that was solved last
+    _answer: Answer | None  # of the last tick that asked a level
 
     def step(
         self,
@@ -103,11 +110,13 @@ class Ticker(ABC):
                 level.take(ceilings)
             # level by level
             answer = self._solve(levels[0], motion, dt, None)
-            for level in levels[1:]:
-                if isinstance(answer, Refusal) or answer.ends:
+            for level in levels[1:] if answer.usable else ():
+                deeper = self._solve(level, motion, dt, answer)
+                answer = answer.followed_by(deeper)
+                if not deeper.usable:
                     break
-                answer = answer.followed_by(self._solve(level, motion, dt, answer))
-            if isinstance(answer, SolvedLevel):
+            self._answer = answer
+            if answer.usable:
                 return self._accepted(answer, motion, start)
             return self._refused(answer, references, motion, dt, start)
         except TickInputError as cause:
@@ -131,45 +140,42 @@ class Ticker(ABC):
             if parts.collision is not None:
                 parts.collision.fill(parts.kinematics)
 
-    def _solve(
-        self, level: Level, motion: Motion, dt: float, above: SolvedLevel | None
-    ) -> SolvedLevel | Refusal:
-        """Return the solution of a level below what is decided above, or why there is none.
+    def _solve(self, level: Level, motion: Motion, dt: float, above: Answer | None) -> Answer:
+        """Return what a level comes to below what is decided above.
 
-        It is the solution above where that leaves nothing to decide.
+        It is the answer above where that leaves nothing to decide.
         """
         start, program, memory = perf_counter(), level.program, level.program.memory
+        found, block = level.unsearched, np.empty(program.size)
         if not write(memory, motion.position, motion.velocity, self._last, dt):
-            return Refusal(None, None, level)
+            return Answer(level, block, dt, found._replace(verdict=TOO_LARGE))
         if program.repeats:
             program.place_basis()
         if above is not None and level.hold(above) == 0 and not program.has_efforts:
             return above
-        block = np.empty(program.size)
         ended = guess(memory, block) if level.guesses else UNSOLVED
         if ended == DONE:
-            return SolvedLevel(level, block, dt, memory.counts[COUNT.hard], perf_counter() - start)
+            found = found._replace(solve_time=perf_counter() - start)
+            return Answer(level, block, dt, found, memory.counts[COUNT.hard])
         found = level.search(above, block if ended == LIMITED_TORQUE else self._last)
-        if not found.verdict[0].usable:
-            return Refusal(found.verdict, found, level)
-        block[program.at[PART.x]] = found.solution.x
-        place_torques(memory, block)
-        spent, told = found.solve_time, (found.verdict, found.excess)
-        return SolvedLevel(level, block, dt, 0, spent, found, *told)
+        if found.verdict[0].usable:
+            block[program.at[PART.x]] = found.solution.x
+            place_torques(memory, block)
+        return Answer(level, block, dt, found)
 
-    def _accepted(self, answer: SolvedLevel, motion: Motion, start: float) -> Command:
+    def _accepted(self, answer: Answer, motion: Motion, start: float) -> Command:
         """Return the command of a tick with a solution; take what the next one starts from."""
-        self._last, self._level, gears = answer.block, answer.level, self._parts.drivetrain
-        contacts = answer.level.program.contacts.contacts
+        self._last, gears = answer.block, self._parts.drivetrain
         for stack in self._parts.stacks:
             stack.remember()
-        self._fallback.remember(answer, contacts)
+        self._fallback.remember(answer)
         if gears.learns:
+            contacts = answer.level.program.contacts.contacts
             gears.remember(motion.velocity + answer.dt * answer.acceleration, contacts)
         drive = answer.row(GEAR.drive)
         if gears.differs:
             drive = gears.to_drive(motion, answer.row(GEAR.torque))
-        status, took = answer.verdict[0], perf_counter() - start
+        status, took = answer.found.verdict[0], perf_counter() - start
         command = Command(rotor_torque=drive, status=status, tick_time=took, prospect=answer)
         if self.settings.deadline is not None and took > self.settings.deadline:
             command.be_late(self.settings.deadline)
@@ -177,18 +183,20 @@ class Ticker(ABC):
 
     def _refused(
         self,
-        refusal: Refusal,
+        refusal: Answer,
         references: Mapping[str, Reference],
         motion: Motion,
         dt: float,
         start: float,
     ) -> Command:
         """Return the safe command of a tick that has no usable solution."""
-        complaint = refusal.complaint or size_complaint(references)
-        if complaint[0] is not Status.NOT_FINITE:
+        complaint = refusal.found.verdict
+        if complaint is TOO_LARGE:
+            complaint = size_complaint(references)
+        else:
             for stack in self._parts.stacks:
                 stack.remember()
-        self._last, self._level = refusal.level.expecting(self._last), refusal.level
+        self._last = refusal.level.expecting(self._last)
         return self._fallback.command(motion, complaint, dt, start, refusal)
 
 

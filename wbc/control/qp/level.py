@@ -14,7 +14,7 @@ from wbc.control.inputs import Complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, place_above, place_lock
 from wbc.control.qp.program import REACH, Program, Recipe
-from wbc.control.qp.search import SOLVED, DirectedSolution, DirectionSearch
+from wbc.control.qp.search import NOTHING, SOLVED, DirectedSolution, DirectionSearch
 from wbc.control.qp.solvers import QPProblem, QPSolution, QPStatus, WarmStart
 from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
 from wbc.control.rows.schedule import ContactRamp
@@ -29,73 +29,67 @@ _ROWS = {
 }
 
 
-class SolvedLevel(NamedTuple):
-    """A usable solution and the torques that bring it about: fields of `Command`.
+class Answer(NamedTuple):
+    """What a level came to, and where it is usable the torques of that: fields of `Command`.
 
     Attributes:
-        level: that was solved.
+        level: that was asked.
         block: results, as `Program.at` says.
         dt: time until the next tick [s].
-        hard: how many hard rows the program has, where the block holds the solution.
-        solve_time: [s], as in `Command`.
-        found: what the search took, None where the first guess was right.
-        verdict: how usable it is.
-        excess: `Program.excess` where limits may be passed, else None.
-        ends: whether the levels below are left out.
+        found: how it was found; its solution is in the block where no search was needed.
+        hard: how many hard rows the program has.
     """
 
     level: Level
     block: FloatArray
     dt: float
-    hard: int
-    solve_time: float
-    found: DirectedSolution | None = None
-    verdict: Complaint = SOLVED
-    excess: FloatArray | None = None
-    ends: bool = False
+    found: DirectedSolution
+    hard: int = 0
+
+    @property
+    def usable(self) -> bool:
+        """Whether there are torques."""
+        return self.found.verdict[0].usable
 
     def row(self, number: int) -> FloatArray:
         """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
         return self.block[self.level.program.rows[number]]
 
     @property
-    def refused(self) -> None:
-        """No program: it has a solution."""
+    def refused(self) -> Refused | None:
+        """The program, None where it has a solution or the solver was not asked."""
+        program, asked = self.level.program, self.found.solution is not NOTHING
+        return Refused(program.dense(), program) if asked and not self.usable else None
 
-    def followed_by(self, deeper: SolvedLevel | Refusal) -> SolvedLevel | Refusal:
+    def followed_by(self, deeper: Answer) -> Answer:
         """Return the answer with the next level, which passes what this one has to.
 
         A level that finds nothing leaves it at those above.
         """
-        if isinstance(deeper, Refusal):
-            if deeper.complaint is None:
-                return deeper
-            message = f"the tasks of a lower level are left out: {deeper.complaint[1]}"
-            return self._replace(verdict=(Status.INACCURATE, message), ends=True)
-        if self.excess is None and self.verdict is SOLVED:
+        (status, message), (verdict, excess) = deeper.found.verdict, self.found[-2:]
+        if status is Status.NOT_FINITE:
             return deeper
-        return deeper._replace(verdict=self.verdict, excess=self.excess)
+        if not status.usable:
+            left = Status.INACCURATE, f"the tasks of a lower level are left out: {message}"
+            return self._replace(found=self.found._replace(verdict=left))
+        if excess is None and verdict is SOLVED:
+            return deeper
+        return deeper._replace(found=deeper.found._replace(verdict=verdict, excess=excess))
 
-    @property
-    def rounds(self) -> int:
-        """Programs solved."""
-        return 1 if self.found is None else self.found.rounds
-
-    @property
-    def iterations(self) -> int:
-        """Work of the solvers."""
-        return 0 if self.found is None else self.found.iterations
+    def told(self) -> tuple[Mapping[str, float], str]:
+        """Return the limits that are passed, by how much, and that in words."""
+        excess = self.found.excess
+        return ({}, "") if excess is None else self.level.program.told(excess)
 
     @property
     def passed(self) -> Mapping[str, float]:
         """The limits that are passed, and by how much."""
-        return {} if self.excess is None else self.level.program.told(self.excess)[0]
+        return self.told()[0]
 
     @property
     def message(self) -> str:
         """What is in the way."""
-        told = "" if self.excess is None else self.level.program.told(self.excess)[1]
-        return f"{told} {self.verdict[1]}".strip()
+        return f"{self.told()[1]} {self.found.verdict[1]}".strip()
 
     @property
     def acceleration(self) -> FloatArray:
@@ -105,7 +99,9 @@ class SolvedLevel(NamedTuple):
 
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
-        return self.row(_ROWS[name]) if name in _ROWS else getattr(self, name)
+        if name in _ROWS:
+            return self.row(_ROWS[name])
+        return getattr(self if name in vars(Answer) else self.found, name)
 
     @property
     def consistent(self) -> bool:
@@ -137,24 +133,10 @@ class SolvedLevel(NamedTuple):
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
-        if self.found is not None:
+        if self.found.solution is not NOTHING:
             return self.found.solution
         x, z, y = (self.block[self.level.program.at[part]] for part in (PART.x, PART.z, PART.y))
         return QPSolution(x, y[: self.hard], z, QPStatus.SOLVED, 0)
-
-
-class Refusal(NamedTuple):
-    """Why there is no usable solution; no complaint where the program's numbers are too large."""
-
-    complaint: Complaint | None
-    found: DirectedSolution | None
-    level: Level
-
-    @property
-    def refused(self) -> Refused | None:
-        """The program, None where the solver was not asked."""
-        program = self.level.program
-        return None if self.found is None else Refused(program.dense(), program)
 
 
 class Level:
@@ -163,6 +145,7 @@ class Level:
     Attributes:
         program: of the level.
         guesses: whether a solution without torque limits is worth a try.
+        unsearched: what a guess comes to, in no time.
     """
 
     def __init__(self, program: Program, rank: int) -> None:
@@ -175,7 +158,8 @@ class Level:
         )
         self._search = DirectionSearch(program, self._may_guess)
         self._passing = np.zeros(0)
-        self._undecided: IntArray = np.zeros(len(self._search.output), dtype=np.int_)
+        undecided: IntArray = np.zeros(len(self._search.output), dtype=np.int_)
+        self.unsearched = DirectedSolution(NOTHING, undecided, True, 1, 0, 0.0)
         self.forget()
 
     def forget(self) -> None:
@@ -185,11 +169,10 @@ class Level:
 
     def take(self, ceilings: Mapping[str, float]) -> None:
         """Begin a tick with the greatest normal force [N] of each active contact."""
-        self._decided = self._undecided
         self.program.take(ceilings)
         self.program.memory.counts[COUNT.hard] = self.program.unlocked
 
-    def hold(self, above: SolvedLevel) -> int:
+    def hold(self, above: Answer) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
 
         Returns:
@@ -200,8 +183,8 @@ class Level:
             start = place_above(tasks, lock.above, start)
         x = self._passing = above.block[above.level.program.at[PART.x]]
         # a guess leaves torque limits out
-        limited = above.found is not None and bool(above.solution.z[program.torque].any())
-        if limited and above.found is not None:
+        limited = bool(above.found.solution.z[program.torque].any())
+        if limited:
             self._search.start(None)
             self._search.place(above.found.decided, above.row(GEAR.output))
         reach = REACH * memory.numbers[NUMBER.tolerance]
@@ -211,25 +194,24 @@ class Level:
             left = int(place_lock(memory, lock, x, len(x), program.unlocked, reach))
         return left
 
-    def search(self, above: SolvedLevel | None, last: FloatArray) -> DirectedSolution:
+    def search(self, above: Answer | None, last: FloatArray) -> DirectedSolution:
         """Return the solution of the program with torque limits.
 
         Args:
             above: what is decided already.
             last: block whose torques the directions begin with where nothing is.
         """
-        program, passing, decided = self.program, None, self._undecided
+        program, passing, decided = self.program, None, self.unsearched.decided
         output = last[program.rows[GEAR.output]].copy()
         if above is not None:
-            output, passing = above.row(GEAR.output), above.solution.x
-            decided = decided if above.found is None else above.found.decided
+            output, passing, decided = above.row(GEAR.output), self._passing, above.found.decided
         self._search.start(passing)
         found, excess = self._search.solve(output, decided), None
         if found.solution.status in (QPStatus.EASED, QPStatus.UNFINISHED):
             excess = program.excess(found.solution)
         verdict = _judged(found, program)
         if verdict[0].usable:
-            self._decided, torques = found.decided, found.solution.z[program.torque]
+            torques = found.solution.z[program.torque]
             self.guesses = self._may_guess and not (np.abs(torques) > _BINDS).any()
         else:
             self._search.place(found.decided, output)
@@ -244,11 +226,16 @@ class Level:
         last[self.program.at[PART.advanced]] = self.program.memory.corrected
         return last
 
-    def built(self, last: FloatArray) -> QPProblem:
-        """Return a copy of the program of the last tick, in the directions of a block's torques."""
+    def built(self, last: FloatArray, decided: IntArray) -> QPProblem:
+        """Return a copy of the program of the last tick.
+
+        Args:
+            last: block whose torques the efforts go by.
+            decided: directions of gears (m,).
+        """
         passing = None if self.program.lock is None else self._passing
         self._search.start(passing)
-        self._search.place(self._decided, last[self.program.rows[GEAR.output]])
+        self._search.place(decided, last[self.program.rows[GEAR.output]])
         return self.program.dense()
 
 
