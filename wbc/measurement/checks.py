@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -20,9 +20,9 @@ _JITTER = 0.5
 _RATE_RATIO = 1.5
 
 
-def check_reading(log: Log, said: Sequence[LogFinding]) -> list[LogFinding]:
-    """Return what reading the file found, without the columns of which others spoke."""
-    found = [LogFinding("info", "read", "", note, "") for note in log.source.notes]
+def check_reading(log: Log, said: Sequence[LogFinding]) -> Iterator[LogFinding]:
+    """Yield what reading the file found, without the columns of which others spoke."""
+    yield from (LogFinding("info", "read", "", note, "") for note in log.source.notes)
     alike: dict[str, list[str]] = {}
     for column, text in log.source.unusable.items():
         alike.setdefault(text.replace(column, "*"), []).append(column)
@@ -31,19 +31,17 @@ def check_reading(log: Log, said: Sequence[LogFinding]) -> list[LogFinding]:
         if len(columns) > 1:
             text += f" The same rows lack {', '.join(columns[1:])}."
         if not any(finding.kind == "missing" for finding in said):
-            found.append(LogFinding("warning", "missing", ", ".join(columns), text, ""))
+            yield LogFinding("warning", "missing", ", ".join(columns), text, "")
     told = "".join(finding.way_out for finding in said)
     ignored = [name for name in log.source.ignored if f"'{name}'" not in told]
     if ignored:
         text = f"columns that were not read: {', '.join(ignored)}."
         way_out = "If one matters, give it the name of a channel."
-        found.append(LogFinding("info", "unread", "", text, way_out))
-    return found
+        yield LogFinding("info", "unread", "", text, way_out)
 
 
-def check_clock(log: Log) -> list[LogFinding]:
-    """Return findings about gaps, jitter and length."""
-    findings: list[LogFinding] = []
+def check_clock(log: Log) -> Iterator[LogFinding]:
+    """Yield findings about gaps, jitter and length."""
     steps = np.diff(log.time)
     median = float(np.median(steps))
     holes = gaps(log.time)
@@ -61,32 +59,30 @@ def check_clock(log: Log) -> list[LogFinding]:
             cut_at_gaps([log])
         except LogError as cause:
             severity, text, way = "error", str(cause).removeprefix(f"{log.source.label}: "), ""
-        findings.append(LogFinding(severity, "gap", "time", text, way))
+        yield LogFinding(severity, "gap", "time", text, way)
     jitter = float(np.std(steps[steps <= GAP_STEPS * median]) / median)
     if jitter > _JITTER:
         text = f"the distances of the time stamps scatter by {100.0 * jitter:.0f} % of a sample."
         way = "Stamp the samples where they are measured, not where they are received."
-        findings.append(LogFinding("warning", "jitter", "time", text, way))
-    short = too_short(log)
-    return findings if short is None else [*findings, short]
+        yield LogFinding("warning", "jitter", "time", text, way)
+    if (short := too_short(log)) is not None:
+        yield short
 
 
-def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFinding]:
-    """Return findings about velocities that are late or of something else.
+def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> Iterator[LogFinding]:
+    """Yield findings about velocities that are late or of something else.
 
     Args:
         log: the log.
         fits: from `velocity_fits`.
     """
-    findings: list[LogFinding] = []
     for joint, fit in fits.items():
         name, late = f"{joint}.velocity", 1e3 * fit.delay
         if abs(fit.correlation) < WELL_CORRELATED:
             text = f"its integral and the position correlate by {fit.correlation:.2f} only."
             way = "Check that both belong to one joint; leave the velocity out if it is noise."
-            findings.append(LogFinding("warning", "velocity_unrelated", name, text, way))
-            continue
-        if not fit.late(log.sample_time):
+            yield LogFinding("warning", "velocity_unrelated", name, text, way)
+        if not fit.late(log.sample_time):  # none is that correlates badly
             continue
         aligned: Mend = {"time": {"align_velocity": True}}
         way = f"To take it out, {say_so(aligned)}\nTo use the position instead, " + say_so(
@@ -99,19 +95,17 @@ def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> list[LogFindi
             kind, side = "clock_lag", "behind" if late > 0.0 else "ahead of"
             samples = abs(fit.delay) / log.sample_time
             text = f"{abs(late):.2f} ms ({samples:.1f} samples) {side} the position."
-        findings.append(LogFinding("warning", kind, name, text, way, aligned))
-    return findings
+        yield LogFinding("warning", kind, name, text, way, aligned)
 
 
-def check_set(logs: Sequence[Log]) -> list[LogFinding]:
-    """Return findings about duplicates, different joints, channels and rates."""
-    findings = []
+def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
+    """Yield findings about duplicates, different joints, channels and rates."""
     for group in find_duplicates(logs):
         labels = [logs[k].source.label for k in group]
         more = f" and {len(labels) - 6} more" if len(labels) > 6 else ""
         text = f"the same data more than once: {', '.join(labels[:6])}{more}."
         way = "Give each recording once; a copy is no repeat, it says nothing about noise."
-        findings.append(LogFinding("error", "duplicate", "", text, way))
+        yield LogFinding("error", "duplicate", "", text, way)
     first = logs[0]
     for log in logs[1:]:
         if set(log.joints) != set(first.joints):
@@ -120,14 +114,14 @@ def check_set(logs: Sequence[Log]) -> list[LogFinding]:
                 f"{first.source.label} has {', '.join(first.joints)}."
             )
             way = "Logs given together must be of one robot."
-            findings.append(LogFinding("error", "joints_differ", "", text, way))
+            yield LogFinding("error", "joints_differ", "", text, way)
         elif odd := sorted({*first.names} ^ {*log.names}):
             text = (
                 f"{log.source.label} and {first.source.label} differ in the channels "
                 f"{', '.join(odd)}."
             )
             way = "Only channels that all logs have are used together."
-            findings.append(LogFinding("warning", "channels_differ", "", text, way))
+            yield LogFinding("warning", "channels_differ", "", text, way)
     slow, fast = (pick(logs, key=lambda log: log.sample_time) for pick in (max, min))
     if slow.sample_time >= _RATE_RATIO * fast.sample_time:
         text = (
@@ -135,8 +129,7 @@ def check_set(logs: Sequence[Log]) -> list[LogFinding]:
             f"{1.0 / fast.sample_time:.4g} Hz."
         )
         way = "Fine if they were recorded so; otherwise one clock is in another unit."
-        findings.append(LogFinding("warning", "rates_differ", "time", text, way))
-    return findings
+        yield LogFinding("warning", "rates_differ", "time", text, way)
 
 
 _SATURATED_SHARE = 0.005
@@ -153,18 +146,13 @@ _ROUNDING = 1e-6  # of the range: smaller steps come from printed digits
 _WALK = 1.0 / 15.0  # mean square of a random walk over its length, its best line taken out
 
 
-def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
-    """Return findings about every measured channel of the joints.
+def check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+    """Yield findings about every measured channel of the joints.
 
     Args:
         log: the log.
         resting: joints that stand still, whose motion and resolution are not judged.
     """
-    findings: list[LogFinding] = []
-
-    def warn(kind: str, name: str, text: str, way: str, severity: str = "warning") -> None:
-        findings.append(LogFinding(severity, kind, name, text, way))
-
     for name, values in log.columns.items():
         joint, quantity = split_column(name) or ("", "")
         if quantity not in _MEASURED or (joint in resting and quantity in _MOTION):
@@ -172,17 +160,19 @@ def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         if values[0] == values[-1] and np.ptp(values) == 0.0:
             if quantity == "position":
                 text = f"{values[0]:g} throughout, while the velocity changes."
-                warn("constant_joint", name, text, "The channel is not connected.")
+                way = "The channel is not connected."
+                yield LogFinding("warning", "constant_joint", name, text, way)
                 continue
             text = "zero throughout." if values[0] == 0.0 else f"{values[0]:g} throughout."
             way = "Fine for an unpowered joint; otherwise the channel is not connected."
             idle = quantity in _ACTUATION and values[0] == 0.0
-            warn("constant_channel", name, text, way, "info" if idle else "warning")
+            yield LogFinding("info" if idle else "warning", "constant_channel", name, text, way)
             continue
         step, spread = resolution(values), float(np.std(values))
         if step > _COARSE_SHARE * spread and joint not in resting:
             text = f"the resolution {step:.4g} is {100.0 * step / spread:.0f} % of the signal's "
-            warn("coarse", name, f"{text}spread.", "Excite more, or read it with more bits.")
+            way = "Excite more, or read it with more bits."
+            yield LogFinding("warning", "coarse", name, f"{text}spread.", way)
         # A duty of one is the limit by definition, whether the joint moves or not.
         full = quantity == "duty" and float(np.abs(values).max()) >= _FULL_DUTY
         known = log.has(f"{joint}.position") and not full
@@ -192,8 +182,8 @@ def check_channels(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         if quantity in _ACTUATION and cut:
             text = f"{100.0 * share:.1f} % of the samples sit at an extreme ({low:g} or {high:g})."
             way = "The drive or its sensor is at its limit: what it really did there is unknown. "
-            warn("saturation", name, text, f"{way}Leave those times out, or excite less.")
-    return findings
+            way += "Leave those times out, or excite less."
+            yield LogFinding("warning", "saturation", name, text, way)
 
 
 def resting_joints(log: Log) -> frozenset[str]:
@@ -215,16 +205,14 @@ def resting_joints(log: Log) -> frozenset[str]:
     )
 
 
-def check_rest(log: Log, resting: Collection[str]) -> list[LogFinding]:
-    """Return a finding for each joint that stands still, in place of those about its channels."""
+def check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+    """Yield a finding for each joint that stands still, in place of those about its channels."""
     way = "This log tells nothing of the joint but a static torque: move it in another log, or "
     way += "lock it in the robot."
-    found = []
     for name in sorted(f"{joint}.position" for joint in resting):
         place = log.column(name)
         text = f"the joint stands still (within {np.ptp(place):.2g} of {place.mean():.4g})."
-        found.append(LogFinding("warning", "constant_joint", name, text, way))
-    return found
+        yield LogFinding("warning", "constant_joint", name, text, way)
 
 
 def _position_moves(time: FloatArray, position: FloatArray) -> bool:
@@ -265,8 +253,8 @@ def _rounding(position: FloatArray) -> float:
     return count / np.sqrt(12.0) if np.isfinite(count) else 0.0
 
 
-def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
-    """Return findings about positions and velocities that are held for a while.
+def check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+    """Yield findings about positions and velocities that are held for a while.
 
     A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint
     that rests, or a coarse sensor, does not jump. At the end of a log there is no jump to see:
@@ -276,7 +264,6 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
         log: the log.
         resting: joints that stand still throughout; nothing of theirs is lost.
     """
-    findings: list[LogFinding] = []
     held = [joint for joint in log.with_quantity("position") if log.has(f"{joint}.velocity")]
     for joint in (joint for joint in held if joint not in resting):
         names = [f"{joint}.position", f"{joint}.velocity"]
@@ -303,8 +290,7 @@ def check_stuck(log: Log, resting: Collection[str] = ()) -> list[LogFinding]:
             if (seen > 0.0 and known and jump > least) if stop < len(log) else lost:
                 text = f"one value for {seconds:.3f} s from {log.time[start]:.3f} s on, while the "
                 way = "The sensor or its link dropped out: leave that time out (log.between)."
-                findings.append(LogFinding("error", "stuck", name, f"{text}joint moves.", way))
-    return findings
+                yield LogFinding("error", "stuck", name, f"{text}joint moves.", way)
 
 
 def _zero(time: FloatArray, position: FloatArray, velocity: FloatArray, held: slice) -> float:

@@ -156,8 +156,7 @@ def parse_rule(target: str, entry: Any, place: str, ratios: Mapping[str, float])
         above = target.partition(".")[0] in SECTIONS
         hint = " Lines of other sections stand above the first [heading]." if above else ""
         raise LogError(f"{place}: {not_a_column(target)}{hint}")
-    entry = {"from": entry} if isinstance(entry, str) else entry
-    said = _section(entry, _RULE, place)
+    said = _section(_as_table(entry), _RULE, place)
     sources = _listed(said.pop("from", target))
     factor = said.pop("scale", 1.0) * said.pop("sign", 1.0)
     if factor == 0.0:
@@ -518,27 +517,25 @@ def _is_rule(name: str, value: Any) -> bool:
 
 def _columns(before: Mapping[str, Any], mend: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries of [columns] that first read and then mend."""
-    used = {_source(name, entry) for name, entry in mend.items() if entry is not False}
-    entries = {name: entry for name, entry in before.items() if name not in used}
-    for name, entry in mend.items():
-        if entry is False:
+    mends = {name: entry if entry is False else _as_table(entry) for name, entry in mend.items()}
+    sources = {name: str(own.get("from", name)) for name, own in mends.items() if own is not False}
+    entries = {name: entry for name, entry in before.items() if name not in sources.values()}
+    for name, own in mends.items():
+        if own is False:
             entries[name] = False
             continue
-        source = _source(name, entry)
-        own = {"from": entry} if isinstance(entry, str) else dict(entry)
-        read = before.get(source, {})
-        old = {"from": read} if isinstance(read, str) else dict(read or {})
+        old = _as_table(before.get(sources[name]) or {})
         entry = _combined(old, own)
-        if entry.get("from", name) != name or source != name:
-            entry = {"from": old.get("from", source), **{k: entry[k] for k in entry if k != "from"}}
+        if entry.get("from", name) != name or sources[name] != name:
+            rest = {key: value for key, value in entry.items() if key != "from"}
+            entry = {"from": old.get("from", sources[name]), **rest}
         entries[name] = entry
     return entries
 
 
-def _source(name: str, entry: Any) -> str:
-    if isinstance(entry, str):
-        return entry
-    return str(entry.get("from", name))
+def _as_table(entry: Any) -> Any:
+    """Return an entry that names its source alone as the table that says the same."""
+    return {"from": entry} if isinstance(entry, str) else entry
 
 
 def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

@@ -528,7 +528,7 @@ def check_logs(logs: Sequence[Log], robot: Robot | None = None) -> tuple[LogQual
     told = iter(find_suspicions(used, robot))
     suspected = [list({f.text: f for _ in own for f in next(told)}.values()) for own in pieces]
     each = [_quality(log, robot, own) for log, own in zip(logs, suspected, strict=True)]
-    together = check_set(logs)
+    together = [*check_set(logs)]
     if robot is not None and (still := motionless(robot, used)) is not None:
         together.append(still)
     each[0] = replace(each[0], findings=_gravest_first([*each[0].findings, *together]))
