@@ -139,8 +139,6 @@ def _figures(
     show_map = partial(design_map, drawn, across, units, columns=columns, logarithmic=steps)
     figures: dict[str, Callable[..., Any]] = {f"{start}_map.png": show_map}
     if len(aimed) > 1:
-        both = {name: np.concatenate([front[name], values]) for name, values in drawn.items()}
-        best = np.arange(len(front["design"]))
-        show_front = partial(pareto_figure, both, best, aimed[:2], across[0], units)
+        show_front = partial(pareto_figure, drawn, front, aimed[:2], across[0], units)
         figures[f"{start}_front.png"] = show_front
     return figures

@@ -23,7 +23,6 @@ from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.sim.ground import Plane, Terrain
 from wbc.transmission import Direction
-from wbc.view.ground import surface, terrain_slabs
 from wbc.view.palette import (
     DIRECTION_COLOURS,
     DIRECTION_LABELS,
@@ -34,9 +33,9 @@ from wbc.view.palette import (
     VERMILION,
     YELLOW,
 )
-from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene
+from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene, surface, terrain_slabs
 from wbc.view.shapes import LinkShape, robot_shapes
-from wbc.view.track import ContactTrack, Ghost, Track, ghost_at, make_track
+from wbc.view.track import Ghost, Track, ghost_at, make_track
 
 _LEAST_SPAN = 6.0
 _LOADED = 0.02  # weights above which a contact bears something
@@ -64,14 +63,14 @@ def _packed(values: ArrayLike) -> str:
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def _contact(contact: ContactTrack, ground: Terrain | None) -> dict[str, Any]:
+def _contact(robot: Robot, track: Track, name: str, ground: Terrain | None) -> dict[str, Any]:
     return {
-        "name": contact.name,
-        "friction": contact.friction,
-        "position": _packed(contact.position),
-        "force": _packed(contact.force),
-        "normal": _packed(surface(ground, contact.position)[1]),
-        "largest": float(np.linalg.norm(contact.force, axis=1).max()),
+        "name": name,
+        "friction": robot.contact(name).friction,
+        "position": _packed(track.points[name]),
+        "force": _packed(track.forces[name]),
+        "normal": _packed(surface(ground, track.points[name])[1]),
+        "largest": float(np.linalg.norm(track.forces[name], axis=1).max()),
     }
 
 
@@ -96,7 +95,7 @@ def _arrow_scale(track: Track, reach: float) -> float:
 
     Many arrows are shorter, so that all of them cover about as much of the robot as one does.
     """
-    forces = [np.linalg.norm(contact.force, axis=1) for contact in track.contacts]
+    forces = [np.linalg.norm(force, axis=1) for force in track.forces.values()]
     largest = np.max(forces, axis=0, initial=0.0)
     loaded = largest[largest > _LOADED * track.weight]
     # A robot without weight that touches nothing shows no arrow, whatever its scale.
@@ -135,10 +134,10 @@ def _camera(
     count = len(track.time)
     frames = np.linspace(0, count - 1, min(count, _FRAMED)).astype(int)
     seen = [_corners(track.poses[frames], shapes)]
-    seen += [contact.position[frames][:, None] for contact in track.contacts]
+    seen += [track.points[name][frames][:, None] for name in track.forces]
     if ghost is not None and not leaves:
         seen.append(_corners(ghost[frames], shapes))
-    if not shapes and not track.contacts:
+    if not shapes and not track.forces:
         seen = [track.poses[frames, :, :3].astype(np.float64)]  # links without bodies
     points = np.concatenate(seen, axis=1)
     if leaves:
@@ -223,13 +222,12 @@ def write_playback(
     ground, center = ground or _level_ground(track), track.center_of_mass
     middle = 0.5 * (center.min(axis=0) + center.max(axis=0))
     slabs = terrain_slabs(ground, middle, float(np.ptp(center, axis=0).max()) + 2.5)
-    contacts = [contact.name for contact in track.contacts]
     shapes = robot_shapes(robot)
     # A robot that hangs below its contact would be hidden by its ground.
     mean = center.mean(axis=0)[None]
     opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
-    reach = add_robot_scene(root, robot, shapes, slabs, contacts, opacity)
-    add_paths(root["paths"], track.paths)
+    reach = add_robot_scene(root, robot, shapes, slabs, list(track.forces), opacity)
+    add_paths(root["paths"], track.points if track.planned else {})
     poses, residual, label = None, dict[str, FloatArray](), ""
     if ghost is not None:
         label, (poses, residual) = ghost.label, ghost_at(robot, ghost, track.time)
@@ -241,7 +239,7 @@ def write_playback(
         "ghost": None if poses is None else {"label": label, **_body(robot, poses)},
         "com": _packed(track.center_of_mass),
         "floor": None if ground is None else surface(ground, center)[0].round(5).tolist(),
-        "contacts": [_contact(contact, ground) for contact in track.contacts],
+        "contacts": [_contact(robot, track, name, ground) for name in track.forces],
         "gears": [_gear(robot, track, k, residual) for k in range(robot.transmission.size)],
         "marks": shown,
         "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
@@ -251,7 +249,7 @@ def write_playback(
         "metres_per_newton": _arrow_scale(track, reach),
         "camera": _camera(robot, track, reach, shapes, poses),
         "floating": robot.floating_size > 0,
-        "planned": bool(track.paths),
+        "planned": track.planned,
         "follow": _leaves(robot, track, reach),
         # Noise floors of the full colour: few residuals exceed it.
         "residual_span": max(
@@ -282,8 +280,8 @@ def embedded(value: object) -> str:
 def _level_ground(track: Track) -> Plane | None:
     """Return the plane on which the loaded contacts stand, None where no contact is loaded."""
     heights = [
-        contact.position[np.linalg.norm(contact.force, axis=1) > 0.05 * track.weight, 2]
-        for contact in track.contacts
+        track.points[name][np.linalg.norm(force, axis=1) > 0.05 * track.weight, 2]
+        for name, force in track.forces.items()
     ]
     loaded = np.concatenate([np.zeros(0), *heights])
     return Plane(height=float(np.median(loaded))) if loaded.size else None

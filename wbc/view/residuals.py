@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.identification.answer.remainder import quantities
 from wbc.identification.answer.shown import Series
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.records.record import Record, output_names, output_units
 from wbc.measurement.checks import true_runs
-from wbc.robot import Robot
 from wbc.view.rows import short_label
 
 _HALF = 0.5  # weight below which a row counts as not used
@@ -20,8 +20,11 @@ _ROWS = 700  # of one line: about as many as a screen has points across
 _NUMBERS = 500_000  # of all lines together: some 3 MB of text
 _POINTS = 450
 _STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
-_OVER = ("speed", "position", "load")
-_UNITS = {"N": ("m/s", "m", "N"), "N m": ("rad/s", "rad", "N m")}
+_OVER = {
+    "N": {"speed": "m/s", "position": "m", "load": "N"},
+    "N m": {"speed": "rad/s", "position": "rad", "load": "N m"},
+}
+"""Unit of an output -> what its residual is drawn over, with their units."""
 
 
 def residual_plots(
@@ -37,15 +40,20 @@ def residual_plots(
     robot, runs = problem.robot, list(zip(problem.records, given, fitted, strict=True))
     names, floor = output_names(robot), problem.floor.values
     before, after = (np.concatenate([one.residual for one in each]) for each in (given, fitted))
-    motion = np.concatenate([_motion(robot, record) for record in problem.records], axis=1)
     rows = min(_ROWS, max(100, _NUMBERS // (6 * len(runs) * len(names))))
     few = slice(None, None, max(1, -(-len(before) // _POINTS)))
     panels = []
     for k, (output, unit) in enumerate(zip(names, output_units(robot), strict=True)):
+        driven = k < robot.transmission.size
+        seen = [(record, quantities(record, k)) for record in problem.records]
         over = [
-            {"name": name, "unit": own, "x": _short(x[few])}
-            for name, own, x in zip(_OVER, _UNITS[unit], motion[:, :, k], strict=True)
-            if np.isfinite(x).all()
+            {
+                "name": name,
+                "unit": own_unit,
+                "x": _short(np.concatenate([one.thinned(own[name][1]) for one, own in seen])[few]),
+            }
+            for name, own_unit in _OVER[unit].items()
+            if driven or name == "speed"
         ]
         panels.append(
             {
@@ -55,26 +63,10 @@ def residual_plots(
                 "over": over,
                 "before": _short(before[few, k]),
                 "after": _short(after[few, k]),
-                "runs": [_over_time(*run, k, k < robot.transmission.size, rows) for run in runs],
+                "runs": [_over_time(*run, k, driven, rows) for run in runs],
             }
         )
     return {"logs": [short_label(one.name) for one in given], "panels": panels}
-
-
-def _motion(robot: Robot, record: Record) -> FloatArray:
-    """Return speed, position and load of the outputs (3, rows, outputs), NaN where there is none.
-
-    In rad/s, rad and N m, of slides in m/s, m and N; the load is that of the motor.
-    """
-    gears, motion = robot.transmission, record.motion
-    rows = slice(record.edge, len(record.torque) - record.edge, record.stride)
-    turning = motion.velocity[:, robot.actuated]
-    parts = [turning @ gears.motor_from_joint.T, motion.velocity[:, robot.unactuated]]
-    speed = np.concatenate([*parts, turning[:, robot.sensed]], axis=1)[rows]
-    found = np.full((3, *speed.shape), np.nan)
-    found[0], found[1, :, : gears.size] = speed, motion.position[rows][:, robot.actuated_position]
-    found[2, :, : gears.size] = (record.torque * gears.gear_ratio)[rows]
-    return found
 
 
 def _over_time(

@@ -13,7 +13,7 @@ from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.identification.trend import Trend
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import DASHES, drawing, legend_above, new_figure, panel_figure
@@ -35,9 +35,8 @@ def design_map(
     table: Mapping[str, FloatArray],
     varied: Sequence[str],
     units: Mapping[str, str],
-    *,
-    columns: Sequence[str] | None = None,
-    logarithmic: Sequence[str] = (),
+    columns: Sequence[str],
+    logarithmic: Sequence[str],
     theme: Theme = LIGHT,
 ) -> Figure:
     """Return one panel per metric over the first one or two parameters of a study.
@@ -49,18 +48,17 @@ def design_map(
         table: columns (k,) of the study.
         varied: its parameters, the first two are drawn across and up.
         units: column -> unit.
-        columns: metrics to draw; those of `MAPPED` that there are when left out. Those that are
-            constant or nowhere finite are left out.
+        columns: metrics to draw; those that are constant or nowhere finite are left out.
         logarithmic: parameters to draw on a logarithmic axis.
         theme: page colours.
     """
-    wanted = columns or [name for name in MAPPED if name in table]
-    shown = [name for name in wanted if _varies(table[name])] or list(wanted)[:1]
+    shown = [name for name in columns if _varies(table[name])] or columns[:1]
     with drawing(theme):
         figure, axes = panel_figure(len(shown), min(3, len(shown)), 3.9, 3.1)
         for ax, name in zip(axes, shown, strict=True):
             if len(varied) == 1:
-                _line(ax, table, varied[0], name, theme)
+                order = np.argsort(table[varied[0]])
+                ax.plot(table[varied[0]][order], _finite(table[name])[order], color=theme.series[0])
             else:
                 _map(figure, ax, table, varied, name)
             ax.set(
@@ -74,7 +72,7 @@ def design_map(
 
 def pareto_figure(
     table: Mapping[str, FloatArray],
-    front: IntArray,
+    front: Mapping[str, FloatArray],
     objectives: Sequence[str],
     coloured: str,
     units: Mapping[str, str],
@@ -85,27 +83,26 @@ def pareto_figure(
 
     Args:
         table: columns (k,) of the study.
-        front: rows on the front.
+        front: the same of the designs on the front, whose goals are finite.
         objectives: two columns, across and up.
         coloured: parameter that colours the front.
         units: column -> unit.
         theme: page colours.
     """
-    across, up = (table[name] for name in objectives)
-    usable = np.isfinite(across) & np.isfinite(up)
-    rows = front[usable[front]]
-    rows = rows[np.argsort(across[rows])]
+    all_of, best = ([designs[name] for name in objectives] for designs in (table, front))
+    order = np.argsort(best[0])
+    across, up, colour = best[0][order], best[1][order], front[coloured][order]
     with drawing(theme):
         figure, grid = new_figure(1, 1, 6.2, 4.2)
         ax = grid[0][0]
         ax.plot(
-            across[usable], up[usable], ".", color=theme.ink, alpha=0.25, markersize=3,
+            *map(_finite, all_of), ".", color=theme.ink, alpha=0.25, markersize=3,
             label="all designs", rasterized=True,
         )  # fmt: skip
-        ax.plot(across[rows], up[rows], color=theme.ink, linewidth=0.8)
+        ax.plot(across, up, color=theme.ink, linewidth=0.8)
         points = ax.scatter(
-            across[rows], up[rows], c=table[coloured][rows], s=22, zorder=3,
-            label="not beaten in both", norm=_norm(table[coloured][rows], coloured in _SHARES),
+            across, up, c=colour, s=22, zorder=3,
+            label="not beaten in both", norm=_norm(colour, coloured in _SHARES),
         )  # fmt: skip
         _bar(figure, ax, points, _label(coloured, units))
         ax.set(
@@ -117,17 +114,14 @@ def pareto_figure(
     return figure
 
 
-def _line(ax: Axes, table: Mapping[str, FloatArray], across: str, name: str, theme: Theme) -> None:
-    order = np.argsort(table[across])
-    values = np.where(np.isfinite(table[name]), table[name], np.nan)[order]
-    ax.plot(table[across][order], values, color=theme.series[0])
+def _finite(values: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _map(
     figure: Figure, ax: Axes, table: Mapping[str, FloatArray], varied: Sequence[str], name: str
 ) -> None:
-    x, y = (table[column] for column in varied[:2])
-    z = np.where(np.isfinite(table[name]), table[name], np.nan)
+    x, y, z = table[varied[0]], table[varied[1]], _finite(table[name])
     norm = _norm(z, name in _SHARES)
     across, up = np.unique(x), np.unique(y)
     if len(varied) == 2 and len(across) * len(up) == len(z):

@@ -142,24 +142,6 @@ _MAX_FRAMES = 3600
 
 
 @dataclass(frozen=True, eq=False)
-class ContactTrack:
-    """One contact at the frames.
-
-    Attributes:
-        name: of the contact.
-        friction: Coulomb coefficient of its cone.
-        position: (F, 3) [m], world.
-        force: (F, 3) [N], ground on robot; the largest since the last frame, so that an impact
-            is not skipped.
-    """
-
-    name: str
-    friction: float
-    position: FloatArray
-    force: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Track:
     """Everything that a playback shows, at its frames.
 
@@ -168,25 +150,28 @@ class Track:
         poses: (F, joints, 7), world placement of every joint frame as x, y, z and quaternion
             x, y, z, w; row 0 is the world.
         center_of_mass: (F, 3) [m].
-        contacts: the contacts that bear force in the log.
+        points: contact name -> (F, 3) [m], world.
+        forces: the same of those that bear force in the log -> (F, 3) [N], ground on robot; the
+            largest since the last frame, so that an impact is not skipped.
         torque: (F, m) [N m] at the motor outputs, N tau_phi; NaN where the log holds none.
         power: (F, m) [W] mesh power, NaN likewise.
         direction: (F, m) of +1, 0, -1.
         impacts: instants at which a contact force jumps.
         weight: [N] of the robot.
-        paths: contact name -> (F, 3) [m] that it passes; of planned motions only.
+        planned: whether it is a planned motion.
     """
 
     time: FloatArray
     poses: FloatArray
     center_of_mass: FloatArray
-    contacts: tuple[ContactTrack, ...]
+    points: Mapping[str, FloatArray]
+    forces: Mapping[str, FloatArray]
     torque: FloatArray
     power: FloatArray
     direction: FloatArray
     impacts: tuple[RecordedImpact, ...]
     weight: float
-    paths: Mapping[str, FloatArray]
+    planned: bool
 
 
 def make_track(robot: Robot, log: Log) -> Track:
@@ -204,24 +189,18 @@ def make_track(robot: Robot, log: Log) -> Track:
     poses, center, points = kinematics(robot, position)
     forces, flow = contact_forces(robot, log), gear_flow(robot, log)
     weight = robot_weight(robot)
-    contacts = tuple(
-        ContactTrack(
-            contact.name, contact.friction, points[:, i], _largest(forces[contact.name], rows)
-        )
-        for i, contact in enumerate(robot.contacts)
-        if np.any(forces.get(contact.name, 0.0))
-    )
     return Track(
         time=log.time[rows],
         poses=poses,
         center_of_mass=center,
-        contacts=contacts,
+        points={contact.name: points[:, i] for i, contact in enumerate(robot.contacts)},
+        forces={name: _largest(force, rows) for name, force in forces.items() if np.any(force)},
         torque=(flow.rotor_torque * robot.transmission.gear_ratio)[rows],
         power=flow.mesh_power[rows],
         direction=flow.direction[rows],
         impacts=find_impacts(log.time, forces, weight),
         weight=weight,
-        paths={c.name: points[:, i] for i, c in enumerate(robot.contacts)} if planned else {},
+        planned=planned,
     )
 
 

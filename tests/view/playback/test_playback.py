@@ -136,10 +136,11 @@ def test_a_planned_motion_shows_the_torque_it_needs_its_limit_and_its_path(tmp_p
     links = np.array([pin.rnea(robot.model, data, *row) for row in zip(*motion, strict=True)])
     needed = links + robot.transmission.reflected_inertia * motion[2]
     np.testing.assert_allclose(track.torque, needed[np.searchsorted(time, track.time)], atol=1e-9)
-    assert set(track.paths) == {"foot"}
-    assert np.ptp(track.paths["foot"], axis=0).max() > 0.05
+    assert set(track.points) == {"foot"}
+    assert np.ptp(track.points["foot"], axis=0).max() > 0.05
     page = write_playback(tmp_path / "plan.html", robot, log).read_text("utf-8")
     assert '"planned":true' in page
     assert '"limit":20.0' in page
     without = {name: values for name, values in columns.items() if "acceleration" not in name}
-    assert make_track(robot, Log(time, without)).paths == {}
+    assert track.planned
+    assert not make_track(robot, Log(time, without)).planned

@@ -13,8 +13,7 @@ from wbc.robot import Robot
 from wbc.robot.body_contacts import placed_geometry
 from wbc.robot.coordinates import joint_axis
 from wbc.sim.ground import Plane, Stairs, Terrain
-from wbc.view.ground import surface, terrain_slabs
-from wbc.view.scene import hub_of, scene_size
+from wbc.view.scene import hub_of, scene_size, surface, terrain_slabs
 from wbc.view.shapes import along, robot_shapes
 
 

@@ -87,7 +87,7 @@ def breakdowns(records: Sequence[Record], residuals: Sequence[FloatArray]) -> li
     robot, stacked = records[0].robot, np.concatenate(residuals)
     found = []
     for column, output in enumerate(output_names(robot)):
-        each = [_quantities(record, column) for record in records]
+        each = [quantities(record, column) for record in records]
         for variable, (unit, _) in each[0].items():
             if any(variable not in own for own in each):
                 continue
@@ -114,7 +114,7 @@ def binned(
     return Breakdown(output, variable, unit, center, mean, np.sqrt(power), share)
 
 
-def _quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]:
+def quantities(record: Record, column: int) -> dict[str, tuple[str, FloatArray]]:
     """Return unit and values (N,) of what the torque at one output may depend on, by name."""
     robot, motion = record.robot, record.motion
     row, gear = output_row(robot, column), output_gear(robot, column)
@@ -414,7 +414,7 @@ def _held_out(features: FloatArray, residual: FloatArray, folds: IntArray) -> fl
 
 def _features(record: Record, output: int) -> FloatArray:
     """Return (rows, F) what the torque at one output may depend on, in the residual's band."""
-    robot, seen = record.robot, _quantities(record, output)
+    robot, seen = record.robot, quantities(record, output)
     row, gear = output_row(robot, output), output_gear(robot, output)
     velocity, a = record.motion.velocity, np.asarray(record.motion.acceleration)
     time = np.linspace(-1.0, 1.0, len(velocity))
