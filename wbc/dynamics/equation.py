@@ -18,7 +18,6 @@ on the rotor.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -76,32 +75,14 @@ class RedundantModel:
     Attributes:
         inertia: H_s (nv + m, nv + m).
         bias: c_s (nv + m,).
-        constraint: A (m, nv + m), A ds = dq_m - D R dphi.
-        nullspace: K (nv + m, nv), ds = K dq.
+        constraint: A (m, nv + m): the constraint's velocity is A ds = dq_m - D R dphi.
+        nullspace: K (nv + m, nv), ds = K dq, identity over (D R)^-1 on the driven columns.
     """
 
     inertia: FloatArray
     bias: FloatArray
     constraint: FloatArray
     nullspace: FloatArray
-
-
-def constraint_nullspace(robot: Robot) -> FloatArray:
-    """Return K (nv + m, nv): ds = K dq, identity over (D R)^-1 on the driven columns."""
-    nv, gears = robot.model.nv, robot.transmission
-    nullspace = np.zeros((nv + gears.size, nv))
-    nullspace[:nv] = np.eye(nv)
-    nullspace[nv:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
-    return nullspace
-
-
-def constraint_jacobian(robot: Robot) -> FloatArray:
-    """Return A (m, nv + m): the constraint's velocity is dq_m - D R dphi."""
-    nv, gears = robot.model.nv, robot.transmission
-    jacobian = np.zeros((gears.size, nv + gears.size))
-    jacobian[np.arange(gears.size), robot.actuated] = 1.0
-    jacobian[:, nv:] = -gears.topology @ gears.reduction
-    return jacobian
 
 
 def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
@@ -111,19 +92,22 @@ def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
     H_s holds their inertial coupling with the links, c_s their gyroscopic torque. The links'
     inertias include the rotors at standstill either way.
     """
-    nv, m = robot.model.nv, robot.transmission.size
-    inertia = np.zeros((nv + m, nv + m))
-    bias = np.zeros(nv + m)
-    inertia[:nv, :nv] = terms.mass_matrix
-    bias[:nv] = terms.bias
-    inertia[nv + np.arange(m), nv + np.arange(m)] = robot.transmission.rotor_inertia
+    nv, gears = robot.model.nv, robot.transmission
+    m = gears.size
+    inertia, bias = np.zeros((nv + m, nv + m)), np.zeros(nv + m)
+    inertia[:nv, :nv], bias[:nv] = terms.mass_matrix, terms.bias
+    inertia[nv:, nv:] = np.diag(gears.rotor_inertia)
     if robot.rotors_turn_with_links:
         coupling = rotor_coupling(robot, terms.velocity, terms.data)
         inertia[nv:, :nv] = coupling.inertia
         inertia[:nv, nv:] = coupling.inertia.T
         bias[:nv] += coupling.link_bias
         bias[nv:] += coupling.rotor_bias
-    return RedundantModel(inertia, bias, constraint_jacobian(robot), constraint_nullspace(robot))
+    constraint, nullspace = np.zeros((m, nv + m)), np.eye(nv + m, nv)
+    constraint[np.arange(m), robot.actuated] = 1.0
+    constraint[:, nv:] = -gears.topology @ gears.reduction
+    nullspace[nv:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
+    return RedundantModel(inertia, bias, constraint, nullspace)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,23 +118,16 @@ class DissipativeEquation:
         inertia: K' E_s H_s K (nv, nv); symmetric only without rotor-link coupling.
         bias: K' E_s c_s (nv,).
         actuation: [0; B E_m] (nv, m), columns per rotor.
-        directions: (m,), +1 forward, -1 backward, 0 as without losses.
     """
 
     inertia: FloatArray
     bias: FloatArray
     actuation: FloatArray
-    directions: FloatArray
-
-    @cached_property
-    def inverse_inertia(self) -> FloatArray:
-        """Inverse of `inertia`, (nv, nv)."""
-        return np.asarray(np.linalg.inv(self.inertia))
 
     def acceleration(self, rotor_torque: FloatArray, external: FloatArray) -> FloatArray:
         """Return qdd (nv,) under rotor torques (m,) and an external joint-space force (nv,)."""
         force = external + self.actuation @ rotor_torque - self.bias
-        return np.asarray(self.inverse_inertia @ force)
+        return np.asarray(np.linalg.solve(self.inertia, force))
 
 
 def dissipative_equation(robot: Robot, terms: Terms, directions: FloatArray) -> DissipativeEquation:
@@ -176,5 +153,4 @@ def dissipative_equation(robot: Robot, terms: Terms, directions: FloatArray) -> 
         inertia=weighted.T @ model.inertia @ model.nullspace,
         bias=weighted.T @ model.bias,
         actuation=actuation,
-        directions=np.asarray(directions, dtype=np.float64),
     )
