@@ -42,9 +42,8 @@ def with_armature() -> pin.Model:
 LEG, SOLO = load_robot("planar_leg"), load_robot("solo12")
 BARE = bare_robot(LEG.model)
 MISTAKES: list[tuple[str, Callable[[], object]]] = [
-    ("Did you mean 'knee'", lambda: LEG.velocity_index("knie")),
     ("Did you mean 'knee'", lambda: LEG.configuration(knie=1.0)),
-    ("Did you mean 'knee'", lambda: LEG.body_of("knie")),
+    ("Did you mean 'knee'", lambda: LEG.velocity_index("knie")),
     ("There are: foot", lambda: LEG.contact("toe")),
     ("thigh", lambda: LEG.body_joint("thig")),
     ("count twice", lambda: bare_robot(with_armature())),

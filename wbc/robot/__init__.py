@@ -1,6 +1,6 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
-from wbc.robot.body_contacts import body_contacts, body_surfaces
+from wbc.robot.body_contacts import body_surfaces
 from wbc.robot.description import bare_robot, state_gear
 from wbc.robot.effect import (
     ContactForces,
@@ -40,7 +40,6 @@ __all__ = [
     "SearchOffer",
     "Usual",
     "bare_robot",
-    "body_contacts",
     "body_surfaces",
     "number",
     "robot_names",

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, require_known
-from wbc.robot.model import BodySurface, ContactPoint
+from wbc.robot.model import ContactPoint
 from wbc.robot.robot import Robot
 
 _SAME = 1e-7
@@ -137,14 +137,7 @@ _DIRECTIONS = np.column_stack(
 _RIM = 8  # points on the rim of a disc: lying on its side it sinks by 1 - cos(pi/8) = 8 % of r
 
 
-def body_contacts(robot: Robot, surface: BodySurface | None = None) -> tuple[ContactPoint, ...]:
-    """Return the contact points of `body_surfaces`."""
-    return body_surfaces(robot, surface)[0]
-
-
-def body_surfaces(
-    robot: Robot, surface: BodySurface | None = None
-) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
+def body_surfaces(robot: Robot) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
     """Return contact points of a robot's bodies, beside those that it has, and their hulls.
 
     - sphere: a ball; capsule: a ball at each end; box: its eight corners;
@@ -159,15 +152,14 @@ def body_surfaces(
     bodies.
 
     Args:
-        robot: loaded from a URDF or MJCF file with collision geometry.
-        surface: which bodies, their friction, and how well meshes are met; None for the robot's.
+        robot: loaded from a URDF or MJCF file with collision geometry. Its surface says which
+            bodies touch, their friction, and how well meshes are met.
 
     Raises:
         RobotError: no collision geometry, a body that does not exist, or a kind of shape that has
             no points (a half space, a height field).
     """
-    surface = robot.surface if surface is None else surface
-    links = surface.links
+    links = robot.surface.links
     for link in links or ():
         require_known(RobotError, f"body of '{robot.name}'", link, robot.bodies)
     shapes = collision_solids(robot).geometryObjects
@@ -182,20 +174,20 @@ def body_surfaces(
     for item in shapes:
         body = robot.bodies[item.parentJoint - 1] if item.parentJoint else ""
         if body and (links is None or body in links):
-            points, radius = _free_points(robot, item, surface)
+            points, radius = _free_points(robot, item)
             frame = robot.model.frames[item.parentFrame]
             for number, place in enumerate(points):
                 offset = frame.placement.actInv(place)
                 name = f"{item.name}/{number}"
-                found.append(ContactPoint(name, frame.name, offset, surface.friction, radius))
+                found.append(ContactPoint(name, frame.name, offset, robot.surface.friction, radius))
             if len(points):
                 hulls.append(hull_of(item.name, body, item.parentJoint, points, radius))
     return tuple(found), tuple(hulls)
 
 
-def _free_points(robot: Robot, item: Any, surface: BodySurface) -> tuple[FloatArray, float]:
+def _free_points(robot: Robot, item: Any) -> tuple[FloatArray, float]:
     """Return the points (n, 3) of a solid that no contact stands for, on its joint, and radii."""
-    points, radius, thickness = _points(item, surface.depth)
+    points, radius, thickness = _points(item, robot.surface.depth)
     placed = [(*robot.contact_place(contact), contact.radius) for contact in robot.contacts]
     known = [(at, own) for carrier, at, own in placed if carrier == item.parentJoint]
     kept = [

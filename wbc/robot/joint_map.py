@@ -132,12 +132,8 @@ class JointMap:
         """
         gears = self.robot.transmission
         motor = gears.gear_ratio * np.asarray(rotor_torque, dtype=np.float64)
-        return self.scattered(gears.motor_from_joint.T @ motor, size)
-
-    def scattered(self, values: ArrayLike, size: int | None = None) -> FloatArray:
-        """Return values of the driven joints (m,) in the foreign order, zero for other joints."""
         result = np.zeros(len(self.names) if size is None else size)
-        result[self._motors] = values
+        result[self._motors] = gears.motor_from_joint.T @ motor
         return result
 
 

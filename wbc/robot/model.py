@@ -91,7 +91,7 @@ class LinkSolid:
 
 @dataclass(frozen=True)
 class BodySurface:
-    """How the links of a robot touch the ground beside its contacts (`body_contacts`).
+    """How the links of a robot touch the ground beside its contacts (`body_surfaces`).
 
     Attributes:
         links: names of the bodies that may touch, None for all.

@@ -77,7 +77,7 @@ class Robot(Remade):
             transmission: logs then show what the gear gives, apart from what the links need.
         sensor_only: driven joints of whose gears nothing is known: only what a torque sensor
             behind them shows is compared.
-        surface: how its links touch the ground where they may (`body_contacts`).
+        surface: how its links touch the ground where they may (`body_surfaces`).
         before_effects: the robot to which the effects were added, None where there is none: no
             effect was added, or bodies, gears or contacts were changed in code since.
     """
@@ -215,20 +215,11 @@ class Robot(Remade):
 
     @cached_property
     def bodies(self) -> tuple[str, ...]:
-        """One name per moving joint: the link that the joint carries."""
-        return tuple(self.body_of(joint) for joint in self.joints)
-
-    def body_of(self, joint: str) -> str:
-        """Return the name of the link that `joint` moves (fixed links are part of it).
-
-        Raises:
-            RobotError: no such joint; the message lists those there are.
-        """
-        number = self._joint_id(joint)
-        for frame in self.model.frames:
-            if frame.type == pin.FrameType.BODY and frame.parentJoint == number:
-                return str(frame.name)
-        return joint
+        """One name per moving joint: the link that it carries, of which fixed ones are part."""
+        carried = {k: joint for k, joint in enumerate(self.joints, start=1)}
+        frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+        carried |= {frame.parentJoint: str(frame.name) for frame in reversed(frames)}
+        return tuple(carried[k] for k in range(1, self.model.njoints))
 
     def body_joint(self, body: str) -> int:
         """Return the number of the joint that moves `body`.
@@ -241,11 +232,15 @@ class Robot(Remade):
         return bodies.index(body) + 1
 
     def velocity_index(self, joint: str) -> int:
-        """Return the row of a joint's (first) velocity in v; raises as `body_of`."""
+        """Return the row of a joint's (first) velocity in v.
+
+        Raises:
+            RobotError: no such joint; the message lists those there are.
+        """
         return int(self.model.joints[self._joint_id(joint)].idx_v)
 
     def position_index(self, joint: str) -> int:
-        """Return the row of a joint's (first) position in q; raises as `body_of`."""
+        """Return the row of a joint's (first) position in q; raises as `velocity_index`."""
         return int(self.model.joints[self._joint_id(joint)].idx_q)
 
     def contact(self, name: str) -> ContactPoint:

@@ -1,9 +1,9 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
-from wbc.transmission.flanks import Flanks
 from wbc.transmission.machines import CompoundPlanetaryGear, WedgeBlock
 from wbc.transmission.mesh import (
     Direction,
+    Flanks,
     direction,
     efficiency,
     mesh_input,

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, Remade, checked, frozen
 from wbc.errors import TransmissionError, require_known
-from wbc.transmission.flanks import Flanks
-from wbc.transmission.mesh import wedge_backward_efficiency
+from wbc.transmission.mesh import Flanks, wedge_backward_efficiency
 
 DRIVE_TIMES = ("target_delay", "feedback_delay", "velocity_lag")
 """Fields that say how late a drive follows its target and sees its own motion."""

@@ -13,7 +13,7 @@ from tests.sim.bodies import free, hull_of, placed, solid, watched
 from wbc import load_robot
 from wbc.effects import PayloadMass, save_robot
 from wbc.errors import RobotError
-from wbc.robot import FreeBody, body_contacts
+from wbc.robot import FreeBody, body_surfaces
 from wbc.sim import Plane, Plant, SimState, Stairs, simulate
 
 _MASS = 2.0  # [kg]
@@ -92,7 +92,7 @@ def test_the_points_of_a_mesh_hold_all_of_it_but_the_depth_that_is_asked_for() -
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     counts = []
     for depth in (0.1, 0.03, 0.01):
-        found = body_contacts(robot, replace(robot.surface, depth=depth))
+        found, _ = body_surfaces(replace(robot, surface=replace(robot.surface, depth=depth)))
         points = np.array([contact.offset for contact in found])
         out = (cloud @ ways.T).max(axis=0) - (points @ ways.T).max(axis=0)
         assert out.max() < depth + 5e-3  # seen from 400 ways, it is known to 5 mm
