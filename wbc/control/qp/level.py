@@ -254,7 +254,7 @@ def _judged(found: DirectedSolution, program: Program) -> Complaint:
     if solution.status is QPStatus.INFEASIBLE:
         # the last point of daqp keeps all but what it could not add
         beyond = program.excess(solution)[0, : program.joint.start] if finite else np.zeros(1)
-        broken = program.labels[int(np.argmax(beyond))] if beyond.any() else "a constraint"
+        broken = program.labels[int(np.argmax(beyond))][0] if beyond.any() else "a constraint"
         return Status.INFEASIBLE, f"{broken} cannot be kept beside the others; see explain()."
     return Status.FAILED, f"no solution within {found.iterations} units of work; see explain()."
 

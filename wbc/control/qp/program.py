@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import sqrt
 from typing import Any
 
@@ -39,6 +40,8 @@ REACH = 30.0
 # 84 and 93 in the mean of 5000 hostile ticks of Talos, and one passed limit in twenty is passed
 # 9, 3 and 0 % farther.
 FIRM = 1e1
+Label = tuple[str, float, str]
+"""What a row is called in messages, and scale and unit of a violation."""
 _TOLD = 0.01  # share of the largest passing from which a limit counts as passed
 
 
@@ -196,7 +199,7 @@ class Program:
         has_efforts: whether it bears efforts.
         repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
         gears: numbers of the gears that have a torque limit.
-        labels: what every bound is called in messages.
+        labels: of every bound.
         at, rows, size: parts of the block of results, see `wbc.control.memory`, its rows of the
             gears (m,), and its size.
     """
@@ -233,24 +236,22 @@ class Program:
         self.lock: Any = LOCK.of(sizes) if rank else None
 
     def _lay_out_bounds(self) -> None:
-        """Number the bounds by kind: torques, cones, normal forces, joints, distances."""
-        contacts, recipe = self.contacts, self.recipe
-        joints = recipe.joint_limit.joints
-        apart = () if recipe.collision is None else recipe.collision.labels
-        names = recipe.robot.transmission.joints
-        sizes = [2 * len(self.gears), len(contacts.cone), len(contacts.contacts), len(joints)]
-        ends = np.cumsum([0, *sizes, len(apart)]).tolist()
+        """Number and name the bounds by kind: torques, cones, normal forces, joints, distances."""
+        contacts, recipe, scale = self.contacts, self.recipe, self.force_scale
+        names, apart = recipe.robot.transmission.joints, recipe.collision
+        torques = [f"rotor torque limit of '{names[i]}'" for i in (*self.gears, *self.gears)]
+        kinds: list[list[Label]] = [
+            [(label, 1.0, "N m at the motor output") for label in torques],
+            [(f"contact {label}", scale, unit) for label, unit in contacts.cone_labels],
+            [(f"contact {c.name}: normal force", scale, "N") for c in contacts.contacts],
+            [(f"joint limit of '{joint}'", 1.0, "rad/s^2") for joint in recipe.joint_limit.joints],
+            [(label, 1.0, "m/s^2") for label in (apart.labels if apart else ())],
+        ]
+        ends = np.cumsum([0, *map(len, kinds)]).tolist()
         self.torque, self.cone, self.normal, self.joint, self.distance = (
             slice(a, b) for a, b in pairwise(ends)
         )
-        self.bounds = ends[-1]
-        self.labels = (
-            *[f"rotor torque limit of '{names[i]}'" for i in (*self.gears, *self.gears)],
-            *[f"contact {label}" for label in contacts.cone_labels],
-            *[f"contact {contact.name}: normal force" for contact in contacts.contacts],
-            *[f"joint limit of '{joint}'" for joint in joints],
-            *apart,
-        )
+        self.bounds, self.labels = ends[-1], list(chain(*kinds))
 
     def _lay_out_rows(self, cost: int, most: int, rank: int, parts: IntArray) -> None:
         """Make all memory, for `cost` soft rows and `most` hard ones, and parts of a block."""
@@ -338,13 +339,13 @@ class Program:
         )
         passed = beyond > least
         passed[:start] = False
-        found = {self.labels[i]: float(beyond[i]) for i in np.flatnonzero(passed)}
+        found = {self.labels[i][0]: float(beyond[i]) for i in np.flatnonzero(passed)}
         if not found:
             return found, ""
         others = np.where(passed, 0.0, push)
         stops = "what rests on the ground" if self.contacts.rows else "the balance of forces"
         if others.max() > _TOLD * push.max():
-            stops = self.labels[np.argmax(others)]
+            stops = self.labels[int(np.argmax(others))][0]
         worst = max(found, key=lambda label: found[label])
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         told = f"{worst} is passed by {found[worst]:.3g} per s^2{more}: {stops} leaves no more."
@@ -364,28 +365,24 @@ class Program:
         low, high = lower[1, hard:], upper[1, hard:]
         return QPProblem(H, g, rows[:hard], upper[1, :hard], rows[hard:], low, high)
 
-    def label(self, row: int, equalities: int) -> tuple[str, float, str]:
+    def label(self, row: int, equalities: int) -> Label:
         """Return what a constraint is called, and scale and unit of a violation.
 
         Args:
             row: its number, the equalities before the bounds.
             equalities: how many there are.
         """
-        bound = row - equalities
-        if bound >= self.normal.stop:
-            return self.labels[bound], 1.0, "rad/s^2" if bound < self.joint.stop else "m/s^2"
-        if bound >= self.torque.stop:
-            label = self.labels[bound]
-            turns = bound < self.cone.stop and ("pressure" in label or "yaw" in label)
-            return label, self.force_scale, "N m" if turns else "N"
-        if bound >= 0:
-            return self.labels[bound], 1.0, "N m at the motor output"
+        if row >= equalities:
+            return self.labels[row - equalities]
         if row < self._undriven:
             coordinate = int(self.recipe.robot.unactuated[row])
             return f"balance of undriven coordinate {coordinate}", 1.0, "N or N m"
-        if self.repeats and row < self.unlocked:
-            return "the contacts at rest", 1.0, "m/s^2"
-        for contact, rows in zip(self.contacts.contacts, self.contacts.slices, strict=True):
-            if row - self._undriven < rows.stop:
-                return f"contact {contact.name} at rest", 1.0, "m/s^2"
-        return "what the more important tasks have decided", 1.0, "m/s^2"
+        if row >= self.unlocked:
+            return "what the more important tasks have decided", 1.0, "m/s^2"
+        ends = [rows.stop for rows in self.contacts.slices]
+        which = self.contacts.contacts[bisect_right(ends, row - self._undriven)].name
+        return (
+            f"contact {which} at rest" if not self.repeats else "the contacts at rest",
+            1.0,
+            "m/s^2",
+        )

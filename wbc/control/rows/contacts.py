@@ -67,7 +67,7 @@ class BoundContact:
     Attributes:
         contact: what it was made from.
         cone: (p, k), cone @ f <= 0 for a force f in its own rows that it can bear.
-        labels: (p,) what each row of the cone is called in messages.
+        labels: (p,) what each row of the cone is called in messages, and the unit of a violation.
         normal: (k,), normal @ f is the normal force [N].
         axes: which components (k,) of the force as users see it its own rows are.
         size: how many components that force has: 3 [N] in world axes, 6 [N, N m] in its frame.
@@ -79,7 +79,7 @@ class BoundContact:
 
     contact: Contact
     cone: FloatArray
-    labels: tuple[str, ...]
+    labels: tuple[tuple[str, str], ...]
     normal: FloatArray
     axes: IntArray
     state_rows: StateRows
@@ -159,7 +159,7 @@ class PointContact(Contact):
         return BoundContact(
             contact=self,
             cone=frozen(matrix @ turn),
-            labels=tuple(f"friction cone, face {i}" for i in range(len(matrix))),
+            labels=tuple((f"friction cone, face {i}", "N") for i in range(len(matrix))),
             normal=frozen(turn[-1]),
             axes=frozen(axes, np.int_),
             state_rows=StateRows(RowKind.FRAME, f"contact:{self.name}", rows, (x, y, z)),
@@ -273,8 +273,10 @@ class SurfaceContact(Contact):
         )
 
 
-def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return rows (p, 6) <= 0 on [f, tau] that a convex polygon can bear, and their names.
+def polygon_cone(
+    friction: float, corners: FloatArray
+) -> tuple[FloatArray, tuple[tuple[str, str], ...]]:
+    """Return rows (p, 6) <= 0 on [f, tau] that a convex polygon can bear, names and units.
 
     The wrenches of normal force one are the convex hull of those of the edges of all corners'
     pyramids; its faces are the rows.
@@ -299,8 +301,8 @@ def polygon_cone(friction: float, corners: FloatArray) -> tuple[FloatArray, tupl
     labels = []
     for row in rows:
         turns, tilts = abs(row[5]) > 0.0, np.abs(row[3:5]).max() > 0.0
-        labels.append("yaw torque" if turns else "centre of pressure" if tilts else "friction")
-        # a violation is in N, or in N m
+        name = "yaw torque" if turns else "centre of pressure" if tilts else "friction"
+        labels.append((name, "N m" if turns or tilts else "N"))
         row /= abs(row[5]) if turns else np.abs(row[3:5]).max() if tilts else 1.0
     return rows, tuple(labels)
 
@@ -320,7 +322,7 @@ class ContactSet:
         rank: how many of them are independent.
         memory: the CONTACTS, J (k, nv) and what J qdd must be (k,) among them.
         cone: (p, k) rows <= 0 on the forces in newtons.
-        cone_labels: (p,) names for messages.
+        cone_labels: (p,) names for messages, and units.
         normals: (c, k), normal force of each contact.
     """
 
@@ -353,10 +355,10 @@ class ContactSet:
         )
         self.cone = np.zeros((sum(len(contact.cone) for contact in contacts), k))
         self.normals = np.zeros((len(contacts), k))
-        labels: list[str] = []
+        labels: list[tuple[str, str]] = []
         for i, (contact, rows) in enumerate(zip(self.contacts, self.slices, strict=True)):
             first = len(labels)
-            labels.extend(f"{contact.name}: {label}" for label in contact.labels)
+            labels.extend((f"{contact.name}: {label}", unit) for label, unit in contact.labels)
             self.cone[first : len(labels), rows] = contact.cone
             self.normals[i, rows] = contact.normal
         self.cone_labels = tuple(labels)
