@@ -26,7 +26,7 @@ import pinocchio as pin
 from rich.console import Console
 from rich.table import Table
 
-import wbc.control.qp.search as search
+import wbc.control.qp.level as level
 from benchmarks.controller import machine
 from benchmarks.controller_scenes import controller, standing
 from wbc.control.qp.active_set import STEPS
@@ -63,9 +63,9 @@ def of_robot(name, each):
     q, nv, ours = standing(robot), robot.model.nv, controller(robot)
     found = {method: ([], [], [], []) for method in ("own", "daqp", "proxqp")}
     asked, told = Counter(), Counter()
-    search.solve = lambda *a, **k: (told.update(["proxqp"]), solve(*a, **k))[1]
+    level.solve = lambda *a, **k: (told.update(["proxqp"]), solve(*a, **k))[1]
     one = Daqp.solve
-    search.Daqp.solve = lambda *a, **k: (told.update(["daqp"]), one(*a, **k))[1]
+    level.Daqp.solve = lambda *a, **k: (told.update(["daqp"]), one(*a, **k))[1]
     for noise in NOISE:
         for _ in range(each):
             near = pin.integrate(robot.model, q, 2e-3 * generator.normal(size=nv))
@@ -79,9 +79,9 @@ def of_robot(name, each):
 
 def own_method(ours):
     """Return what solves the program that stands in a controller, from nothing."""
-    level = ours._answer.level
-    level.program.memory.solver.taken[:] = 0
-    return lambda: level._search._guessed(STEPS)
+    asked = ours._answer.level
+    asked.program.memory.solver.taken[:] = 0
+    return lambda: asked._guessed(STEPS)
 
 
 def judge(problem, own, found):

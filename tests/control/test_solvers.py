@@ -12,7 +12,7 @@ from tests.control.scenes import CERTAIN, TRUNK, moving, place_of, trunk, usual
 from tests.sim.random_robots import geared
 from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
-from wbc.control.qp import search
+from wbc.control.qp import level
 from wbc.control.qp.level import Answer
 from wbc.control.qp.solvers import solve
 from wbc.control.tick import Ticker
@@ -121,7 +121,7 @@ def test_daqp_behind_a_solver_that_gives_up_is_exact(monkeypatch):
     made = [Controller(robot, usual(robot), feet(robot), settings=asked) for _ in range(2)]
     state = next(moving_slowly(robot, 0))
     right = made[0].step(state)
-    monkeypatch.setattr(search, "solve", lambda *a, **k: search.NOTHING)
+    monkeypatch.setattr(level, "solve", lambda *a, **k: level.NOTHING)
     left = made[1].step(state)
     assert left.status is Status.SOLVED
     np.testing.assert_allclose(left.rotor_torque, right.rotor_torque, atol=1e-6)

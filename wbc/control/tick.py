@@ -38,7 +38,8 @@ from wbc.control.inputs import (
     size_complaint,
 )
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.level import Answer, Level, Levels
+from wbc.control.qp.level import Answer, Level
+from wbc.control.qp.levels import Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
 from wbc.control.rows.gear_rows import place_loads, place_map, place_torques
@@ -107,7 +108,7 @@ class Ticker(ABC):
             self._ask(motion, references)
             parts.drivetrain.take(motion, levels[0].program.contacts.contacts)
             for level in levels:
-                level.take(ceilings)
+                level.program.take(ceilings)
             # level by level
             answer = self._solve(levels[0], motion, dt, None)
             for level in levels[1:] if answer.usable else ():

@@ -404,22 +404,3 @@ def keep_hopeful(solver: SolverMemory, tolerance: float) -> bool:
     if not hopeful:
         taken[:] = 0
     return bool(hopeful)
-
-
-@compiled
-def place_multipliers(
-    solver: SolverMemory, base: int, soft: int, size: int, y: OutRow, z: OutRow
-) -> None:
-    """Write the multipliers of a program that settled, those of other bounds as zero.
-
-    Args:
-        solver: a SOLVER.
-        base, soft: how many rows the program has without bounds, and how many of them are soft.
-        size: what `settle` returned.
-        y, z: results, as in `QPSolution`.
-    """
-    for i in range(soft, base):
-        y[i - soft] = -solver.force[i]
-    z[:] = 0.0
-    for k in range(size - base):
-        z[solver.active[k]] = -solver.force[base + k]

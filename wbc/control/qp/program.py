@@ -292,6 +292,7 @@ class Program:
     def take(self, ceilings: Mapping[str, float]) -> None:
         """Take the greatest normal forces of a tick [N], and the distances of solids."""
         memory, apart = self.memory, self.recipe.collision
+        memory.counts[COUNT.hard] = self.unlocked
         if ceilings is not self._ceilings:  # a low ceiling lowers the floor
             given = [ceilings[contact.name] for contact in self.contacts.contacts]
             top = np.minimum(self.contacts.normal_maximum, given)
