@@ -11,9 +11,9 @@ from sims import standing
 from sims.plots import write_figures
 from sims.tables import print_columns
 from wbc import load_robot, save_robot
-from wbc.cli.experiment import print_experiment
+from wbc.cli.design import print_experiment
 from wbc.cli.models import print_diagnosis
-from wbc.cli.printout import table
+from wbc.cli.outputs import table
 from wbc.design.experiment import (
     MotionLimits,
     design_experiment,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wbc.extras import BROUGHT, EXTRAS
+from wbc.errors import BROUGHT, EXTRAS
 
 ROOT = Path(__file__).resolve().parents[1]
 EXTRA_PACKAGES = sorted({*BROUGHT, *(one for packages in EXTRAS.values() for one in packages)})
@@ -114,7 +114,7 @@ def test_every_extra_that_a_message_names_can_be_installed() -> None:
 
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_an_import_of_something_else_stays_what_it_is(extra: str) -> None:
-    from wbc.extras import needs
+    from wbc.errors import needs
 
     with pytest.raises(ModuleNotFoundError, match="of_ours"), needs(extra, "this"):
         raise ModuleNotFoundError("no of_ours", name="wbc.of_ours")

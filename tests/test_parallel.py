@@ -6,8 +6,7 @@ import signal
 import pytest
 
 from wbc.errors import ParallelError
-from wbc.parallel import run_jobs
-from wbc.progress import progress_lines, spoken_time
+from wbc.parallel import progress_lines, run_jobs, spoken_time
 
 
 def squared(number: int) -> int:

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from wbc.cli.options import COMMANDS, build_parser
-from wbc.errors import WbcError
-from wbc.extras import needs
+from wbc.errors import WbcError, needs
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

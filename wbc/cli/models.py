@@ -14,8 +14,18 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from wbc.cli.inputs import robot_and_logs, robot_from
-from wbc.cli.outputs import Options, Outcome, command_line, watching, working, write_figures
-from wbc.cli.printout import Part, print_out, spoken, table
+from wbc.cli.outputs import (
+    Options,
+    Outcome,
+    Part,
+    command_line,
+    print_out,
+    spoken,
+    table,
+    watching,
+    working,
+    write_figures,
+)
 from wbc.effects import effect_class, save_robot
 from wbc.errors import WbcError
 from wbc.files import write_text

@@ -230,7 +230,7 @@ the motion that shrinks its intervals.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
-        "experiment.run_experiment",
+        "design.run_experiment",
     ),
     "export": Subcommand(
         "a robot for MuJoCo with its losses, or as URDF",

@@ -13,8 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from wbc.cli.inputs import read_logs, robot_from, write_fix
-from wbc.cli.outputs import Options, Outcome
-from wbc.cli.printout import Part, print_out, spoken
+from wbc.cli.outputs import Options, Outcome, Part, print_out, spoken
 from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json

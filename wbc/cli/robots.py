@@ -10,8 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.outputs import Options, Outcome, require_outputs, write_figures
-from wbc.cli.printout import table
+from wbc.cli.outputs import Options, Outcome, require_outputs, table, write_figures
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import RobotError, ViewError, WbcError
 from wbc.files import as_json

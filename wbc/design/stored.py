@@ -11,11 +11,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.design.study import Study, describe_columns
-from wbc.errors import DesignError, require_known
-from wbc.extras import needs
+from wbc.errors import DesignError, needs, require_known
 from wbc.files import atomic_write
-from wbc.parallel import run_jobs
-from wbc.progress import Watch
+from wbc.parallel import Watch, run_jobs
 
 _BLOCK = 1024
 _CHUNK = 16384  # designs: about 0.3 s of work, 3 MB of results

@@ -30,8 +30,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.intervals import TAIL
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import load_logs
-from wbc.parallel import run_jobs
-from wbc.progress import Watch
+from wbc.parallel import Watch, run_jobs
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
 from wbc.tables import TextTable

@@ -18,8 +18,7 @@ from zlib import error as ZlibError  # noqa: N812
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.errors import LogError, require_known
-from wbc.extras import EXTRAS, needs
+from wbc.errors import EXTRAS, LogError, needs, require_known
 from wbc.files import atomic_write
 from wbc.measurement.column_map import RowChoice
 from wbc.measurement.findings import say_so

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.arrays import FloatArray
-from wbc.errors import LogError
-from wbc.extras import needs
+from wbc.errors import LogError, needs
 from wbc.measurement.findings import say_so
 from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME, is_column, named_unit

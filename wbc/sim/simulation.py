@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.measurement.schema import FREE_POSE, FREE_VELOCITY
-from wbc.progress import progress_bar
+from wbc.parallel import progress_bar
 from wbc.robot import Robot
 from wbc.robot.model_file import driven_joints
 from wbc.sim.energy import EnergyAudit, EnergyFlow

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from wbc.extras import needs
+from wbc.errors import needs
 
 if TYPE_CHECKING:
     from wbc.view.palette import DARK, LIGHT, Theme

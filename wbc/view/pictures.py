@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from PIL import Image
 
-from wbc.errors import ViewError
-from wbc.extras import needs
+from wbc.errors import ViewError, needs
 from wbc.files import atomic_write
 
 if TYPE_CHECKING:

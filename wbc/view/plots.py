@@ -1,6 +1,6 @@
 """Plots for print and screen; every function returns a matplotlib figure."""
 
-from wbc.extras import needs
+from wbc.errors import needs
 
 with needs("view", "drawing plots"):
     from wbc.view.leg_figures import leg_figure

@@ -12,7 +12,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
 from wbc.view import model_ghost
-from wbc.view.residuals import residual_plots
+from wbc.view.report import residual_plots
 
 ROBOT = wbc.load_robot("planar_leg_fixed").lossless()
 

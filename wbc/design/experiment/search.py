@@ -16,7 +16,7 @@ from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.files import as_json
 from wbc.identification.answer.diagnosis import effect_entry
-from wbc.progress import Watch
+from wbc.parallel import Watch
 
 RANDOM, CLASSIC, DESIGNED = "random, median", "D-optimal", "designed"
 _RANDOM = 21  # random motions of which the median one is shown

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.errors import IdentificationError
-from wbc.extras import needs
+from wbc.errors import IdentificationError, needs
 from wbc.files import as_json
 from wbc.identification.answer.remainder import Breakdown, breakdowns
 from wbc.identification.answer.shown import (

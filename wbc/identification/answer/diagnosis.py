@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.extras import needs
+from wbc.errors import needs
 from wbc.files import as_json
 from wbc.identification.answer.shown import (
     Series,
