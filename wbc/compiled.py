@@ -67,8 +67,6 @@ Flags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A", reado
 """To read."""
 OutFlags: TypeAlias = Annotated[BoolArray, types.Array(types.boolean, 1, "A")]
 """To write."""
-OutVector: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "A")]
-"""To write."""
 OutRow: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 1, "C")]
 """To write, without gaps."""
 OutMatrix: TypeAlias = Annotated[FloatArray, types.Array(types.float64, 2, "A")]

@@ -26,7 +26,7 @@ def test_a_spring_and_two_inertias_ring_at_their_frequency() -> None:
     locked = robot.with_effects(CoulombFriction("knee", 1e4))
     plant = Plant(locked)
     q = np.array([0.0, 0.3])
-    state = replace(plant.state(q), deflection=np.array([0.05, 0.0]), motor_velocity=np.zeros(2))
+    state = plant.state(q).replace(deflection=np.array([0.05, 0.0]), motor_velocity=np.zeros(2))
     link = evaluate(robot, q, np.zeros(2)).mass_matrix[0, 0]
     rotor = robot.transmission.reflected_inertia[0]
     pulse = np.sqrt(80.0 * (1.0 / link + 1.0 / rotor))

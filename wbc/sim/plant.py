@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
-from wbc.compiled import OutVector, Vector, compiled, make_ready
+from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
@@ -183,12 +183,11 @@ class Plant:
         Raises:
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
-        setup = self._setup
-        command = self._command(state, rotor_torque, dt)
+        setup, torque = self._setup, self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
-        course = stepped(setup, state, command, dt, external)
-        return StepResult(course.state(len(course.stages)), dt, command, (course,))
+        course = stepped(setup, state, torque, dt, external)
+        return StepResult(course.state(len(course.stages) - 1), (course,))
 
     def run(
         self,
@@ -271,6 +270,7 @@ class Plant:
         return q
 
     def _command(self, state: SimState, rotor_torque: ArrayLike, dt: float) -> FloatArray:
+        """Return a command (m,) as an array, and tell the loops its bounds."""
         if not dt > 0.0:
             raise SimulationError(f"the step dt must be positive, got {dt}.")
         gears = self.robot.transmission
@@ -280,25 +280,7 @@ class Plant:
                 f"rotor_torque has shape {torque.shape}; '{self.robot.name}' has {gears.size} "
                 f"rotors: {', '.join(gears.joints)}."
             )
-        if self.motor_bounds is None:
-            low, high = self._setup.limits
-        else:
-            speed = gears.gear_ratio * self._setup.drive.motion(state)[1]
-            bounds = self.motor_bounds(self.robot, speed)
-            low, high = (
-                np.broadcast_to(np.asarray(bound, float), torque.shape) for bound in bounds
-            )
-        given = np.empty(len(torque))
-        if not clip_torques(torque, low, high, given):
-            raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
-        return given
-
-
-@compiled
-def clip_torques(torque: Vector, low: Vector, high: Vector, given: OutVector) -> bool:
-    """Write torques (m,) clipped to their bounds; return False where one is no number."""
-    good = True
-    for i in range(len(torque)):
-        good = good and bool(np.isfinite(torque[i]))
-        given[i] = min(max(torque[i], low[i]), high[i])
-    return good
+        if self.motor_bounds is not None:
+            speed, forces = self._setup.drive.motion(state)[1], self._setup.plant.forces
+            forces.low[:], forces.high[:] = self.motor_bounds(self.robot, gears.gear_ratio * speed)
+        return torque

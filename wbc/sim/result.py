@@ -53,17 +53,23 @@ class StepResult:
     """The next state and what led there.
 
     Attributes:
-        state: at the end of the step.
-        duration: dt [s].
-        command: (m,) [N m] on the rotors that the motors took, within their bounds; as a mean where
-            several steps are joined.
+        state: at the end.
         courses: of the steps that it stands for, one or several in a row.
     """
 
     state: SimState
-    duration: float
-    command: FloatArray
     courses: tuple[Course, ...]
+
+    @property
+    def duration(self) -> float:
+        """Of the steps together [s]."""
+        return sum(course.duration for course in self.courses)
+
+    @property
+    def command(self) -> FloatArray:
+        """(m,) [N m] on the rotors that the motors took, within their bounds; a mean of steps."""
+        taken = [course.duration / self.duration * course.command for course in self.courses]
+        return np.asarray(reduce(add, taken))
 
     @property
     def start(self) -> SimState:
@@ -229,10 +235,5 @@ class StepResult:
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:
         """Return several steps in a row as one."""
-        duration = sum(result.duration for result in results)
-        return StepResult(
-            state=results[-1].state,
-            duration=duration,
-            command=reduce(add, [one.duration / duration * one.command for one in results]),
-            courses=tuple(course for result in results for course in result.courses),
-        )
+        courses = tuple(course for result in results for course in result.courses)
+        return StepResult(results[-1].state, courses)

@@ -46,14 +46,15 @@ class Setup:
         drive: its gears.
         barriers: its limits and contacts.
         effects: of the robot.
-        limits: least and greatest torque (m,) on the rotors [N m].
         varying: whether efficiencies of gears depend on the motion by hooks.
         meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
         flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
-        now_kind, end_kind: how the words of `Now` and `Ending` are a record.
+        cuts, closed_at: the words of `Now` that its arrays are before `closed`, and the bytes at
+            which that begins.
+        end_kind: how the words of `Ending` are a record.
         acts: what the effects did in each part of the last step, by its stage, where it waits.
     """
 
@@ -93,9 +94,8 @@ class Setup:
         self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
         self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
         self.waits = bool(self.effects.hooks) or robot.rotors_turn_with_links
-        self.limits = -robot.transmission.torque_limit, robot.transmission.torque_limit
         bases = free_bases(robot)
-        self.flies, self._pushed = bool(len(bases)), False
+        self.flies = bool(len(bases))
         self._error: BaseException | None = None
         self._answers: list[Any] = []
         self._taken: list[FloatArray] = []
@@ -110,7 +110,10 @@ class Setup:
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, size, 6
-        now, self.now_kind = _memory(tables.Now, nq, nv, rows, m, m, 4, *[size] * 3)
+        now, now_kind = _memory(tables.Now, 4, nq, nv, rows, m, m, m, *[size] * 3)
+        self.closed_at = now_kind.fields["closed"][1]
+        begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:8]]
+        self.cuts = [*map(slice, begin[:-1], begin[1:])]
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
@@ -118,7 +121,8 @@ class Setup:
         slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_stages)
-        losses = 1.0 / self.drive.forward, np.array(self.drive.backward)
+        limit = self.robot.transmission.torque_limit
+        given = 1.0 / self.drive.forward, np.array(self.drive.backward), -limit, np.array(limit)
         forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if self.meshed else 0))
         return stored(
             tables.Opened(
@@ -128,7 +132,7 @@ class Setup:
                 stored(self.drive.tables(self.robot.rotors_turn_with_links)),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*self.effects.table, *losses, *forces, asked, full))),
+                stored(tables.Forces._make((*self.effects.table, *given, *forces, asked, full))),
                 now,
                 ending,
                 np.zeros((_STAGES, width)),
@@ -166,7 +170,7 @@ class Setup:
 
     def _ask_forces(self) -> None:
         """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
-        (state, command, external), now, end = self._given, self.plant.now, self.plant.end
+        (state, external), now, end = self._given, self.plant.now, self.plant.end
         told, step = self.plant.forces, float(self.plant.forces.length[0])
         stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
         try:
@@ -177,6 +181,7 @@ class Setup:
             mesh = None if np.isnan(given).any() or not len(given) else given.copy()
             motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
             memory = memory_before(self.acts, stage, state.memory)
+            command = now.command.copy()
             forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
             if self.varying:
                 own = self.drive.forward, self.drive.backward
@@ -193,26 +198,26 @@ class Setup:
         """Keep stages of a step that has more of them than the loops have room for."""
         self._taken.append(self.plant.stages.copy())
 
-    def stages(self) -> tuple[FloatArray, FloatArray]:
-        """Return the stages (s, w) of the last step, and the words of `now` at its end."""
-        taken, self._taken, now = self._taken, [], self.plant.now
-        rest = self.plant.stages[: int(now.numbers[tables.NOTED])]
-        return np.concatenate([*taken, rest]) if taken else rest.copy(), now.words.copy()
+    def stages(self) -> FloatArray:
+        """Return the stages (s + 1, w) of the last step, and its end, see `Opened`."""
+        plant, taken = self.plant, self._taken
+        rest = plant.stages[: int(plant.now.numbers[tables.NOTED]) + 1].copy()
+        if not taken:
+            return rest
+        self._taken = []
+        return np.concatenate([*taken, rest])
 
     def _address(self, answer: Callable[[], None]) -> int:
         """Return the address of a function that loops may ask."""
         self._answers.append(_Answer(answer))
         return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
 
-    def begin(self, state: SimState, command: FloatArray, external: FloatArray | None) -> None:
+    def begin(self, state: SimState, external: FloatArray | None) -> None:
         """Tell the loops what acts over a step that starts in a state; see `Course`."""
         if self.waits:
-            self._given, self.acts = (state, command, external), {}
-            return
-        self.plant.forces.command[:] = command
-        if external is not None or self._pushed:
-            self.plant.forces.outer[:] = 0.0 if external is None else external
-            self._pushed = external is not None
+            self._given, self.acts = (state, external), {}
+        elif external is not None:
+            self.plant.forces.outer[:] = external
 
     def heard(self) -> None:
         """Raise what the ground, or an effect, raised."""
@@ -288,7 +293,7 @@ def memory_before(
     return acts[before[-1]].memory if before else first
 
 
-def _memory(names: Any, *sizes: int) -> tuple[Any, np.dtype[Any]]:
+def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:
     """Return a structure with new arrays as long as `sizes`, and how they lie in its words."""
     fields = zip(names.structure.kind.fields.items(), sizes, strict=False)  # words follow
     kinds = [(name, np.dtype(str(kind.dtype)), (size,)) for (name, kind), size in fields]

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray
+from wbc.arrays import BoolArray, FloatArray, frozen
 
 EffectMemory: TypeAlias = tuple[FloatArray | None, ...]
 """Own states of a robot's effects, one per kind that is no row of a table; None without one."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SimState:
+_NONE = frozen([])
+
+
+class SimState(NamedTuple):
     """State of a simulated robot; a step turns one into the next and keeps nothing besides.
 
     Attributes:
@@ -35,12 +36,12 @@ class SimState:
     position: FloatArray
     velocity: FloatArray
     time: float = 0.0
-    closed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    impulse: FloatArray = field(default_factory=lambda: np.zeros(0))
-    deflection: FloatArray = field(default_factory=lambda: np.zeros(0))
-    motor_velocity: FloatArray = field(default_factory=lambda: np.zeros(0))
+    closed: BoolArray = frozen([], np.bool_)
+    impulse: FloatArray = _NONE
+    deflection: FloatArray = _NONE
+    motor_velocity: FloatArray = _NONE
     memory: EffectMemory = ()
 
     def replace(self, **changes: Any) -> SimState:
         """Return a copy with some fields changed."""
-        return replace(self, **changes)
+        return self._replace(**changes)

@@ -153,7 +153,7 @@ def test_an_overlap_throws_nothing_up_however_short_the_step_and_is_soon_gone() 
     leg = load_robot("planar_leg_strong")
     plant = Plant(leg)
     start = plant.state(balanced_pose(leg, lift=-0.5 * TOUCH))
-    state = replace(start, closed=plant.step(start, [0.0, 0.0], 1e-3).state.closed)
+    state = start.replace(closed=plant.step(start, [0.0, 0.0], 1e-3).state.closed)
     assert plant.gaps(state).min() == pytest.approx(-0.5 * TOUCH, rel=1e-6)
     for dt in (1e-9, 1e-6, 1e-4, 1e-3):
         after = plant.step(state, [0.0, 0.0], dt).state

@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Flags, OutRow, OutTable, Row, ask, compiled, inner
+from wbc.compiled import Flags, OutRow, OutTable, Row, Vector, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED, distance, tolerance_of
@@ -169,11 +169,28 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     return result, step, True
 
 
-PART_FAILED, IMPACT_FAILED = 10, 20
-"""What a step returns that failed, and as much more as `Solved.way` says."""
+NO_COMMAND, PART_FAILED, IMPACT_FAILED = 1, 10, 20
+"""What a step returns that failed; that of a part or an impact more by what `Solved.way` says."""
 
 _OVER = 1e-9
 """Share of a step that is none."""
+
+
+@inner
+def command_motors(plant: Opened, torque: Vector, pushed: bool) -> bool:
+    """Write what is commanded within its bounds; return False where it is no number.
+
+    Arguments as of `take_step`. What acts in the middle of parts is written, too; where loops ask
+    for that it is written anew.
+    """
+    forces, command, good = plant.forces, plant.now.command, True
+    for i in range(len(torque)):
+        good = good and bool(np.isfinite(torque[i]))
+        command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
+    copy_to(command, forces.command)
+    if not pushed:
+        forces.outer[:] = 0.0
+    return good
 
 
 @inner
@@ -220,15 +237,17 @@ def end_part(plant: Opened, more: bool) -> bool:
 
 
 @inner
-def note(plant: Opened) -> None:
-    """Write down one more stage, a part or an impact; Python takes those before."""
-    now, numbers, count = plant.now.words, plant.now.numbers, int(plant.now.numbers[NOTED])
-    if count == len(plant.stages):
+def note(plant: Opened, ended: bool) -> None:
+    """Write down a part or an impact that has ended, else the end of the step."""
+    now, numbers = plant.now.words, plant.now.numbers
+    if numbers[NOTED] == len(plant.stages):
         ask(plant.forces.full)
-        count = 0
-    copy_to(now, plant.stages[count])
-    copy_to(plant.end.words, plant.stages[count, len(now) :])
-    numbers[NOTED], numbers[STAGE] = count + 1.0, numbers[STAGE] + 1.0
+        numbers[NOTED] = 0.0
+    stage = plant.stages[int(numbers[NOTED])]
+    copy_to(now, stage)
+    if ended:
+        copy_to(plant.end.words, stage[len(now) :])
+        numbers[NOTED], numbers[STAGE] = numbers[NOTED] + 1.0, numbers[STAGE] + 1.0
 
 
 @compiled(inside=True)
@@ -243,7 +262,7 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
     if kind == HIT:
         if end.hit[WAY] >= UNSOLVED:
             return IMPACT_FAILED + int(end.hit[WAY])
-        note(plant)
+        note(plant, True)
         copy_to(end.after, now.velocity)
     for i in range(len(now.closed)):
         now.closed[i] = end.closed[i]
@@ -262,6 +281,8 @@ def take_step(
     deflection: Row,
     speed: Row,
     closed: Flags,
+    torque: Vector,
+    pushed: bool,
     time: float,
     step: float,
 ) -> int:
@@ -274,14 +295,18 @@ def take_step(
     Args:
         plant: what moves, with the forces.
         q, v, impulse, deflection, speed, closed, time: of the `SimState` at the start.
+        torque: (m,) [N m] commanded on the rotors.
+        pushed: whether `forces.outer` holds forces from outside.
         step: h [s].
 
     Returns:
-        zero, or how it failed, see IMPACT_FAILED; the end of the step is in `plant.now`.
+        zero, or how it failed, see NO_COMMAND; `plant.stages` holds the course of the step.
     """
     numbers, left, over, failed = plant.now.numbers, step, False, 0
     known = begin_step(plant, q, v, impulse, deflection, speed, closed)
     numbers[TIME] = time
+    if not command_motors(plant, torque, pushed):
+        return NO_COMMAND
     if not known:
         failed = meet(plant, step, False)
     while failed == 0 and not over:
@@ -289,11 +314,12 @@ def take_step(
         if result >= PART_FAILED:
             return result
         numbers[LENGTH] = length
-        note(plant)
+        note(plant, True)
         left, numbers[TIME] = left - length, numbers[TIME] + length
         keeps, over = end_part(plant, more), left <= _OVER * step
         if keeps or not over:
             failed = meet(plant, step if over else left, keeps and not over)
+    note(plant, False)
     return failed
 
 

@@ -17,14 +17,13 @@ from wbc.sim.setup import Setup, memory_before
 from wbc.sim.state import SimState
 from wbc.sim.step import books, impact
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.course import IMPACT_FAILED, look_again, take_step
+from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again, take_step
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.self_locking import several
 from wbc.sim.step.solution import NO_INERTIA
 from wbc.sim.step.tables import LENGTH, TIME
 
 _SOLUTIONS = 27  # most that an error tells of
-_STATE = "position", "velocity", "closed", "impulse", "deflection", "motor_speed"
 
 
 class Course(NamedTuple):
@@ -33,39 +32,41 @@ class Course(NamedTuple):
     Attributes:
         setup: the plant's.
         start: state, with the memory of its effects.
-        command: (m,) rotor torque [N m].
+        duration: of the step [s].
         external: generalised force (nv,), None for none.
-        stages: (s, w) of the parts and impacts, see `Opened.stages`.
-        last: words of `Now` at the end of the step.
+        stages: (s + 1, w) the parts and impacts, and the end, see `Opened.stages`.
         acts: what effects did in each part, by the number of its stage; empty where loops know it.
     """
 
     setup: Setup
     start: SimState
-    command: FloatArray
+    duration: float
     external: FloatArray | None
     stages: FloatArray
-    last: FloatArray
     acts: dict[int, EffectForces]
 
     def state(self, stage: int) -> SimState:
         """Return the state in which a stage starts; stage s is the end of the step."""
-        words = self.stages[stage] if stage < len(self.stages) else self.last
-        now, memory = np.ndarray((), self.setup.now_kind, words), self.start.memory
-        q, v, closed, impulse, deflection, speed = (now[name] for name in _STATE)
+        setup, words, memory = self.setup, self.stages[stage], self.start.memory
+        _, q, v, push, bent, spin, _ = setup.cuts
+        closed = np.ndarray(setup.barriers.size, np.bool_, words, setup.closed_at)
         if self.acts:
             memory = memory_before(self.acts, stage, memory)
-        time = float(now["numbers"][TIME])
-        return SimState(q, v, time, closed, impulse, deflection, speed, memory)
+        at, kept = (words[q], words[v], words.item(TIME)), (words[push], words[bent], words[spin])
+        return SimState(*at, closed, *kept, memory)
+
+    @property
+    def command(self) -> FloatArray:
+        """(m,) [N m] on the rotors."""
+        return self.stages[0, self.setup.cuts[-1]]
 
     def length(self, stage: int) -> float:
         """Return how long a part takes [s]; zero for an impact."""
-        now = np.ndarray((), self.setup.now_kind, self.stages[stage])
-        return float(now["numbers"][LENGTH])
+        return float(self.stages[stage, LENGTH])
 
     def divided(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
         """Return the smooth parts, and the impacts."""
-        numbers = range(len(self.stages))
+        numbers = range(len(self.stages) - 1)
         parts = tuple(Flow(self, stage) for stage in numbers if self.length(stage) > 0.0)
         return parts, tuple(Impact(self, stage) for stage in numbers if self.length(stage) == 0.0)
 
@@ -85,8 +86,9 @@ class Stage:
     @cached_property
     def end(self) -> Any:
         """What `Ending` held at its end, as attributes."""
-        words = self.course.stages[self.stage, len(self.course.last) :]
-        return np.ndarray((), self.course.setup.end_kind, words).view(np.recarray)
+        setup = self.course.setup
+        words = self.course.stages[self.stage, len(setup.plant.now.words) :]
+        return np.ndarray((), setup.end_kind, words).view(np.recarray)
 
     @property
     def contact_impulse(self) -> FloatArray:
@@ -215,33 +217,36 @@ class Impact(Stage):
 
 
 def stepped(
-    setup: Setup, state: SimState, command: FloatArray, step: float, external: FloatArray | None
+    setup: Setup, state: SimState, torque: FloatArray, step: float, external: FloatArray | None
 ) -> Course:
     """Take a step.
 
     Args:
-        setup: the plant's.
+        setup: the plant's, with the bounds of the motors.
         state: at the start, with the memory of its effects.
-        command: (m,) [N m] on the rotors.
+        torque: (m,) [N m] commanded on the rotors.
         step: h [s].
         external: generalised force (nv,), None for none.
 
     Raises:
-        SimulationError: a start inside the ground or beyond a joint limit, or a part or an impact
-            without a solution, or with several.
+        SimulationError: a start inside the ground or beyond a joint limit, a command that is no
+            number, or a part or an impact without a solution, or with several.
     """
     numbers = state.position, state.velocity, state.impulse, state.deflection, state.motor_velocity
     q, v, impulse, deflection, speed = map(np.ascontiguousarray, numbers)
-    if len(state.closed) != setup.barriers.size:
-        check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
-    setup.begin(state, command, external)
-    plant = setup.plant
-    failed = take_step(plant, q, v, impulse, deflection, speed, state.closed, state.time, step)
+    plant, known, pushed = setup.plant, state.closed, external is not None
+    if len(known) != setup.barriers.size:
+        check_outside(setup, setup.gaps(q)[: rigid_ones(plant)])
+    setup.begin(state, external)
+    start = q, v, impulse, deflection, speed, known
+    failed = take_step(plant, *start, torque, pushed, state.time, step)
     stages = setup.stages()
     setup.heard()
+    if failed == NO_COMMAND:
+        raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
     if failed:
         raise _failure(setup, failed)
-    return Course(setup, state, command, external, *stages, setup.acts)
+    return Course(setup, state, step, external, stages, setup.acts)
 
 
 def _failure(setup: Setup, code: int) -> SimulationError:

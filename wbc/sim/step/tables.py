@@ -153,6 +153,7 @@ class Forces(NamedTuple):
         joints, numbers, drives, gears: effects that loops evaluate in the middle, see
             `EffectTable`.
         inverse, backward: (m,) memory: 1/eta_f, eta_b in a part, without what `gears` takes.
+        low, high: (m,) memory: bounds of the rotor torques [N m].
         command: (m,) memory: [N m] that reaches these drives.
         added: (m,) memory: [N m] on the rotors, of effects that Python evaluates.
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
@@ -172,6 +173,8 @@ class Forces(NamedTuple):
     gears: Dense
     inverse: OutRow
     backward: OutRow
+    low: OutRow
+    high: OutRow
     command: OutRow
     added: OutRow
     outer: OutRow
@@ -184,8 +187,9 @@ class Forces(NamedTuple):
 
 
 TIME, LENGTH, STAGE, NOTED = range(4)
-"""Numbers of `Now`: [s]; how long the part takes that begins there [s], zero where an impact does;
-how many parts and impacts the step had before; and how many of them `Opened.stages` holds."""
+"""Numbers of `Now`, its first words: [s]; how long the part takes that begins there [s], zero where
+an impact does; how many parts and impacts the step had before; and how many of them
+`Opened.stages` holds."""
 
 
 @structured
@@ -193,22 +197,24 @@ class Now(NamedTuple):
     """Memory for where the next part or impact starts: the state, and what is kept of the step.
 
     Attributes:
+        numbers: (4,) TIME to NOTED.
         position, velocity: q (nq,), v (nv,).
         impulse: of the rows of the last part, in the layout of `Ending.impulse`.
         deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
-        numbers: (4,) TIME to NOTED.
+        command: (m,) [N m] on the rotors over the step, within their bounds.
         closed: (2 j + c,) barriers that hold.
         kept, struck: (2 j + c,) barriers that may close within the next part, and those that were
             reached in the step.
         words: all of this memory in one.
     """
 
+    numbers: OutRow
     position: OutRow
     velocity: OutRow
     impulse: OutRow
     deflection: OutRow
     motor_speed: OutRow
-    numbers: OutRow
+    command: OutRow
     closed: OutFlags
     kept: OutFlags
     struck: OutFlags
@@ -281,7 +287,7 @@ class Opened(NamedTuple):
     Attributes:
         tree, flight, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
-            those of `end` at their end.
+            those of `end` at their end; last of all those of `now` at the end of the step.
         bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
             from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
             HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a
