@@ -58,9 +58,8 @@ def check_task(
     else:
         gone = (task.error(ahead, target) - task.error(behind, target)) / (2.0 * step)
         jacobian = float(np.abs(gone + rate).max())
-    stated = task.jacobian(here) @ acceleration + task.drift(here)
-    found = task.jacobian(ahead) @ ahead.velocity - task.jacobian(behind) @ behind.velocity
-    return DerivativeErrors(jacobian, float(np.abs(stated - found / (2.0 * step)).max()))
+    rows = [(np.array(task.jacobian(k)), task.drift(k), k) for k in (here, ahead, behind)]
+    return DerivativeErrors(jacobian, _drift_error(rows, acceleration, step))
 
 
 def check_contact(
@@ -75,13 +74,22 @@ def check_contact(
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
     bound = contact.bind(robot)
     at = _along(robot, position, velocity, acceleration, bound.frames)
-    rows, rates = ContactSet((bound,), at(0.0).model), []
-    for time in (step, -step, 0.0):
-        kinematics = at(time)
-        rows.fill(kinematics)
-        rates.append(rows.memory.rows.jacobian @ kinematics.velocity)
-    stated = rows.memory.rows.jacobian @ acceleration + rows.memory.rows.drift
-    return float(np.abs(stated - (rates[0] - rates[1]) / (2.0 * step)).max())
+    rows = []
+    for kinematics in (at(0.0), at(step), at(-step)):
+        contacts = ContactSet((bound,), kinematics.model)
+        contacts.fill(kinematics)
+        rows.append((contacts.memory.rows.jacobian, contacts.memory.rows.drift, kinematics))
+    return _drift_error(rows, acceleration, step)
+
+
+def _drift_error(
+    rows: Sequence[tuple[FloatArray, FloatArray, Kinematics]], acceleration: FloatArray, step: float
+) -> float:
+    """Return how far J qdd + dJ/dt v here is from the difference of J v ahead and behind."""
+    (jacobian, drift, _), *others = rows
+    ahead, behind = (one @ at.velocity for one, _, at in others)
+    stated = jacobian @ acceleration + drift
+    return float(np.abs(stated - (ahead - behind) / (2.0 * step)).max())
 
 
 def _along(

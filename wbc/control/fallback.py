@@ -13,10 +13,9 @@ from wbc.control.command import Command, Status
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.memory import GEAR, PART
 from wbc.control.qp.level import Answer
-from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import BoundContact, ContactSet
-from wbc.mechanics.linear import factor_inertia, halfway, products
+from wbc.mechanics.linear import factor_inertia, halfway, products, solve_inertia
 from wbc.robot import Motion
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -185,27 +184,22 @@ class Fallback:
 
 
 @compiled(inside=True)
-def solve_positive(matrix: OutDense, right: OutRow) -> None:
-    """Replace the right side (n,) by the solution, and the matrix by its factor.
+def factored(matrix: Dense) -> OutDense:
+    """Return L, lower triangular, with L' L = matrix (n, n).
 
     Raises:
         LinAlgError: the matrix is not positive definite.
     """
-    if not factorise_from(matrix, 0, len(right)):
+    lower = np.empty_like(matrix)
+    if not factor_inertia(matrix, lower):
         raise np.linalg.LinAlgError
-    substitute(matrix, len(right), right)
+    return lower
 
 
 @compiled(inside=True)
-def through(inertia: Dense, rows: OutDense) -> OutDense:
-    """Return rows H^-1 rows' (r, r), and leave the rows (r, n) half done.
-
-    Raises:
-        LinAlgError: H (n, n) is not positive definite.
-    """
-    lower, gram = np.empty_like(inertia), np.empty((len(rows), len(rows)))
-    if not factor_inertia(inertia, lower):
-        raise np.linalg.LinAlgError
+def through(matrix: Dense, rows: OutDense) -> OutDense:
+    """Return rows matrix^-1 rows' (r, r), and leave the rows (r, n) half done; as `factored`."""
+    lower, gram = factored(matrix), np.empty((len(rows), len(rows)))
     for i in range(len(rows)):
         halfway(lower, rows[i])
     products(rows, gram)
@@ -250,15 +244,15 @@ def held(
     (u, m), (share, more, least), size = moving, slows, len(moving[1])
     on_base = np.ascontiguousarray(jacobian[:, u])
     base = gravity[u] - force @ on_base
-    solve_positive(on_base.T @ on_base + _SOFT * np.eye(len(u)), base)
+    solve_inertia(factored(on_base.T @ on_base + _SOFT * np.eye(len(u))), base)
     left = gravity - (force + on_base @ base) @ jacobian
     moved = through(mass, np.vstack((np.eye(len(mass))[m], jacobian, left.reshape((1, -1)))))
     freely, pushed, normal = moved[:size, :size], moved[:size, size:-1], moved[size:-1, size:-1]
     firm = normal + _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
     slowing = (more + least) * freely - more * through(firm, pushed.copy())
     torque, damping = moved[:size, -1].copy(), velocity[m]
-    solve_positive(freely.copy(), torque)
-    solve_positive(slowing, damping)
+    solve_inertia(factored(freely.copy()), torque)
+    solve_inertia(factored(slowing), damping)
     return share * torque - damping
 
 

@@ -132,18 +132,14 @@ class Kinematics:
         """Return the placement of a frame in the world."""
         return pin.updateFramePlacement(self.model, self._data, frame)
 
-    def frame_jacobian(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
-        """Return J (6, nv): linear velocity of the frame's origin over angular velocity."""
-        return np.asarray(pin.getFrameJacobian(self.model, self._data, frame, axes))
+    def frame_jacobian(self, frame: int) -> FloatArray:
+        """Return J (6, nv): velocity of the frame's origin over angular velocity, world axes."""
+        return np.asarray(pin.getFrameJacobian(self.model, self._data, frame, _WORLD))
 
-    def frame_drift(self, frame: int, axes: pin.ReferenceFrame = _WORLD) -> FloatArray:
-        """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0."""
-        moved = pin.getFrameClassicalAcceleration(self.model, self.data, frame, axes)
+    def frame_drift(self, frame: int) -> FloatArray:
+        """Return dJ/dt v (6,), the classical acceleration of the frame at qdd = 0, world axes."""
+        moved = pin.getFrameClassicalAcceleration(self.model, self.data, frame, _WORLD)
         return np.asarray(moved.vector)
-
-    def center_of_mass(self) -> FloatArray:
-        """Return the centre of mass (3,) [m], world."""
-        return np.asarray(self.tree.com)
 
 
 def frame_number(model: pin.Model, name: str, told: str = "") -> int:

@@ -108,7 +108,7 @@ PROGRAM = Structure(
     output_bias=(OutRow, "m"),
     undriven=Places,
     joint=Count,
-    counts=(OutPlaces, 2),
+    counts=(OutPlaces, 3),
     ends=Places,
     numbers=Row,
     efforts=Dense,
@@ -135,11 +135,13 @@ ProgramMemory = Annotated[Any, PROGRAM.kind]
 BLEND = numbered("trusted full_speed correction observes")
 """`blend` of the gears."""
 
-COUNT = numbered("cost hard")
-"""`counts`: rows of tasks and efforts, and hard rows below them."""
+COUNT = numbered("cost hard own")
+"""`counts`: rows of tasks and efforts, hard rows below them, and those of these that are the
+robot's own."""
 
-NUMBER = numbered("mass scale regular tolerance greatest")
-"""`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side."""
+NUMBER = numbered("mass scale regular tolerance greatest reach")
+"""`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side, and how
+far a level may be beyond a bound, which counts as reached there, and lets the next one pass."""
 
 PART = numbered("position velocity corrected advanced by_gear x z y")
 """Parts of a block: q, v, v corrected and expected next, the rows of the gears, x, z and y. What

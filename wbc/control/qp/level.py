@@ -11,10 +11,10 @@ import numpy as np
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.command import Refused, Status, consistent
 from wbc.control.inputs import Complaint
-from wbc.control.memory import COUNT, GEAR, NUMBER, PART
+from wbc.control.memory import COUNT, GEAR, PART
 from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, let_pass, place_above, place_lock
-from wbc.control.qp.program import REACH, Program, place_prices
+from wbc.control.qp.program import Program, place_prices
 from wbc.control.qp.search import (
     GUESSES,
     SMALL,
@@ -245,11 +245,11 @@ class Level:
         limited = bool(above.found.solution.z[program.torque].any())
         if limited:
             self._place(above.found.decided, above.row(GEAR.output))
-        self._passing, reach = x, REACH * memory.numbers[NUMBER.tolerance]
-        left = int(hold(memory, lock, x, limited, program.unlocked, reach))
+        self._passing = x
+        left = int(hold(memory, lock, x, limited))
         if left < 0:
             extend_by_bounds(lock)
-            left = int(place_lock(memory, lock, x, len(x), program.unlocked, reach))
+            left = int(place_lock(memory, lock, x, len(x)))
         return left
 
     def search(self, above: Answer | None, last: FloatArray) -> DirectedSolution:
@@ -306,8 +306,7 @@ class Level:
         if program.has_efforts:
             place_efforts(memory, (output > 0.0).astype(np.int_))
         if self._passing is not None:
-            slack = REACH * memory.numbers[NUMBER.tolerance]
-            let_pass(memory, program.lock, self._passing, slack, 0, program.torque.stop)
+            let_pass(memory, program.lock, self._passing, 0, program.torque.stop)
 
     def _may_begin(self, most: float) -> bool:
         """Whether another program may be begun."""

@@ -56,12 +56,10 @@ def place_above(tasks: TasksMemory, rows: OutDense, start: int) -> int:
 
 
 @compiled(counted=False)
-def _gather_binding(
-    program: ProgramMemory, lock: LockMemory, start: int, x: Row, reach: float
-) -> int:
+def _gather_binding(program: ProgramMemory, lock: LockMemory, start: int, x: Row) -> int:
     """Write the bounds from `start` on that x (n,) has reached: outwards, scaled, of length one."""
     C, lower, upper = program.solver.C, program.stated_lower, program.stated_upper
-    binding, scales, count = lock.binding, lock.scales, 0
+    binding, scales, count, reach = lock.binding, lock.scales, 0, program.numbers[NUMBER.reach]
     for i in range(start, len(lower)):
         value, length = dot(C[i], x), 0.0
         for j in range(len(x)):
@@ -106,10 +104,8 @@ def extend_by_bounds(lock: Any) -> None:
 
 
 @compiled(counted=False)
-def let_pass(
-    program: ProgramMemory, lock: LockMemory, x: Row, slack: float, start: int, stop: int
-) -> None:
-    """Move the bounds of rows from `start` to `stop` to where x (n,) is, by `slack` at most.
+def let_pass(program: ProgramMemory, lock: LockMemory, x: Row, start: int, stop: int) -> None:
+    """Move the bounds of rows from `start` to `stop` to where x (n,) is, as far as they may.
 
     Then the solution of the level above is one of this level, and no gap of the tolerance's size
     parts bounds that meet. A bound that has become an equality is none any more.
@@ -117,7 +113,7 @@ def let_pass(
     solver = program.solver
     for i in range(start, stop):
         # limits of joints and distances may have given way above
-        room = np.inf if i >= program.joint else slack
+        room = np.inf if i >= program.joint else program.numbers[NUMBER.reach]
         if lock.decided[i] != 0:
             solver.lower[i], solver.upper[i] = -INFINITE, INFINITE
             continue
@@ -139,26 +135,22 @@ def _forces_balance(program: ProgramMemory, lock: LockMemory) -> bool:
 
 
 @compiled(counted=False)
-def place_lock(
-    program: ProgramMemory, lock: LockMemory, x: Row, width: int, unlocked: int, reach: float
-) -> int:
+def place_lock(program: ProgramMemory, lock: LockMemory, x: Row, width: int) -> int:
     """Write the rows of `kept` that are not the robot's own; arguments and result as for `hold`.
 
     `width` is how many of the variables they are about.
     """
     solver, counts, first, last = program.solver, program.counts, lock.ends[0], lock.ends[1]
-    counts[COUNT.hard] = unlocked + last - first
+    counts[COUNT.hard] = counts[COUNT.own] + last - first
     for i in range(first, last):
-        row = lock.kept[i, :width]
-        place_row(solver, counts[COUNT.cost] + unlocked + i - first, row, dot(row, x), 0.0)
-    let_pass(program, lock, x, reach, 2 * len(program.limited), len(solver.give))
+        row, place = lock.kept[i, :width], counts[COUNT.cost] + counts[COUNT.own] + i - first
+        place_row(solver, place, row, dot(row, x), 0.0)
+    let_pass(program, lock, x, 2 * len(program.limited), len(solver.give))
     return int(width - last)
 
 
 @compiled
-def hold(
-    program: ProgramMemory, lock: LockMemory, x: Row, limited: bool, unlocked: int, reach: float
-) -> int:
+def hold(program: ProgramMemory, lock: LockMemory, x: Row, limited: bool) -> int:
     """Write the rows that hold what x (n,) of the level above gives its tasks.
 
     The tasks may ask for more than the robot has freedoms, and the contacts and the balance of the
@@ -177,8 +169,6 @@ def hold(
         lock: LOCK, with `above` written.
         x: (n,).
         limited: whether torque limits may bind; their rows are then those of x.
-        unlocked: how many equalities are the robot's own.
-        reach: within which a bound counts as reached, and how far bounds may move.
 
     Returns:
         how many freedoms of qdd, or of x, are left; -1 where bounds are still to be locked.
@@ -189,14 +179,15 @@ def hold(
     for j in range(n):
         weight = program.tasks.diagonal[j] if j < nv else solver.diagonal[j]
         scales[j] = 1.0 / sqrt(weight + program.numbers[NUMBER.regular])
-    reached = _gather_binding(program, lock, start, x, reach)
+    reached = _gather_binding(program, lock, start, x)
     own, width = top, n
     if reached == 0 and _forces_balance(program, lock):
         own, width = top + len(program.undriven), nv
     lock.decided[:] = 0
-    first = extend_basis(solver.rows[own : top + unlocked], lock.left, lock.kept, 0, width)
+    equalities = solver.rows[own : top + program.counts[COUNT.own]]
+    first = extend_basis(equalities, lock.left, lock.kept, 0, width)
     last = extend_basis(lock.above, lock.left, lock.kept, first, width)
     lock.ends[0], lock.ends[1], lock.ends[2] = first, last, reached
     if reached > 0 and last < n:
         return -1
-    return place_lock(program, lock, x, width, unlocked, reach)
+    return place_lock(program, lock, x, width)

@@ -31,9 +31,7 @@ from wbc.robot import Robot
 # Directions that move the rows less than this share are left to the tasks: near such a pose a
 # metre per second squared at the rows would ask a million of the joints.
 _WEAK = 1e-6
-# Tolerances by which a level may at most be beyond a bound, which the next one then lets pass, and
-# within which a bound counts as reached.
-REACH = 30.0
+_REACH = 30.0  # tolerances
 # Limits that give way cost FIRM times the heaviest task, and what costs less than that task over
 # FIRM is raised to it while bounds that bind are looked for: with costs that span more decades daqp
 # needs more iterations and calls programs infeasible that are not. With 5, 10 and 30 it takes 78,
@@ -268,7 +266,7 @@ class Program:
         solver = SOLVER.of(sizes, diagonal=diagonal, C=C, lower=lower, upper=upper)
         mass, settings = recipe.kinematics.mass, recipe.settings
         tolerance, regular = settings.tolerance, settings.acceleration_weight
-        greatest = tolerance / np.finfo(np.float64).eps
+        greatest, reach = tolerance / np.finfo(np.float64).eps, _REACH * tolerance
         self.memory: Any = PROGRAM.of(
             {"m": m, "n": n, "v": nv, "q": recipe.robot.model.nq},
             tree=recipe.kinematics.tree,
@@ -281,7 +279,7 @@ class Program:
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             joint=self.joint.start,
             ends=parts,
-            numbers=np.array([mass, self.force_scale, regular, tolerance, greatest]),
+            numbers=np.array([mass, self.force_scale, regular, tolerance, greatest, reach]),
             efforts=self._efforts,
             effort_kinds=recipe.effort_kinds,
             stated_lower=stated[0],
@@ -292,7 +290,7 @@ class Program:
     def take(self, ceilings: Mapping[str, float]) -> None:
         """Take the greatest normal forces of a tick [N], and the distances of solids."""
         memory, apart = self.memory, self.recipe.collision
-        memory.counts[COUNT.hard] = self.unlocked
+        memory.counts[COUNT.hard] = memory.counts[COUNT.own] = self.unlocked
         if ceilings is not self._ceilings:  # a low ceiling lowers the floor
             given = [ceilings[contact.name] for contact in self.contacts.contacts]
             top = np.minimum(self.contacts.normal_maximum, given)
@@ -335,10 +333,8 @@ class Program:
     def told(self, excess: FloatArray) -> tuple[dict[str, float], str]:
         """Return what limits are passed, by how much [rad/s^2 or m/s^2], and that in words."""
         (beyond, push), start = excess, self.joint.start
-        least = max(
-            _TOLD * beyond[start:].max(initial=0.0), REACH * self.memory.numbers[NUMBER.tolerance]
-        )
-        passed = beyond > least
+        reach = self.memory.numbers[NUMBER.reach]
+        passed = beyond > max(_TOLD * beyond[start:].max(initial=0.0), reach)
         passed[:start] = False
         found = {self.labels[i][0]: float(beyond[i]) for i in np.flatnonzero(passed)}
         if not found:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, final
 
@@ -14,7 +13,7 @@ from wbc.robot import Robot, state_gear
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Effort(ABC):
+class Effort:
     """Something about the gears' torques that should be small; subclasses are final and frozen.
 
     Where the robot has more ways to move or to push than its tasks decide, efforts choose among
@@ -37,9 +36,9 @@ class Effort(ABC):
         """Check the weight."""
         require_ranges(self, f"effort '{self.name}': ", ControlError, weight=">= 0 and < inf")
 
-    @abstractmethod
     def weights(self, robot: Robot) -> FloatArray:
-        """Return w (m,)."""
+        """Return w (m,); what a mesh loses is multiplied with |e - 1| |dpsi| / |T_0| as well."""
+        return np.full(robot.transmission.size, self.weight)
 
     @property
     def kind(self) -> tuple[float, float]:
@@ -96,10 +95,6 @@ class MeshLossEffort(Effort):
         super().__post_init__()
         require_ranges(self, f"effort '{self.name}': ", ControlError, least_torque="> 0 N m")
 
-    def weights(self, robot: Robot) -> FloatArray:
-        """Return the weights, which the tick multiplies with |e - 1| |dpsi| / |T_0|."""
-        return np.full(robot.transmission.size, self.weight)
-
     @property
     def kind(self) -> tuple[float, float]:
         """The least torque, too."""
@@ -112,10 +107,6 @@ class OutputTorqueEffort(Effort):
     """weight/2 sum T^2 [(N m)^2], the torque that leaves each gear (joint torque where D = 1)."""
 
     name: str = "output_torque"
-
-    def weights(self, robot: Robot) -> FloatArray:
-        """Return the weights of T."""
-        return np.full(robot.transmission.size, self.weight)
 
 
 @final

@@ -252,7 +252,7 @@ class CapturePointTask(StateTask):
         """Return xi (2,) [m]."""
         rate = self.jacobian(kinematics) @ kinematics.velocity
         pole = sqrt(kinematics.gravity / self.height)
-        return np.asarray(kinematics.center_of_mass()[:2] + rate / pole)
+        return np.asarray(kinematics.tree.com[:2] + rate / pole)
 
     def gains(self, gravity: float) -> Gains:
         """Return the gains of c'' = b (xi' - c') on the error xi_ref - c and the rate c'."""
