@@ -8,13 +8,12 @@ A mend is such a table whose sources are channels of the log as it was read, for
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
-
-import tomli_w
 
 from wbc.files import SCHEMA, write_text
 
@@ -66,9 +65,7 @@ def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         inner = ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items())
         return "{ " + inner + " }" if inner else "{}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
-    return str(tomli_w.dumps({"x": value})).split("=", 1)[1].strip()
+    return json.dumps(value, ensure_ascii=False)  # TOML writes texts, numbers and lists alike
 
 
 @dataclass(frozen=True)

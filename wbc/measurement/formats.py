@@ -36,7 +36,7 @@ _DAMAGE = (OSError, BadZipFile, ValueError, EOFError, ZlibError)
 _MOST_TURNS = 64  # motors of a robot
 
 
-def open_table(path: Path, rows: RowChoice | None = None) -> Table:
+def open_table(path: Path, rows: RowChoice) -> Table:
     """Read a file by its suffix; rows of one stamp that take turns become one row.
 
     Args:
@@ -47,7 +47,6 @@ def open_table(path: Path, rows: RowChoice | None = None) -> Table:
         LogError: no such file, a format that is not read, or a file that is not what it says.
     """
     parts = _files(path)
-    rows = rows or RowChoice()
     if len(parts) > 1:
         first, *others = (open_table(part, rows) for part in parts)
         return _joined(path, first, others)
@@ -276,7 +275,7 @@ _TYPE = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")
 
 
-def read_bag(path: Path, topic: str = "") -> Table:
+def read_bag(path: Path, topic: str) -> Table:
     """Read one JointState topic as columns `time`, `<joint>.position`, `.velocity` and `.effort`.
 
     `time` is the header's stamp in seconds since the first message (the recorder's stamp where

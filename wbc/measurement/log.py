@@ -131,12 +131,11 @@ class Log(Remade):
         object.__setattr__(self, "columns", MappingProxyType(columns))
 
     @classmethod
-    def from_frame(cls, frame: Any, source: LogSource | None = None) -> Log:
+    def from_frame(cls, frame: Any) -> Log:
         """Return the log of a table in memory: a pandas or polars frame, or any mapping of columns.
 
         Args:
             frame: columns by name; those that are no column of a log are passed over.
-            source: where it came from, if that is known.
 
         Raises:
             LogError: no table, no column `time`, or columns that make no log (see `Log`).
@@ -151,7 +150,7 @@ class Log(Remade):
         require_known(LogError, "column", TIME, names, "log in memory")
         columns = {n: np.asarray(frame[n]) for n in names if n != TIME and is_column(n)}
         ignored = tuple(name for name in names if name != TIME and name not in columns)
-        return cls(np.asarray(frame[TIME]), columns, source or LogSource(ignored=ignored))
+        return cls(np.asarray(frame[TIME]), columns, LogSource(ignored=ignored))
 
     def __len__(self) -> int:
         """N, the number of rows."""

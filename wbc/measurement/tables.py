@@ -278,7 +278,7 @@ class _Layout:
         return [] if no_units or not given else self.head[-1]
 
 
-def read_text_file(path: Path, header: Sequence[str] = ()) -> Table:
+def read_text_file(path: Path, header: Sequence[str]) -> Table:
     """Read a text file of columns.
 
     Args:

@@ -72,16 +72,14 @@ def write_picture(
     at: float,
     *,
     size: tuple[int, int] = (1280, 800),
-    theme: str = "light",
 ) -> Path:
-    """Write a PNG of a playback page at a time.
+    """Write a PNG of a playback page at a time, in the theme of the page.
 
     Args:
         path: the PNG to write.
         playback: HTML written by `write_playback`.
         at: time [s] on the log's clock, clipped to the log.
         size: width and height [px].
-        theme: "light" or "dark".
 
     Raises:
         ViewError: no Chromium (the message names the package), or a page that is no playback.
@@ -89,7 +87,7 @@ def write_picture(
 
     def take() -> bytes:
         with opened(Path(playback), size, "still") as page:
-            _prepare(page, theme)
+            _prepare(page)
             return _shown(page, at)
 
     picture = _in_thread(take)
@@ -104,9 +102,8 @@ def write_animation(
     speed: float = 1.0,
     frame_rate: float = 15.0,
     size: tuple[int, int] = (640, 480),
-    theme: str = "light",
 ) -> Path:
-    """Write a GIF of a playback page.
+    """Write a GIF of a playback page, in the theme of the page.
 
     Args:
         path: ends in .gif.
@@ -115,7 +112,6 @@ def write_animation(
         speed: 0.5 shows it at half speed.
         frame_rate: frames per second of the animation.
         size: width and height [px].
-        theme: "light" or "dark".
 
     Raises:
         ViewError: no Chromium (the message names the package), another ending, or a span of time
@@ -127,7 +123,7 @@ def write_animation(
 
     def film() -> Path:
         with opened(Path(playback), size, "still&bare") as page:
-            _prepare(page, theme)
+            _prepare(page)
             begin, end = (
                 float(page.evaluate(f"player.{name}")) if given is None else given
                 for name, given in zip(("start", "stop"), span, strict=True)
@@ -149,9 +145,9 @@ def _in_thread(work: Callable[[], Result]) -> Result:
         return thread.submit(work).result()
 
 
-def _prepare(page: Page, theme: str) -> None:
+def _prepare(page: Page) -> None:
     page.wait_for_function("window.player")
-    page.evaluate(f"() => {{ player.setTheme({theme!r}); player.frameCamera(); }}")
+    page.evaluate("() => player.frameCamera()")
 
 
 def _shown(page: Page, at: float) -> bytes:

@@ -195,7 +195,7 @@ def experiment_figure(
         joints: names of the m driven joints, with the units of their positions.
         time: (N,) [s].
         motion: positions and velocities (N, m) [rad, m; rad/s, m/s].
-        misfits: name of a motion -> (N, m) in units of the noise of one row, at most two; the
+        misfits: name of a motion -> (N, m) in units of the noise of one row, of two motions; the
             motion stands alone without any.
         theme: page colours.
     """
@@ -218,8 +218,6 @@ def experiment_figure(
         for ax in axes[2:]:
             ax.axhspan(-1.0, 1.0, color=theme.faint, zorder=0)  # the noise
             ax.set_ylim(-1.1 * top, 1.1 * top)
-        for ax in axes[len(panels) :]:
-            ax.set_visible(False)
         for ax in grid[1]:
             ax.set_xlabel("time [s]")
         legend_above(figure, axes[0], min(len(joints), 6))
