@@ -12,6 +12,7 @@ from tests.moved import moved, swing
 from wbc import load_robot
 from wbc.effects import (
     CoulombFriction,
+    CurrentLimit,
     Presliding,
     TorqueConstant,
     TorqueOffset,
@@ -19,9 +20,11 @@ from wbc.effects import (
     ViscousFriction,
 )
 from wbc.identification import compare, diagnose
+from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.model.residual import condensed_residual
 from wbc.measurement import Log, load_logs
 from wbc.measurement.filters import turned
-from wbc.robot import Effect
+from wbc.robot import Effect, Robot
 
 LEG = load_robot("planar_leg_fixed").lossless()
 HIDDEN = [CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)]
@@ -159,6 +162,31 @@ def test_a_joint_that_carries_next_to_nothing_gets_no_statement() -> None:
     found = diagnose(LEG, logs, [*KINDS, TorqueConstant, TorqueOffset])
     assert not [f for f in found.findings if f.effect.where == "knee"]
     assert found.silent == ("knee",)
+
+
+def test_what_a_drive_takes_away_of_the_noise_is_no_evidence() -> None:
+    """A current limit stood for the losses of a calf: it clips the noise of a torque, too.
+
+    Two runs of one motion differ by their noise alone.
+    """
+    rates = np.array([[2.3, 5.1], [3.1, 6.7]])
+    waves = np.stack([np.full((2, 2), 0.35), rates, rates[:, ::-1]], axis=-1)
+    time = np.arange(0.0, 30.0, 4e-3)
+    logs = [moved(LEG, time, waves, (2e-6, 3e-4, 0.2), seed=seed) for seed in (1, 2)]
+    problem = EstimationProblem.from_logs(LEG, logs)
+    limited, scaled = (
+        problem.fit([own], iterations=0)
+        for own in (CurrentLimit("knee", 0.3), TorqueConstant("knee", 0.8))
+    )
+
+    def noise(robot: Robot) -> np.ndarray:
+        one, other = (condensed_residual(robot, [record]) for record in problem.records)
+        return np.mean(((one - other) @ problem.whitening) ** 2, axis=0) / 2.0
+
+    gone = noise(LEG) - noise(limited.robot)
+    assert gone[1] > 0.5
+    np.testing.assert_allclose(problem.quieter(limited), gone, atol=0.2)
+    np.testing.assert_allclose(problem.quieter(scaled), 0.0, atol=1e-3)
 
 
 def test_units_and_the_side_of_the_gear_change_nothing(tmp_path: Path) -> None:

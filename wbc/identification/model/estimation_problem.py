@@ -23,7 +23,7 @@ from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
-from wbc.identification.model.residual import condensed_residual
+from wbc.identification.model.residual import condensed_residual, passed_on
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
@@ -33,6 +33,7 @@ from wbc.identification.records.noise import (
     drawn_noise,
     noise_floor,
     noise_of_links,
+    synthetic_noise,
     with_even_noise,
 )
 from wbc.identification.records.not_judged import (
@@ -252,26 +253,53 @@ class EstimationProblem:
     def _noise_of(self, robot: Robot) -> FloatArray:
         """Return (outputs,) the noise of the motion that a robot's links pass on, in floors^2."""
         made = zip(self._links_noise, self.records, strict=True)
-        drawn = np.concatenate([noise(record.model_of(robot)) for noise, record in made])
-        return np.asarray(np.mean((drawn @ self.whitening) ** 2, axis=0))
+        return self._squares([noise(record.model_of(robot)) for noise, record in made])
+
+    @cached_property
+    def _reported_noise(self) -> list[FloatArray]:
+        return [synthetic_noise(record)[0] for record in self.records]
+
+    def _torque_noise_of(self, robot: Robot, size: FloatArray) -> FloatArray:
+        """Return (outputs,) the noise of the torques that a robot's drives pass on, in floors^2.
+
+        Args:
+            robot: with its drives.
+            size: (m + b,) of the noise beside that of the sensors.
+        """
+        drives, parts = slice(robot.transmission.size), []
+        for record, drawn in zip(self.records, self._reported_noise, strict=True):
+            noise = drawn * size
+            noise[:, drives] = passed_on(robot, record, noise[:, drives])
+            parts.append(record.condense(noise))
+        return self._squares(parts)
+
+    def _squares(self, parts: Sequence[FloatArray]) -> FloatArray:
+        return np.asarray(np.mean((np.concatenate(parts) @ self.whitening) ** 2, axis=0))
 
     @cached_property
     def _given_noise(self) -> FloatArray:
         return self._noise_of(self.robot)
 
-    def quieter(self, robot: Robot) -> FloatArray:
-        """Return (outputs,) mean squares in floors, by which another robot passes on less noise.
+    def quieter(self, fit: Fit) -> FloatArray:
+        """Return (outputs,) mean squares in floors, by which the robot of a fit has less noise.
 
-        Lighter links make less of the accelerations' noise. What they leave less for that reason
-        alone says nothing of the links: least squares makes whatever it multiplies with noise too
-        small (Janot, Vandanjon & Gautier, IEEE TCST 2014).
-
-        Args:
-            robot: with causes.
+        Lighter links make less of the accelerations' noise, and a drive that clips its torque none
+        of that of its report. What they leave less for that reason alone says nothing of the links
+        or the drive: least squares makes whatever it multiplies with noise too small (Janot,
+        Vandanjon & Gautier, IEEE TCST 2014). Noise of torques is as large as what is left and
+        forgets itself as fast.
         """
-        if robot.model is self.robot.model:
-            return np.zeros(self.whitening.shape[1])
-        return np.maximum(self._given_noise - self._noise_of(robot), 0.0)
+        robot, less = fit.robot, np.zeros(self.whitening.shape[1])
+        if robot.model is not self.robot.model:
+            less += np.maximum(self._given_noise - self._noise_of(robot), 0.0)
+        if any("drive" in effect.acts_by for effect in fit.effects):
+            white = np.minimum(self.independent_samples(fit.residual) / self.white_samples, 1.0)
+            size = np.ones(len(self.whitening))
+            left = np.mean(fit.residual**2, axis=0)
+            size[self.floor.judged] = np.sqrt(np.maximum(white * left, 1.0))
+            given, now = (self._torque_noise_of(r, size) for r in (self.robot, robot))
+            less += np.maximum(given - now, 0.0)
+        return less
 
     def distorted(self, share: float) -> FloatArray:
         """Return (outputs,) mean squares in floors that no model is told by.

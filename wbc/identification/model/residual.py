@@ -14,6 +14,7 @@ from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.model.yielding import LinkSide, LinkSwing, deflects, some_deflect, swing
 from wbc.identification.records.record import Record, output_count
 from wbc.links import Deflections, LinkResponse
+from wbc.measurement import low_pass
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-7  # of the largest load, by which loads are varied
@@ -316,6 +317,18 @@ def condensed_residual(robot: Robot, records: Sequence[Record]) -> FloatArray:
 def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) the share of the reported torque that the drives of `robot` deliver."""
     return np.asarray(np.mean([_delivered(robot, r.motion, r.torque)[1] for r in records], axis=0))
+
+
+def passed_on(robot: Robot, record: Record, noise: FloatArray) -> FloatArray:
+    """Return what drives pass on of noise (N, m) of reported torques, both at the motor outputs.
+
+    A drive that clips its torque passes no noise on while it does.
+    """
+    ratio = np.abs(robot.transmission.gear_ratio)
+    smooth = low_pass(record.torque, record.bandwidth.residual, record.rate)
+    plain, _ = _delivered(robot, record.motion, smooth)
+    noisy, slope = _delivered(robot, record.motion, smooth + noise / ratio)
+    return np.asarray((noisy - plain) * (ratio / np.maximum(slope, _LEAST_GAIN)))
 
 
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
