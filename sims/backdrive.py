@@ -76,8 +76,7 @@ def panels(table: dict[float, dict[str, float]]) -> list[Panel]:
     robot, turn = hanging_leg(), np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
     moved = force_map(robot, np.arctan2(200.0 * np.sin(turn), 50.0 * np.cos(turn)))
     corners = capability(robot, powered=True).vertices(Direction.BACKWARD)
-    order = np.argsort(np.arctan2(*corners.T))
-    edge = corners[np.append(order, order[0])]
+    edge = np.append(corners, corners[:1], axis=0)
     lines, points = {"predicted": tuple(edge.T)}, {"pushed": tuple(moved.T)}
     return [*rows, Panel("pushes that the motors hold", "$f_x$ [N]", "$f_z$ [N]", lines, points)]
 

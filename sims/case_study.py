@@ -131,9 +131,7 @@ def _draw_force(ax: Axes, robot: Robot, theme: Theme) -> None:
         "combined: foot about to move up": reach.moving(UP),
     }
     for i, (label, corners) in enumerate(polygons.items()):
-        around = corners - corners.mean(axis=0)
-        order = np.argsort(np.arctan2(around[:, 1], around[:, 0]))
-        ring = corners[np.append(order, order[0])]
+        ring = np.append(corners, corners[:1], axis=0)
         ax.plot(*ring.T, color=theme.series[i], linestyle=DASHES[i], label=label, zorder=3 - i)
         if label.startswith("combined"):
             ax.add_patch(Polygon(ring, facecolor=theme.series[i], alpha=0.15))

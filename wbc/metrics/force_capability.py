@@ -118,7 +118,7 @@ class ForceCapability:
         return low, high
 
     def vertices(self, directions: ArrayLike) -> FloatArray:
-        """Return the corners (c, n) [N] of the polytope, convex-hull vertices in no order.
+        """Return the corners (c, n) [N] of the polytope: of a polygon in order around it.
 
         Args:
             directions: +1 lift, -1 hold, 0 without losses, per gear or one for all.
@@ -130,7 +130,7 @@ class ForceCapability:
         return self._corners(-limits, limits)
 
     def _corners(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return the corners (c, n) of {f : low <= T_from_f f <= high}, 0 inside.
+        """Return the corners (c, n) of {f : low <= T_from_f f <= high}, 0 inside, see `vertices`.
 
         Raises:
             DynamicsError: a direction in which no gear bears a force; an open end.
@@ -150,7 +150,7 @@ class ForceCapability:
             )
         if matrix.shape[0] == matrix.shape[1]:
             corners = np.array(list(product(*zip(low, high, strict=True))))
-            return np.asarray(np.linalg.solve(matrix, corners.T).T)
+            return _around(np.linalg.solve(matrix, corners.T).T)
         if matrix.shape[1] == 1:
             lever = matrix[:, 0]
             ends = np.where(lever > 0.0, [low, high], [high, low])[:, lever != 0.0]
@@ -160,7 +160,7 @@ class ForceCapability:
         corners = HalfspaceIntersection(half, np.zeros(matrix.shape[1])).intersections
         # Corners where several faces meet come out once per set of faces.
         size = float(np.abs(corners).max())
-        return np.asarray(size * np.unique(np.round(corners / size, 9), axis=0))
+        return _around(size * np.unique(np.round(corners / size, 9), axis=0))
 
     def _unbounded(self, direction: FloatArray) -> DynamicsError:
         along = ", ".join(f"{x:.3g}" for x in direction)
@@ -169,6 +169,14 @@ class ForceCapability:
             "motor in this pose: no torque limits it. Leave the singular pose, or choose the "
             "axes that the leg's motors act on (for example axes='xz')."
         )
+
+
+def _around(corners: FloatArray) -> FloatArray:
+    """Return the corners of a polygon in order around it; others as they are."""
+    if corners.shape[1] != 2:
+        return corners
+    x, y = (corners - corners.mean(axis=0)).T
+    return np.asarray(corners[np.argsort(np.arctan2(y, x))])
 
 
 def force_capability(

@@ -85,10 +85,7 @@ def summary(
     up = upward(axes)
     main = axes[int(np.argmax(up))]
     way = "up" if main == "z" else f"along {main}"
-    weight = sum(body.mass for body in robot.model.inertias) * float(
-        np.linalg.norm(robot.model.gravity.linear)
-    )
-    size, where = weight if load is None else load, (robot, q, contact, axes)
+    size, where = robot.weight if load is None else load, (robot, q, contact, axes)
     reach, held = force_capability(*where), holding(robot, q, contact, up, size, axes)
     gears, carried = robot.transmission.joints, f"rotor side, load {size:.4g} N {way}; {HELD}"
     rows = [
@@ -109,7 +106,7 @@ def summary(
         )
     ]
     note = f"{MOVING}; {STATIC}"
-    rows.append(_row(f"force polygon, moving {way}", "N", note, lambda: _ordered(reach.moving(up))))
+    rows.append(_row(f"force polygon, moving {way}", "N", note, partial(reach.moving, up)))
     for name, note, mode in (("conservative", PERFECT, 0.0), ("dissipative", BACKWARD, -1.0)):
         factor, note = impact_mitigation(*where, mode), f"{note}; {IMPACT}"
         rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
@@ -155,11 +152,3 @@ def _row(name: str, unit: str, assumption: str, find: Callable[[], Value]) -> Me
 
 def _along(reach: ForceCapability, direction: FloatArray, of: str) -> float:
     return float(getattr(reach.along(direction), of))
-
-
-def _ordered(corners: FloatArray) -> FloatArray:
-    """Return the corners of a polygon in order around it; others as they are."""
-    if corners.shape[1] != 2:
-        return corners
-    around = corners - corners.mean(axis=0)
-    return np.asarray(corners[np.argsort(np.arctan2(around[:, 1], around[:, 0]))])

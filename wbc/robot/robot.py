@@ -213,6 +213,11 @@ class Robot(Remade):
         """b, the number of coordinates that no gear drives."""
         return int(self.unactuated.size)
 
+    @property
+    def weight(self) -> float:
+        """Weight of all moving bodies [N]."""
+        return float(pin.computeTotalMass(self.model) * np.linalg.norm(self.model.gravity.linear))
+
     @cached_property
     def bodies(self) -> tuple[str, ...]:
         """One name per moving joint: the link that it carries, of which fixed ones are part."""

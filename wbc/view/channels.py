@@ -147,13 +147,7 @@ def find_impacts(
 
 def log_impacts(robot: Robot, log: Log) -> tuple[RecordedImpact, ...]:
     """Return the impacts that the contact forces of a log show."""
-    return find_impacts(log.time, contact_forces(robot, log), robot_weight(robot))
-
-
-def robot_weight(robot: Robot) -> float:
-    """Return the weight of all moving bodies [N]."""
-    gravity = float(np.linalg.norm(robot.model.gravity.linear))
-    return float(pin.computeTotalMass(robot.model)) * gravity
+    return find_impacts(log.time, contact_forces(robot, log), robot.weight)
 
 
 _NEAR = 3

@@ -23,7 +23,6 @@ from wbc.metrics import (
 )
 from wbc.robot import Robot
 from wbc.transmission import Direction
-from wbc.view.channels import robot_weight
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.shapes import robot_shapes
 from wbc.view.style import DASHES, drawing, new_figure
@@ -181,11 +180,10 @@ def _draw_force(
         except DynamicsError as cause:
             reason = str(cause)
             continue
-        order = np.argsort(np.arctan2(*(corners - corners.mean(axis=0)).T[::-1]))
         colour, dash = theme.series[number], _DASH[number]
-        ax.add_patch(Polygon(corners[order], facecolor=colour, alpha=0.13))
+        ax.add_patch(Polygon(corners, facecolor=colour, alpha=0.13))
         outline = Polygon(
-            corners[order], fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
+            corners, fill=False, edgecolor=colour, linestyle=dash, linewidth=1.4, label=label
         )
         ax.add_patch(outline)
     if not ax.patches:
@@ -195,7 +193,7 @@ def _draw_force(
         ax.set_title("force capability")
         return
     if robot.floating_size:
-        weight = -robot_weight(robot)  # what a foot that carries all presses on the ground with
+        weight = -robot.weight  # what a foot that carries all presses on the ground with
         ax.axhline(weight, color=theme.ink, linewidth=0.9, linestyle=":")
         place = ("axes fraction", "data")
         ax.annotate("weight", (1.01, weight), xycoords=place, va="center", fontsize=8)

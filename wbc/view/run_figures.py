@@ -21,7 +21,6 @@ from wbc.view.channels import (
     gear_powers,
     kinematics,
     log_impacts,
-    robot_weight,
     rotor_torque,
     velocity,
 )
@@ -205,7 +204,7 @@ def standing_figure(
             mark_impacts(ax, next(iter(impacts.values())), theme.ink)
         if peaks := [impact.force for found in impacts.values() for impact in found]:
             # The force of an impact would flatten all others.
-            axes[-1].set_ylim(-0.1 * robot_weight(robot), _CUT * robot_weight(robot))
+            axes[-1].set_ylim(-0.1 * robot.weight, _CUT * robot.weight)
             title = f"vertical ground force (impacts up to {max(peaks):.0f} N are cut off)"
             axes[-1].set_title(title)
         axes[-1].set(xlabel="time [s]", xlim=(first.time[0], first.time[-1]))

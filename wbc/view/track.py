@@ -25,7 +25,6 @@ from wbc.view.channels import (
     find_impacts,
     gear_flow,
     kinematics,
-    robot_weight,
     rotor_torque,
     velocity,
 )
@@ -188,7 +187,6 @@ def make_track(robot: Robot, log: Log) -> Track:
     position = configuration(robot, log)[rows]
     poses, center, points = kinematics(robot, position)
     forces, flow = contact_forces(robot, log), gear_flow(robot, log)
-    weight = robot_weight(robot)
     return Track(
         time=log.time[rows],
         poses=poses,
@@ -198,8 +196,8 @@ def make_track(robot: Robot, log: Log) -> Track:
         torque=(flow.rotor_torque * robot.transmission.gear_ratio)[rows],
         power=flow.mesh_power[rows],
         direction=flow.direction[rows],
-        impacts=find_impacts(log.time, forces, weight),
-        weight=weight,
+        impacts=find_impacts(log.time, forces, robot.weight),
+        weight=robot.weight,
         planned=planned,
     )
 
