@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -159,8 +160,11 @@ _DRIVES = (TorqueConstant, CurrentLimit)
 def _kind(effect: Effect) -> tuple[object, ...]:
     """Return what effects have in common that become one."""
     own = {"where", *(parameter.name for parameter in effect.parameters)}
-    rest = tuple((name, value) for name, value in vars(effect).items() if name not in own)
-    return type(effect), rest
+    return type(effect), tuple(item for item in _fields(effect).items() if item[0] not in own)
+
+
+def _fields(effect: Effect) -> dict[str, Any]:
+    return {one.name: getattr(effect, one.name) for one in fields(effect)}
 
 
 def _may_join(effect: Effect) -> bool:
@@ -168,7 +172,7 @@ def _may_join(effect: Effect) -> bool:
     remembers = type(effect).first_memory is not Effect.first_memory
     if not isinstance(effect, JointEffect) or (remembers and not _is_shipped(effect)):
         return False
-    plain = all(isinstance(value, (str, bool, int, float)) for value in vars(effect).values())
+    plain = all(isinstance(value, (str, bool, int, float)) for value in _fields(effect).values())
     return plain and effect.parameters is type(effect).parameters
 
 
@@ -191,6 +195,7 @@ def _joined(robot: Robot, effects: Sequence[Effect]) -> Sequence[Effect]:
     if len(set(joints)) < len(joints) or (first.needs_drive and np.any(rows.gear < 0)):
         return effects
     one = copy.copy(first)
+    vars(one).pop("values", None)  # of the first place, kept since it was checked
     values = {p.name: np.array([getattr(e, p.name) for e in effects]) for p in first.parameters}
     for name, value in {"where": ", ".join(joints), "rows": rows, **values}.items():
         object.__setattr__(one, name, value)
