@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, OutDense, OutRow, Row, Table, compiled, inner, local
+from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 from wbc.mechanics.tree import FREE_FLYER, PRISMATIC, REVOLUTE
 
 
@@ -23,8 +24,7 @@ def turned(pose: Row, way: Row, out: OutRow) -> None:
 def placed_at(pose: Row, point: Row, out: OutRow) -> None:
     """Write a point (3,) in the outer axes of a pose (12,)."""
     turned(pose, point, out)
-    for k in range(3):
-        out[k] += pose[9 + k]
+    add_times(1.0, pose[9:], out)
 
 
 @inner
@@ -68,24 +68,19 @@ def place(joints: Table, shapes: Dense, q: Row, poses: OutDense) -> None:
         parent, kind, at = joints[i, 0], joints[i, 1], joints[i, 2]
         shape, pose = shapes[i], poses[i]
         if parent < 0:
-            for k in range(9):
-                mounted[k] = shape[k]
-            for k in range(9, 12):
-                pose[k] = shape[k]
+            copy_to(shape[:9], mounted)
+            copy_to(shape[9:12], pose[9:])
         else:
             product(poses[parent, :9], shape[:9], mounted)
             placed_at(poses[parent], shape[9:12], pose[9:])
         if kind == PRISMATIC:
             turned(mounted, shape[12:15], way)
-            for k in range(9):
-                pose[k] = mounted[k]
-            for k in range(3):
-                pose[9 + k] += way[k] * q[at]
+            copy_to(mounted, pose)
+            add_times(q[at], way, pose[9:])
             continue
         if kind == FREE_FLYER:
             turned(mounted, q[at : at + 3], way)
-            for k in range(3):
-                pose[9 + k] += way[k]
+            add_times(1.0, way, pose[9:])
             _of_quaternion(q[at + 3 : at + 7], own)
         elif kind == REVOLUTE:
             _about_axis(shape[12:15], np.cos(q[at]), np.sin(q[at]), own)
@@ -104,28 +99,22 @@ def columns_at(joints: Table, shapes: Dense, poses: Dense, about: Row, columns: 
         about: (3,) the point of the spatial vectors, world.
         columns: (nv, 6) to write.
     """
+    axis, arm = local(3), local(3)
+    columns[:] = 0.0
     for i in range(len(joints)):
-        kind, row, pose, shape = joints[i, 1], joints[i, 3], poses[i], shapes[i]
-        x, y, z = pose[9] - about[0], pose[10] - about[1], pose[11] - about[2]
-        if kind == FREE_FLYER:
-            for k in range(3):
-                a, b, c = pose[k], pose[3 + k], pose[6 + k]
-                columns[row + k, 0], columns[row + k, 1], columns[row + k, 2] = a, b, c
-                columns[row + k, 3:] = 0.0
-                turning = columns[row + 3 + k]
-                turning[0], turning[1], turning[2] = y * c - z * b, z * a - x * c, x * b - y * a
-                turning[3], turning[4], turning[5] = a, b, c
-            continue
-        a = pose[0] * shape[12] + pose[1] * shape[13] + pose[2] * shape[14]
-        b = pose[3] * shape[12] + pose[4] * shape[13] + pose[5] * shape[14]
-        c = pose[6] * shape[12] + pose[7] * shape[13] + pose[8] * shape[14]
-        column = columns[row]
-        if kind == PRISMATIC:
-            column[0], column[1], column[2] = a, b, c
-            column[3:] = 0.0
-        else:
-            column[0], column[1], column[2] = y * c - z * b, z * a - x * c, x * b - y * a
-            column[3], column[4], column[5] = a, b, c
+        kind, row, pose = joints[i, 1], joints[i, 3], poses[i]
+        copy_to(pose[9:], arm)
+        add_times(-1.0, about, arm)
+        turned(pose, shapes[i, 12:15], axis)
+        for k in range(3 if kind == FREE_FLYER else 1):
+            turning = row
+            if kind == FREE_FLYER:
+                axis[0], axis[1], axis[2], turning = pose[k], pose[3 + k], pose[6 + k], row + 3
+            if kind in (FREE_FLYER, PRISMATIC):
+                copy_to(axis, columns[row + k])
+            if kind != PRISMATIC:
+                add_cross(1.0, arm, axis, columns[turning + k])
+                copy_to(axis, columns[turning + k, 3:])
 
 
 @inner
@@ -135,9 +124,10 @@ def _fly(q: Row, v: Row, time: float, moved: OutRow) -> None:
     With w = time * angular, its size t, and the linear part u: the place moves by
     R (u + (1 - cos t)/t^2 w x u + (t - sin t)/t^3 w x (w x u)).
     """
-    ux, uy, uz = time * v[0], time * v[1], time * v[2]
-    wx, wy, wz = time * v[3], time * v[4], time * v[5]
-    square = wx * wx + wy * wy + wz * wz
+    way, turning, across, turn = local(3), local(3), local(3), local(9)
+    for k in range(3):
+        way[k], turning[k], across[k] = time * v[k], time * v[3 + k], 0.0
+    square = dot(turning, turning)
     angle = np.sqrt(square)
     if angle > 1e-2:
         first, second = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
@@ -147,21 +137,17 @@ def _fly(q: Row, v: Row, time: float, moved: OutRow) -> None:
         second = 1.0 / 6.0 - square / 120.0 + square * square / 5040.0 - square**3 / 362880.0
         half = 0.5 - square / 48.0 + square * square / 3840.0 - square**3 / 645120.0
         rest = 1.0 - square / 8.0 + square * square / 384.0 - square**3 / 46080.0
-    cx, cy, cz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
-    dx = ux + first * cx + second * (wy * cz - wz * cy)
-    dy = uy + first * cy + second * (wz * cx - wx * cz)
-    dz = uz + first * cz + second * (wx * cy - wy * cx)
-    turn = local(9)
+    add_cross(1.0, turning, way, across)
+    add_times(first, across, way)
+    add_cross(second, turning, across, way)
     _of_quaternion(q[3:], turn)
+    turned(turn, way, moved)
+    add_times(1.0, q[:3], moved)
     for k in range(3):
-        moved[k] = q[k] + turn[3 * k] * dx + turn[3 * k + 1] * dy + turn[3 * k + 2] * dz
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    a, b, c = half * wx, half * wy, half * wz
-    moved[3] = w * a + x * rest + y * c - z * b
-    moved[4] = w * b + y * rest + z * a - x * c
-    moved[5] = w * c + z * rest + x * b - y * a
-    moved[6] = w * rest - x * a - y * b - z * c
-    size = np.sqrt(moved[3] ** 2 + moved[4] ** 2 + moved[5] ** 2 + moved[6] ** 2)
+        moved[3 + k] = rest * q[3 + k] + half * q[6] * turning[k]
+    add_cross(half, q[3:], turning, moved[3:])
+    moved[6] = rest * q[6] - half * dot(turning, q[3:])
+    size = np.sqrt(dot(moved[3:], moved[3:]))
     for k in range(3, 7):
         moved[k] /= size
 

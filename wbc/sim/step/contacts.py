@@ -8,7 +8,7 @@ import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, ask, compiled, inner, local
 from wbc.mechanics.kinematics import placed_at
-from wbc.mechanics.linear import copy_to, dot
+from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import AHEAD, field_gap
 from wbc.sim.step.pairs import FAR, meet
@@ -62,8 +62,8 @@ def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
         return box_gap(solid, point, normal)
     if solid[0] == FIELD:
         return field_gap(solid, point, np.inf, normal)
-    for k in range(3):
-        normal[k] = point[k] - solid[1 + k]
+    copy_to(point, normal)
+    add_times(-1.0, solid[1:4], normal)
     length = sqrt(dot(normal, normal))
     for k in range(3):
         normal[k] /= length if length > 0.0 else 1.0
@@ -162,13 +162,13 @@ def contact_row(plant: Opened, which: int, axis: Row, row: OutRow) -> None:
         axis: unit vector, world.
         row: (nv,) to write.
     """
-    columns, about, wrench = plant.placed.columns, plant.placed.about, local(6)
+    columns, about, wrench, arm = plant.placed.columns, plant.placed.about, local(6), local(3)
     touch = plant.obstacles.touch[which]
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        wrench[k] = axis[k]
-        wrench[3 + k] = (touch[4 + i] - about[i]) * axis[j] - (touch[4 + j] - about[j]) * axis[i]
-    row[:] = 0.0
+    copy_to(axis, wrench)
+    copy_to(touch[4:], arm)
+    add_times(-1.0, about, arm)
+    wrench[3:], row[:] = 0.0, 0.0
+    add_cross(1.0, arm, axis, wrench[3:])
     for side in range(2):
         i, sign = plant.obstacles.sides[which, side], 1.0 if side == 0 else -1.0
         while i >= 0:
@@ -200,20 +200,19 @@ def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
 
     On level ground the tangents are along +x, and +y.
     """
-    x, y, z = normal[0], normal[1], normal[2]
-    axes[0, 0], axes[0, 1], axes[0, 2] = x, y, z
+    axes[:] = 0.0
+    copy_to(normal, axes[0])
     if planar:
-        axes[1, 0], axes[1, 1], axes[1, 2] = z, 0.0, -x
+        axes[1, 0], axes[1, 2] = normal[2], -normal[0]
         return
     # The world axis less its normal part: x, or y where x is nearly along the normal.
-    if abs(x) < 0.9:
-        a, b, c = 1.0 - x * x, -x * y, -x * z
-    else:
-        a, b, c = -y * x, 1.0 - y * y, -y * z
-    size = sqrt(a * a + b * b + c * c)
-    a, b, c = a / size, b / size, c / size
-    axes[1, 0], axes[1, 1], axes[1, 2] = a, b, c
-    axes[2, 0], axes[2, 1], axes[2, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    world = 0 if abs(normal[0]) < 0.9 else 1
+    axes[1, world] = 1.0
+    add_times(-normal[world], normal, axes[1])
+    size = sqrt(dot(axes[1], axes[1]))
+    for k in range(3):
+        axes[1, k] /= size
+    add_cross(1.0, normal, axes[1], axes[2])
 
 
 @inner
