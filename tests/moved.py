@@ -9,8 +9,7 @@ from wbc.dynamics import contact_torque, link_torque, rotor_torque
 from wbc.effects import PayloadMass, load_robot
 from wbc.measurement import Log
 from wbc.robot import Motion, Robot
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 
 SUPPLY, STEP = 7.4, 0.004  # of the servo [V], of its logs [s]
 

@@ -15,8 +15,7 @@ from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion
 from wbc.sim import EnergyAudit, EnergyFlow, Plane, Plant
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 from wbc.transmission import mesh_input
 
 LEG = load_robot("planar_leg_fixed").lossless()

@@ -14,7 +14,7 @@ from wbc.errors import IdentificationError
 from wbc.identification.servo import ServoFit, Span, fit_rollouts, fit_servos
 from wbc.measurement import Log, save_log
 from wbc.robot import Robot
-from wbc.sim.servo import DcDrive, ServoRun
+from wbc.sim.servo_rollout import DcDrive, ServoRun
 
 STEP = 0.004
 

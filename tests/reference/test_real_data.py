@@ -15,8 +15,7 @@ from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import load_robot
 from wbc.measurement import Log, load_logs
 from wbc.robot import Motion
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
 DESIGNS = {

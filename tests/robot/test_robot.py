@@ -18,7 +18,7 @@ from wbc.errors import RobotError, TransmissionError
 from wbc.identification import compare
 from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot, robot_names, robots_directory
-from wbc.sim.servo import DcDrive, winding_current
+from wbc.sim.servo_rollout import DcDrive, winding_current
 from wbc.transmission import Transmission
 
 # Total mass [kg] as published or as the description says, where there is such a number.

@@ -15,8 +15,7 @@ from wbc import load_robot, sim
 from wbc.effects import CoulombFriction, JointEffect, ThermalDrift
 from wbc.errors import EffectError, RobotError, SimulationError, WbcError
 from wbc.robot import ContactPoint, FreeBody, Robot
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 from wbc.transmission import Transmission
 
 FAR, NONE, TWO = sim.Plane(height=-9.0), np.zeros(0), np.zeros(2)
@@ -110,7 +109,7 @@ SIMULATION: list[tuple[str, Callable[[], object]]] = [
     ),
     ("without mass", lambda: turning(pin.Inertia.Zero(), rotor_inertia=1e-5)),
     ("restitution", lambda: sim.Plant(LEG, restitution=1.5)),
-    ("return_speed must be positive", lambda: sim.Plant(LEG, return_speed=0.0)),
+    ("return_speed must be > 0", lambda: sim.Plant(LEG, return_speed=0.0)),
     ('"feet" or "all"', lambda: sim.Plant(LEG, bodies="legs")),
     ("'joint' is self-locking", lambda: turning(pin.Inertia.Random(), **LOCKING)),
     # its kinetic energy could be negative: no solver helps
@@ -118,13 +117,13 @@ SIMULATION: list[tuple[str, Callable[[], object]]] = [
     ("body with collision geometry", lambda: sim.Plant(boxed(1.0, pairs=(("box", "bag"),)))),
     ("size of the box must be positive", lambda: sim.Box(np.zeros(3), np.array([1.0, 0.0, 1.0]))),
     ("no rotation matrix", lambda: sim.Box(np.zeros(3), np.ones(3), 2.0 * np.eye(3))),
-    ("radius of the sphere", lambda: sim.Sphere(np.zeros(3), 0.0)),
+    ("sphere: radius", lambda: sim.Sphere(np.zeros(3), 0.0)),
     ("at least four entries", lambda: sim.HeightField(range(3), range(4), np.zeros((3, 4)))),
     ("heights of the height", lambda: sim.HeightField(range(4), range(5), np.zeros((4, 4)))),
     ("at least one part", lambda: sim.Together(())),
-    ("compliant contacts need", lambda: sim.HuntCrossley(0.0, 0.1)),
-    ("compliant contacts need", lambda: sim.HuntCrossley(np.inf, 0.1)),
-    ("compliant contacts need", lambda: sim.HuntCrossley(1e6, -0.1)),
+    ("compliant contacts: stiffness must be > 0", lambda: sim.HuntCrossley(0.0, 0.1)),
+    ("compliant contacts: stiffness must be > 0", lambda: sim.HuntCrossley(np.inf, 0.1)),
+    ("dissipation must be >= 0", lambda: sim.HuntCrossley(1e6, -0.1)),
     (r"elbow\.position", lambda: ELBOW.measure(LEG, log_of_a_step(), 0)),
     ("noise", lambda: sim.Sensor(noise=-1.0)),
     ("velocity noise", lambda: sim.SensorNoise(ARM, velocity=-1.0)),

@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 from wbc import Robot, effects, load_robot
 from wbc.errors import RobotError
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 
 PENDULUM = load_robot("xl330_pendulum")
 MASS, LEVER, ARMATURE, KT, RESISTANCE = 0.49, 0.1, 0.00181, 0.387, 4.02

@@ -21,8 +21,7 @@ from wbc.identification.answer.shown import plain
 from wbc.identification.readings.checks import require_robot_and_logs
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
-from wbc.sim.servo import DcDrive, ServoRun
-from wbc.sim.servo_rollout import servo_rollout
+from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 from wbc.tables import TextTable
 
 MOTOR = ("torque_constant", "resistance", "rotor_inertia")

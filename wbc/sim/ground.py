@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked, frozen
+from wbc.arrays import FloatArray, checked, frozen, require_ranges
 from wbc.errors import SimulationError
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
@@ -158,8 +158,7 @@ class Sphere(Solid):
         """Check and freeze."""
         center = checked(self.center, (3,), "center of the sphere", SimulationError)
         object.__setattr__(self, "center", center)
-        if not self.radius > 0.0:
-            raise SimulationError(f"the radius of the sphere must be positive, got {self.radius}.")
+        require_ranges(self, "sphere: ", SimulationError, radius="> 0 m")
 
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`; at the centre itself the way out is up."""

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked
+from wbc.arrays import FloatArray, checked, require_ranges
 from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
@@ -47,11 +47,8 @@ class HuntCrossley:
         Raises:
             SimulationError: a stiffness that is not positive, or a negative dissipation.
         """
-        if not (0.0 < self.stiffness < np.inf and 0.0 <= self.dissipation < np.inf):
-            raise SimulationError(
-                "compliant contacts need a stiffness > 0 [N/m^(3/2)] and a dissipation >= 0 "
-                f"[s/m], got {self.stiffness} and {self.dissipation}."
-            )
+        ranges = {"stiffness": "> 0 N/m^(3/2) and < inf", "dissipation": ">= 0 s/m and < inf"}
+        require_ranges(self, "compliant contacts: ", SimulationError, **ranges)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +97,8 @@ class Plant:
         touching = replace(self.robot, contacts=self.contacts) if points else self.robot
         self.robot.require_tree()
         make_ready("wbc.sim")
-        if not 0.0 <= self.restitution <= 1.0:
-            raise SimulationError(f"restitution must lie in [0, 1], got {self.restitution:g}.")
+        ranges = {"restitution": ">= 0 and <= 1", "return_speed": "> 0 m/s"}
+        require_ranges(self, "plant: ", SimulationError, **ranges)
         gears = self.robot.transmission
         light = (gears.backward_efficiency < 0.0) & (gears.rotor_inertia == 0.0)
         if light.any():
@@ -110,8 +107,6 @@ class Plant:
                 f"the gear of '{name}' is self-locking (backward efficiency < 0) and has no rotor "
                 "inertia: while it turns, its motion is not determined. Give rotor_inertia."
             )
-        if not self.return_speed > 0.0:
-            raise SimulationError(f"return_speed must be positive, got {self.return_speed:g}.")
         soft = (0.0, 0.0) if self.compliance is None else astuple(self.compliance)
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, require_ranges
 from wbc.errors import SimulationError, require_known
 from wbc.measurement import Log
 from wbc.robot import ContactForces, Motion, Robot
@@ -33,12 +33,8 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in ("noise", "resolution", "delay"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise SimulationError(f"sensor {name} must be >= 0, got {value}.")
-        if not np.isfinite(self.bias):
-            raise SimulationError(f"sensor bias must be finite, got {self.bias}.")
+        ranges = dict.fromkeys(("noise", "resolution", "delay"), ">= 0 and < inf")
+        require_ranges(self, "sensor ", SimulationError, **ranges, bias="> -inf and < inf")
 
     def read(self, time: FloatArray, values: FloatArray, random: np.random.Generator) -> FloatArray:
         """Return what the sensor reports for true values (N,) at times (N,) [s].
@@ -76,8 +72,7 @@ class SensorModel:
 
     def __post_init__(self) -> None:
         """Check the rate."""
-        if self.every < 1:
-            raise SimulationError(f"every must be at least 1, got {self.every}.")
+        require_ranges(self, "sensors: ", SimulationError, every=">= 1")
 
     def measure(self, robot: Robot, recording: Log, seed: int) -> Log:
         """Return the log that these sensors make of a recording; same seed, same bits.
