@@ -12,7 +12,7 @@ from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Status
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.memory import GEAR, PART
-from wbc.control.qp.level import Answer
+from wbc.control.qp.level import NOTHING, Answer
 from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.mechanics.linear import factor_inertia, halfway, products, solve_inertia
@@ -116,8 +116,7 @@ class Fallback:
         refusal: Answer | None,
     ) -> Command:
         place, unknown = self._place(motion), np.full(self._size, np.nan)
-        refused = None if refusal is None else refusal.refused
-        found = None if refusal is None or refused is None else refusal.found
+        asked = None if refusal is None or refusal.found.solution is NOTHING else refusal
         return Command(
             rotor_torque=torque,
             acceleration=np.zeros(self._robot.model.nv),
@@ -125,13 +124,15 @@ class Fallback:
             status=complaint[0],
             message=complaint[1],
             tick_time=perf_counter() - start,
-            solution=None if found is None else found.solution,
+            solution=None if asked is None else asked.found.solution,
             forces={},
             position=unknown if place is None else place[self._robot.actuated_position],
-            refused=refused,
+            refused=None if asked is None else asked.refused,
             passed={},
             prospect=None,
-            **{name: getattr(found, name, 0) for name in ("solve_time", "rounds", "iterations")},
+            solve_time=0.0 if asked is None else asked.solve_time,
+            rounds=0 if asked is None else asked.found.rounds,
+            iterations=0 if asked is None else asked.found.iterations,
             **dict.fromkeys(_OF_GEARS, np.zeros(self._size)),
         )
 

@@ -139,8 +139,8 @@ COUNT = numbered("cost hard own")
 """`counts`: rows of tasks and efforts, hard rows below them, and those of these that are the
 robot's own."""
 
-NUMBER = numbered("mass scale regular tolerance greatest reach")
-"""`numbers`: [kg], [N] per unit of force, weight of qdd, tolerance, greatest right side, and how
+NUMBER = numbered("mass scale regular greatest reach")
+"""`numbers`: [kg], [N] per unit of force, weight of qdd, greatest right side, and how
 far a level may be beyond a bound, which counts as reached there, and lets the next one pass."""
 
 PART = numbered("position velocity corrected advanced by_gear x z y")

@@ -110,12 +110,12 @@ class Ticker(ABC):
             for level in levels:
                 level.program.take(ceilings)
             # level by level
-            answer = self._solve(levels[0], motion, dt, None)
-            for level in levels[1:] if answer.usable else ():
-                deeper = self._solve(level, motion, dt, answer)
-                answer = answer.followed_by(deeper)
+            answer = deeper = self._solve(levels[0], motion, dt, None)
+            for level in levels[1:]:
                 if not deeper.usable:
                     break
+                deeper = self._solve(level, motion, dt, answer)
+                answer = answer.followed_by(deeper)
             self._answer = answer
             if answer.usable:
                 return self._accepted(answer, motion, start)
@@ -149,20 +149,21 @@ class Ticker(ABC):
         start, program, memory = perf_counter(), level.program, level.program.memory
         found, block = level.unsearched, np.empty(program.size)
         if not write(memory, motion.position, motion.velocity, self._last, dt):
-            return Answer(level, block, dt, found._replace(verdict=TOO_LARGE))
+            return Answer(level, block, dt, found._replace(verdict=TOO_LARGE), 0.0, 0)
         if program.repeats:
             program.place_basis()
         if above is not None and level.hold(above) == 0 and not program.has_efforts:
             return above
         ended = guess(memory, block) if level.guesses else UNSOLVED
         if ended == DONE:
-            found = found._replace(solve_time=perf_counter() - start)
-            return Answer(level, block, dt, found, memory.counts[COUNT.hard])
+            return Answer(
+                level, block, dt, found, perf_counter() - start, memory.counts[COUNT.hard]
+            )
         found = level.search(above, block if ended == LIMITED_TORQUE else self._last)
         if found.verdict[0].usable:
             block[program.at[PART.x]] = found.solution.x
             place_torques(memory, block)
-        return Answer(level, block, dt, found)
+        return Answer(level, block, dt, found, level.spent, 0)
 
     def _accepted(self, answer: Answer, motion: Motion, start: float) -> Command:
         """Return the command of a tick with a solution; take what the next one starts from."""

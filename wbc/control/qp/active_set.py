@@ -64,6 +64,10 @@ SOLVER = Structure(
     left=(OutRow, "k"),
     missing=(OutRow, "k"),
     last=(OutRow, "n"),
+    push=(OutRow, "r"),
+    trial=(OutRow, "n"),
+    sizes=(OutPlaces, 2),
+    tolerance=Row,
 )
 """A program that keeps its structure, a diagonal D and rows, and memory for its solution.
 
@@ -74,8 +78,12 @@ SOLVER = Structure(
 Below the program's own rows (.., n) there is room for n bounds that bind. `taken` (r,) says which
 do: +1 the upper one, -1 the lower one, 0 neither; it is what a tick starts from. `give` (r,) is the
 softness of a bound that binds, 0 for one that must be kept. `force` (..,) are the multipliers of
-all rows, `active` the numbers of the bounds that stand among them, `last` (n,) the last solution.
+all rows, `active` the numbers of the bounds that stand among them, `push` how hard these push, and
+`last` (n,) the last solution. `sizes` (2,): BASE, how many rows stand before the bounds, and START,
+the first bound that the program has. `tolerance` (1,) is how far beyond its bound a row may be, and
+a push below zero.
 """
+BASE, START = range(2)
 SolverMemory = Annotated[Any, SOLVER.kind]
 
 
@@ -101,17 +109,17 @@ def _factorise(solver: SolverMemory, known: int, size: int) -> bool:
 
 
 @inner
-def _try_rows(solver: SolverMemory, known: int, base: int, size: int, x: OutRow) -> bool:
+def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int) -> bool:
     """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force.
 
     The half solution L^-1 (right - G free) of the rows that are known stands in `left`.
 
     Args:
         solver: a SOLVER.
-        size: how many of its rows are G.
         known: rows that the last call had as well.
-        base: from which row on one that the others all but decide is none to solve with.
+        size: how many of its rows are G.
         x: result (n,).
+        base: from which row on one that the others all but decide is none to solve with.
 
     Returns:
         whether the rows are independent.
@@ -135,19 +143,19 @@ def _try_rows(solver: SolverMemory, known: int, base: int, size: int, x: OutRow)
 
 
 @inner
-def _meet_rows(solver: SolverMemory, known: int, size: int, tolerance: float, x: OutRow) -> bool:
+def _meet_rows(solver: SolverMemory, known: int, size: int, x: OutRow) -> bool:
     """Do as `_try_rows`, and correct x (n,) until the rows are met.
 
     Returns:
         whether the rows are met; they are not where they depend on one another.
     """
-    if not _try_rows(solver, known, size, size, x):
+    if not _try_rows(solver, known, size, x, size):
         return False
     G, right, softness = solver.rows, solver.right, solver.softness
     force, missing, scaled, largest = solver.force, solver.missing, solver.scaled, 0.0
     for i in range(size):
         largest = max(largest, abs(right[i]))
-    allowed = max(_ROUNDING * tolerance, _DIGITS * largest) ** 2
+    allowed = max(_ROUNDING * solver.tolerance[0], _DIGITS * largest) ** 2
     for _ in range(_SOLVES):
         total = 0.0
         for i in range(size):
@@ -173,37 +181,35 @@ def _place_bound(solver: SolverMemory, place: int, row: int) -> int:
 
 
 @inner
-def _place_active(solver: SolverMemory, base: int, start: int, stop: int) -> int:
-    """Write the bounds that bind, of rows from `start` to `stop`, below the first `base` of G.
+def _place_active(solver: SolverMemory) -> int:
+    """Write the bounds that bind below the other rows of G.
 
     Those that are none in this program, as of a gear in another direction, are let go of.
 
     Returns:
         how many rows there are, -1 where there is no room for them.
     """
-    taken, active, size = solver.taken, solver.active, base
-    for i in range(start, stop):
+    taken, active, size = solver.taken, solver.active, solver.sizes[BASE]
+    for i in range(solver.sizes[START], len(taken)):
         if abs(solver.upper[i] if taken[i] > 0 else solver.lower[i]) >= INFINITE:
             taken[i] = 0
         if taken[i] != 0:
             if size == len(solver.right):
                 return -1
-            active[size - base] = i
+            active[size - solver.sizes[BASE]] = i
             size = _place_bound(solver, size, i)
-    return size
+    return int(size)
 
 
 @inner
-def _most_violated(
-    solver: SolverMemory, bounds: tuple[int, int], tolerance: float, x: Row
-) -> tuple[int, int, int]:
+def _most_violated(solver: SolverMemory, tolerance: float, x: Row) -> tuple[int, int, int]:
     """Return which bound x (n,) breaks most for its size, on which side, and how many it breaks.
 
     Without any the first one is -1.
     """
     C, lower, upper, inverse = solver.C, solver.lower, solver.upper, solver.inverse
     best, side, count, worst = -1, 0, 0, 0.0
-    for i in range(bounds[0], bounds[1]):
+    for i in range(solver.sizes[START], len(upper)):
         if solver.taken[i] != 0:
             continue
         value = dot(C[i], x)
@@ -219,7 +225,7 @@ def _most_violated(
 
 
 @inner
-def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) -> int:
+def _go_on(solver: SolverMemory, size: int, met: bool) -> int:
     """Change all pushes until one reaches zero.
 
     They move towards those of the system with the last row. Where the others decide that row, it
@@ -227,14 +233,14 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) 
 
     Args:
         solver: a SOLVER as `_try_rows` leaves it.
-        base, size: which rows of G are bounds, the last one the row that enters.
-        push: how hard every bound pushes (>= size - base,); result.
+        size: how many rows G has, the last one the row that enters.
         met: what `_try_rows` returned.
 
     Returns:
         which bound pushes no more, -1 where none stops the others.
     """
     factor, change, taken, active = solver.system, solver.force, solver.taken, solver.active
+    push, base = solver.push, solver.sizes[BASE]
     if not met:
         side, last = taken[active[size - base - 1]], size - 1
         for i in range(size):
@@ -256,11 +262,9 @@ def _go_on(solver: SolverMemory, base: int, size: int, push: OutRow, met: bool) 
 
 
 @inner
-def _let_go(
-    solver: SolverMemory, base: int, size: int, known: int, bound: int, push: OutRow
-) -> None:
+def _let_go(solver: SolverMemory, size: int, known: int, bound: int) -> None:
     """Take one of the bounds out of the `size` rows of G, of which `known` ones are factorised."""
-    active = solver.active
+    active, push, base = solver.active, solver.push, solver.sizes[BASE]
     solver.taken[active[bound]] = 0
     drop_row(solver.system, solver.left, base + bound, known)
     for k in range(bound, size - 1 - base):
@@ -270,29 +274,21 @@ def _let_go(
 
 
 @inner
-def _begin(
-    solver: SolverMemory,
-    base: int,
-    bounds: tuple[int, int],
-    tolerance: float,
-    many: int,
-    push: OutRow,
-    x: OutRow,
-) -> int:
+def _begin(solver: SolverMemory, many: int, x: OutRow) -> int:
     """Solve with the bounds taken as binding, and let go of those that pull until none does.
 
     Args:
-        solver, base, bounds, tolerance, x: as for `settle`.
+        solver, x: as for `settle`.
         many: bounds broken at first with which it goes on.
-        push: result (r,), how hard every bound pushes.
 
     Returns:
         how many rows G has, -1 where even those that are no bounds depend on one another.
     """
+    base, push, tolerance = solver.sizes[BASE], solver.push, solver.tolerance[0]
     active, taken, force, known, pulls = solver.active, solver.taken, solver.force, 0, True
-    size = _place_active(solver, base, bounds[0], bounds[1])
+    size = _place_active(solver)
     while pulls:
-        if size < 0 or not _meet_rows(solver, known, size, tolerance, x):
+        if size < 0 or not _meet_rows(solver, known, size, x):
             if size == base:
                 return UNSETTLED
             taken[:], known, size = 0, 0, base
@@ -302,9 +298,9 @@ def _begin(
             # to drop what hardly pulls as well would drop and take some rows in turns
             pull = force[base + k] * taken[active[k]]
             if pull > tolerance and solver.give[active[k]] == 0.0:
-                _let_go(solver, base, size, size, k, push)
+                _let_go(solver, size, size, k)
                 size, pulls = size - 1, True
-        if fresh and pulls and _most_violated(solver, bounds, tolerance, x)[2] > many:
+        if fresh and pulls and _most_violated(solver, tolerance, x)[2] > many:
             return UNSETTLED
         known = size
     for k in range(size - base):
@@ -312,15 +308,8 @@ def _begin(
     return size
 
 
-@compiled
-def settle(
-    solver: SolverMemory,
-    base: int,
-    bounds: tuple[int, int],
-    tolerance: float,
-    steps: int,
-    x: OutRow,
-) -> tuple[int, int]:
+@compiled(counted=False)
+def settle(solver: SolverMemory, steps: int, x: OutRow) -> tuple[int, int]:
     """Solve with the bounds taken as binding; add bounds one by one, dropping what would pull.
 
     The dual method of Goldfarb & Idnani (1983) on the small system. The bound that is broken most
@@ -332,75 +321,67 @@ def settle(
 
     Args:
         solver: a SOLVER.
-        base: how many rows the program has without bounds.
-        bounds: from which to which of its bounds the program has.
-        tolerance: how far beyond its bound a row may be, and a push below zero.
-        steps: systems with other bounds that are solved at most.
+        steps: systems with other bounds that are solved at most; as many may be broken at first.
         x: result (n,).
 
     Returns:
         how many rows G has in the end, or UNSETTLED, and how many steps it took.
     """
-    taken, active, row = solver.taken, solver.active, -1
+    taken, active, push, row = solver.taken, solver.active, solver.push, -1
+    base, tolerance = solver.sizes[BASE], solver.tolerance[0]
     for j in range(len(x)):
         solver.inverse[j] = 1.0 / solver.diagonal[j]
         solver.free[j] = solver.inverse[j] * solver.pull[j]
-    push, many = np.zeros(len(taken)), steps
-    size = _begin(solver, base, bounds, tolerance, many, push, x)
-    fresh, exact, step = True, True, 0
+    size, fresh, exact, step = _begin(solver, steps, x), True, True, 0
     if size < 0:
         return UNSETTLED, step
-    trial = np.empty(len(x))
     for step in range(steps + 1):
         if fresh:
             allowed = tolerance if exact else 0.5 * tolerance
-            row, side, count = _most_violated(solver, bounds, allowed, x)
+            row, side, count = _most_violated(solver, allowed, x)
             if row < 0:
-                if exact or _meet_rows(solver, size, size, tolerance, x):
+                if exact or _meet_rows(solver, size, size, x):
                     copy_to(x, solver.last)
                     return size, step
                 break
-            hopeless = step == 0 and count > many
+            hopeless = step == 0 and count > steps
             if hopeless or step == steps or size == len(solver.right):
                 break
             known, taken[row], active[size - base], push[size - base] = size, side, row, 0.0
             size = _place_bound(solver, size, row)
-        met = _try_rows(solver, known, base, size, trial)
+        met = _try_rows(solver, known, size, solver.trial, base)
         if fresh and not (met or exact):  # what the others decide may be beyond by their rounding
             taken[row], size, exact = 0, size - 1, True
-            if _meet_rows(solver, size, size, tolerance, x):
+            if _meet_rows(solver, size, size, x):
                 continue
             break
-        leaving = _go_on(solver, base, size, push, met)
+        leaving = _go_on(solver, size, met)
         fresh = leaving < 0
         if fresh:
             if not met:
                 break
             exact = False
-            copy_to(trial, x)
+            copy_to(solver.trial, x)
         else:
             known = size if met else size - 1
-            _let_go(solver, base, size, known, leaving, push)
+            _let_go(solver, size, known, leaving)
             known, size = known - 1, size - 1
     taken[:] = 0
     return UNSETTLED, step
 
 
 @compiled
-def keep_hopeful(solver: SolverMemory, tolerance: float) -> bool:
+def keep_hopeful(solver: SolverMemory) -> bool:
     """Let go of all bounds where the last solution breaks more than FEW; return if any is left.
 
     To try them costs 25 us with Talos. Of its hostile ticks in which a try fails five in six are
     told by this, and of those in which one succeeds one in forty.
 
-    Args:
-        solver: a SOLVER.
-        tolerance: how far beyond its bound a row may be.
     """
-    taken = solver.taken
+    taken, solver.sizes[START] = solver.taken, 0
     if not taken.any():
         return False
-    hopeful = _most_violated(solver, (0, len(taken)), tolerance, solver.last)[2] <= FEW
+    hopeful = _most_violated(solver, solver.tolerance[0], solver.last)[2] <= FEW
     if not hopeful:
         taken[:] = 0
     return bool(hopeful)

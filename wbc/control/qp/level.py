@@ -56,7 +56,6 @@ class DirectedSolution(NamedTuple):
         decided: (m,) 1 or -1 for the sign of T where the last program decides it, else 0.
         rounds: programs solved.
         iterations: work of them, as `ControllerSettings.max_iterations` counts it.
-        solve_time: [s] in the solvers.
         verdict: how usable the solution is, and what is in its way.
         excess: `Program.excess` where limits may be passed, else None.
     """
@@ -65,7 +64,6 @@ class DirectedSolution(NamedTuple):
     decided: IntArray
     rounds: int
     iterations: int
-    solve_time: float
     verdict: Complaint = SOLVED
     excess: FloatArray | None = None
 
@@ -78,6 +76,7 @@ class Answer(NamedTuple):
         block: results, as `Program.at` says.
         dt: time until the next tick [s].
         found: how it was found; its solution is in the block where no search was needed.
+        solve_time: [s], as in `Command`.
         hard: how many hard rows the program has.
     """
 
@@ -85,7 +84,8 @@ class Answer(NamedTuple):
     block: FloatArray
     dt: float
     found: DirectedSolution
-    hard: int = 0
+    solve_time: float
+    hard: int
 
     @property
     def usable(self) -> bool:
@@ -98,9 +98,9 @@ class Answer(NamedTuple):
 
     @property
     def refused(self) -> Refused | None:
-        """The program, None where it has a solution or the solver was not asked."""
-        program, asked = self.level.program, self.found.solution is not NOTHING
-        return Refused(program.dense(), program) if asked and not self.usable else None
+        """The program, None where it has a solution."""
+        program = self.level.program
+        return None if self.usable else Refused(program.dense(), program)
 
     def followed_by(self, deeper: Answer) -> Answer:
         """Return the answer with the next level, which passes what this one has to.
@@ -202,9 +202,9 @@ class Level:
     Attributes:
         program: of the level.
         guesses: whether a solution without torque limits is worth a try.
-        unsearched: what a guess comes to, in no time.
+        unsearched: what a guess comes to.
         output: T (m,) of the last solution, which the next one overwrites.
-        rounds, iterations: programs solved in a tick, and their work.
+        rounds, iterations, spent: programs solved in a tick, their work, and [s] in the solvers.
     """
 
     def __init__(self, program: Program, rank: int) -> None:
@@ -223,7 +223,7 @@ class Level:
         self.output, self._beyond, self._sides = np.empty(m), np.empty(m, bool), np.empty(m, int)
         self._written = self.output, np.empty(m), self._beyond
         self._daqp = Daqp()
-        self.unsearched = DirectedSolution(NOTHING, np.zeros(m, np.int_), 1, 0, 0.0)
+        self.unsearched = DirectedSolution(NOTHING, np.zeros(m, np.int_), 1, 0)
         self.forget()
 
     def forget(self) -> None:
@@ -260,7 +260,7 @@ class Level:
             last: block whose torques the directions begin with where nothing is, and the efforts.
         """
         program, slopes = self.program, self.program.memory.gears.slopes
-        self.rounds, self.iterations, self._spent = 0, 0, 0.0
+        self.rounds, self.iterations, self.spent = 0, 0, 0.0
         output, decided = last[program.rows[GEAR.output]].copy(), self.unsearched.decided
         if above is not None:
             output, decided = above.row(GEAR.output), above.found.decided
@@ -367,7 +367,7 @@ class Level:
             weigh(program.memory, solution.x, decided, *self._written)
         if status in (QPStatus.EASED, QPStatus.UNFINISHED):
             excess = program.excess(solution)
-        took = self.rounds, self.iterations, self._spent
+        took = self.rounds, self.iterations
         return DirectedSolution(solution, decided, *took, self._judged(solution, settled), excess)
 
     def _judged(self, solution: QPSolution, settled: bool) -> Complaint:
@@ -396,7 +396,7 @@ class Level:
         """
         start, found, solver = perf_counter(), NOTHING, self.program.memory.solver
         self.rounds += 1
-        if self._may_guess and keep_hopeful(solver, self._tolerance):
+        if self._may_guess and keep_hopeful(solver):
             found = self._guessed(FEW)
         if found is NOTHING and (self._solver == "proxqp" or not self._may_guess):
             self.iterations += _PROGRAM
@@ -409,7 +409,7 @@ class Level:
         unsolved = found.status is not QPStatus.SOLVED
         if unsolved and (found is NOTHING or self._may_begin(self._most)):
             found = self._in_turn()
-        self._spent += perf_counter() - start
+        self.spent += perf_counter() - start
         return found
 
     def _in_turn(self) -> QPSolution:

@@ -263,9 +263,10 @@ class Program:
         C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
         stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
         sizes = {"k": size, "n": n, "r": bounds}
-        solver = SOLVER.of(sizes, diagonal=diagonal, C=C, lower=lower, upper=upper)
         mass, settings = recipe.kinematics.mass, recipe.settings
         tolerance, regular = settings.tolerance, settings.acceleration_weight
+        limits = {"lower": lower, "upper": upper, "tolerance": np.array([tolerance])}
+        solver = SOLVER.of(sizes, diagonal=diagonal, C=C, **limits)
         greatest, reach = tolerance / np.finfo(np.float64).eps, _REACH * tolerance
         self.memory: Any = PROGRAM.of(
             {"m": m, "n": n, "v": nv, "q": recipe.robot.model.nq},
@@ -279,18 +280,19 @@ class Program:
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             joint=self.joint.start,
             ends=parts,
-            numbers=np.array([mass, self.force_scale, regular, tolerance, greatest, reach]),
+            numbers=np.array([mass, self.force_scale, regular, greatest, reach]),
             efforts=self._efforts,
             effort_kinds=recipe.effort_kinds,
             stated_lower=stated[0],
             stated_upper=stated[1],
         )
+        self.memory.counts[COUNT.own] = self.unlocked
         self._room = np.zeros((2, contacts.rows, nv))
 
     def take(self, ceilings: Mapping[str, float]) -> None:
         """Take the greatest normal forces of a tick [N], and the distances of solids."""
         memory, apart = self.memory, self.recipe.collision
-        memory.counts[COUNT.hard] = memory.counts[COUNT.own] = self.unlocked
+        memory.counts[COUNT.hard] = self.unlocked
         if ceilings is not self._ceilings:  # a low ceiling lowers the floor
             given = [ceilings[contact.name] for contact in self.contacts.contacts]
             top = np.minimum(self.contacts.normal_maximum, given)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled, view
-from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.active_set import STEPS, settle
+from wbc.control.memory import COUNT, GEAR, PART, ProgramMemory
+from wbc.control.qp.active_set import BASE, START, STEPS, settle
 from wbc.control.rows.gear_rows import (
     place_efforts,
     place_output,
@@ -34,8 +34,9 @@ def try_bounds(
         x, y, z: results, as in `QPSolution`.
     """
     solver, soft = program.solver, program.counts[COUNT.cost]
-    base, bounds = soft + program.counts[COUNT.hard], (start, len(solver.give))
-    size, took = settle(solver, base, bounds, program.numbers[NUMBER.tolerance], steps, x)
+    base = soft + program.counts[COUNT.hard]
+    solver.sizes[BASE], solver.sizes[START] = base, start
+    size, took = settle(solver, steps, x)
     if size >= 0:
         z[:] = 0.0
         for i in range(soft, base):
