@@ -1,4 +1,4 @@
-"""Tables of texts: terminal, page and notebook show the same ones."""
+"""Tables of texts, which terminal, page and notebook show alike; lists of names in sentences."""
 
 from __future__ import annotations
 
@@ -8,6 +8,18 @@ from html import escape
 
 FEW = 3
 """Things that a sentence names before it counts the rest; tables hold all."""
+
+
+def few(names: Sequence[str], most: int = FEW) -> str:
+    """Return the first names of some, and how many more there are: `a, b, c and 2 more`."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def joined(parts: Sequence[str]) -> str:
+    """Return parts as English joins them: `a, b and c`."""
+    *first, last = parts or [""]
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from wbc.measurement.guess import guess_table
 from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME
 from wbc.measurement.tables import Table
+from wbc.tables import few
 
 _WIDTH, _HEIGHT, _BINS = 640, 54, 320
 _FIRST = ("time", "position", "velocity", "motor_torque", "rotor_torque", "current", "target")
@@ -167,8 +168,7 @@ def run_play(options: Options, console: Console) -> Outcome:
             view.write_playback(page, robot, log, ghost=ghost)
         absent = [name for name in robot.single_joints if not log.has(f"{name}.position")]
         if absent:
-            more = f" and {len(absent) - 4} more" if len(absent) > 4 else ""
-            console.print(f"no position of {', '.join(absent[:4])}{more} in the log: shown at rest")
+            console.print(f"no position of {few(absent, 4)} in the log: shown at rest")
         if options.html:
             console.print(f"wrote {page}")
         elif webbrowser.open(page.resolve().as_uri()):

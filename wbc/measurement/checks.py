@@ -15,6 +15,7 @@ from wbc.measurement.filters import WELL_CORRELATED, VelocityFit, residual_noise
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
+from wbc.tables import few
 
 _JITTER = 0.5
 _RATE_RATIO = 1.5
@@ -102,8 +103,7 @@ def check_set(logs: Sequence[Log]) -> Iterator[LogFinding]:
     """Yield findings about duplicates, different joints, channels and rates."""
     for group in find_duplicates(logs):
         labels = [logs[k].source.label for k in group]
-        more = f" and {len(labels) - 6} more" if len(labels) > 6 else ""
-        text = f"the same data more than once: {', '.join(labels[:6])}{more}."
+        text = f"the same data more than once: {few(labels, 6)}."
         way = "Give each recording once; a copy is no repeat, it says nothing about noise."
         yield LogFinding("error", "duplicate", "", text, way)
     first = logs[0]

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from wbc.files import SCHEMA, write_text
+from wbc.tables import joined
 
 Mend: TypeAlias = Mapping[str, Any]
 
@@ -119,7 +120,4 @@ def severity(probability: float) -> str:
 
 def listed(texts: Sequence[str]) -> str:
     """Return 'a, b and c', or 'a' where all texts are the same."""
-    *first, last = texts
-    if all(text == last for text in first):
-        return last
-    return f"{', '.join(first)} and {last}"
+    return joined(texts if len(set(texts)) > 1 else texts[:1])

@@ -25,6 +25,7 @@ from wbc.measurement.schema import (
     today,
 )
 from wbc.robot import Robot
+from wbc.tables import few
 from wbc.transmission import Transmission
 
 _NAMED = 8  # columns in a representation
@@ -108,10 +109,8 @@ class Log(Remade):
 
     def __repr__(self) -> str:
         """Return what the log holds in a line or two: its name, size and columns."""
-        shown = ", ".join(self.names[:_NAMED])
-        more = f" and {len(self.names) - _NAMED} more" if len(self.names) > _NAMED else ""
         size = f"{self.time.size} rows in {self.duration:.4g} s"
-        return f"Log({self.source.label}: {size}; {shown}{more})"
+        return f"Log({self.source.label}: {size}; {few(self.names, _NAMED)})"
 
     def __post_init__(self) -> None:
         """Check every channel and make it read-only.

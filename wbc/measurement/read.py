@@ -26,6 +26,7 @@ from wbc.measurement.formats import digest, open_table
 from wbc.measurement.log import Log, LogSource
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, likely_meant, today
 from wbc.measurement.tables import Table
+from wbc.tables import few
 
 _EFFORT = ".effort"
 _CLOCK: Mend = {"time": {"from": "CLOCK"}}
@@ -255,10 +256,8 @@ def _parts(table: Table, rules: ColumnMap, time: FloatArray, pattern: str) -> di
         where = "".join(f" where {column} = {value}" for column, value in choice.where.items())
         cells = zip(*(keys[name].tolist() for name in choice.where), strict=True)
         held = [*(found or dict.fromkeys(" with ".join(row) for row in cells))]
-        more = f" and {len(held) - _SHOWN} more" if len(held) > _SHOWN else ""
         raise LogError(
-            f"{table.path}: no log '{pattern or '*'}'{where}. There are: "
-            f"{', '.join(held[:_SHOWN])}{more}."
+            f"{table.path}: no log '{pattern or '*'}'{where}. There are: {few(held, _SHOWN)}."
         )
     return wanted
 

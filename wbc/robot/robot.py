@@ -25,6 +25,7 @@ from wbc.robot.model import (
     require_sound,
     rotor_mounting,
 )
+from wbc.tables import few
 from wbc.transmission import Transmission
 
 _UNMOVED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # q of a free-flyer at the origin
@@ -150,12 +151,7 @@ class Robot(Remade):
             "contacts": [contact.name for contact in self.contacts],
             "effects": [f"{effect.name} at {effect.where}" for effect in self.effects],
         }
-        said = [
-            f"{what}: {', '.join(names[:_NAMED])}"
-            + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-            for what, names in parts.items()
-            if names
-        ]
+        said = [f"{what}: {few(names, _NAMED)}" for what, names in parts.items() if names]
         return f"Robot({'; '.join((self.name, *said))})"
 
     @property

@@ -33,7 +33,7 @@ from wbc.identification.answer.remainder import (
     remainders,
 )
 from wbc.identification.answer.shown import series_of
-from wbc.identification.answer.words import joined, not_following
+from wbc.identification.answer.words import not_following
 from wbc.identification.choice.certainty import CERTAIN, EVEN, Support
 from wbc.identification.choice.evidence import Hypothesis, Key
 from wbc.identification.choice.find_causes import (
@@ -53,7 +53,7 @@ from wbc.identification.records.not_judged import without_links
 from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
-from wbc.tables import FEW
+from wbc.tables import FEW, joined
 
 _SEARCH = 0.8  # of the time that is given
 _STILL = (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from wbc.identification.answer.shown import plain
 from wbc.robot.effect import spoken
-from wbc.tables import FEW
+from wbc.tables import FEW, joined
 
 if TYPE_CHECKING:
     from wbc.identification.answer.diagnosis import Diagnosis, Finding, OutputLevel
@@ -229,13 +229,6 @@ def _rivals(findings: Sequence[Finding]) -> str:
         if finding.alternatives
     ]
     return "; ".join(dict.fromkeys(parts))
-
-
-def joined(parts: Sequence[str]) -> str:
-    """Return parts as English joins them: `a, b and c`."""
-    if len(parts) < 2:
-        return "".join(parts)
-    return ", ".join(parts[:-1]) + " and " + parts[-1]
 
 
 @dataclass(frozen=True)

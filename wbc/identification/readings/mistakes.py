@@ -37,7 +37,7 @@ from wbc.measurement.findings import CERTAIN, LIKELY, LogFinding, say_so, severi
 from wbc.measurement.log import Log
 from wbc.measurement.read import mended
 from wbc.robot import Robot
-from wbc.tables import FEW
+from wbc.tables import few
 
 _TRUST = {"trusted": True}
 _GRAVITY = {
@@ -146,8 +146,7 @@ def suspicions(robot: Robot, logs: Sequence[Log]) -> list[str]:
             found.setdefault(finding.text, (finding, []))[1].append(log.source.label)
 
     def whose(labels: Sequence[str]) -> str:
-        more = f" and {len(labels) - FEW} more" if len(labels) > FEW else ""
-        return "" if len(labels) == len(logs) else f"{', '.join(labels[:FEW])}{more}: "
+        return "" if len(labels) == len(logs) else f"{few(labels)}: "
 
     said = {text: whose(labels) + text for text, (_, labels) in found.items()}
     certain = [finding for finding, _ in found.values() if finding.severity == "error"]
