@@ -1,14 +1,17 @@
-"""Writing files whole or not at all, and the version of the formats that they have."""
+"""Writing files whole or not at all, reading tables, and the version of their formats."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from math import isfinite, isnan
 from pathlib import Path
 from typing import Any, BinaryIO
+
+from wbc.errors import WbcError
 
 SCHEMA = 2
 """Version of the formats written: JSON of commands, saved robots, column maps. 0.1 wrote none."""
@@ -71,21 +74,41 @@ def as_json(value: Any, infinite: str | None = None) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def take_schema(table: dict[str, Any]) -> str:
-    """Remove the version of its format from what a file holds, and return why it is not read.
+def load_table(
+    path: str | Path,
+    what: str,
+    error: type[WbcError],
+    parse: Callable[[str], Any] = tomllib.loads,
+    hint: str = "",
+) -> dict[str, Any]:
+    """Return the table that a file holds, without the version of its format.
 
     Args:
-        table: of the file; `schema` is taken out of it.
+        path: the file.
+        what: how messages call it.
+        error: class of what is raised.
+        parse: returns what the text of the file says.
+        hint: what to do about a text that says nothing.
 
-    Returns:
-        Empty for a file of this version or an older one.
+    Raises:
+        WbcError: of that class; no such file, no table in it, or a newer version.
     """
+    failed = f"cannot read {what} '{path}'"
+    try:
+        table = parse(Path(path).read_text(encoding="utf-8-sig"))
+    except OSError as cause:
+        raise error(f"{failed}: {cause}.") from cause
+    except ValueError as cause:
+        raise error(f"{failed}: {cause}.{hint}") from cause
+    if not isinstance(table, dict):
+        raise error(f"{failed}: it holds no table.")
     version = table.pop("schema", 1)
     if not isinstance(version, int) or version < 1:
-        return f"schema = {version!r} is no version; remove the line, or write schema = {SCHEMA}"
+        way = f"remove the line, or write schema = {SCHEMA}"
+        raise error(f"{failed}: schema = {version!r} is no version; {way}.")
     if version > SCHEMA:
-        return (
-            f"a newer wbc wrote it (schema = {version}, this one reads {SCHEMA}): install the "
-            f"newer wbc, or write schema = {SCHEMA} to read it all the same"
+        raise error(
+            f"{failed}: a newer wbc wrote it (schema = {version}, this one reads {SCHEMA}): "
+            f"install the newer wbc, or write schema = {SCHEMA} to read it all the same."
         )
-    return ""
+    return table

@@ -39,7 +39,6 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import translate
@@ -51,7 +50,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, require_known
-from wbc.files import take_schema
+from wbc.files import load_table
 from wbc.measurement.findings import Mend
 from wbc.measurement.schema import (
     LOG_UNITS,
@@ -431,21 +430,11 @@ def read_table(path: str | Path | None) -> dict[str, Any]:
     Raises:
         LogError: no such file, or no TOML.
     """
-    if path is None:
-        return {}
-    try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as cause:
-        raise LogError(f"cannot read the column map '{path}': {cause}.") from cause
-    except tomllib.TOMLDecodeError as cause:
-        raise LogError(
-            f"cannot read the column map '{path}': {cause}. Each key stands once; lines such as "
-            'time.unit = "ms" stand above the first [heading]. Option --fix of `wbc check` writes '
-            "what it found together with the map in use."
-        ) from cause
-    if trouble := take_schema(table):
-        raise LogError(f"cannot read the column map '{path}': {trouble}.")
-    return table
+    hint = (
+        ' Each key stands once; lines such as time.unit = "ms" stand above the first [heading]. '
+        "Option --fix of `wbc check` writes what it found together with the map in use."
+    )
+    return {} if path is None else load_table(path, "the column map", LogError, hint=hint)
 
 
 def merged(first: Mend, second: Mend) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, checked
 from wbc.errors import RobotError, require_known
-from wbc.files import take_schema
+from wbc.files import load_table
 from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.model_file import closed_loops, driven_joints, read_model
@@ -82,13 +81,7 @@ def read_description(name: str | Path) -> RobotDescription:
         RobotError: no such robot, or a file that is not TOML (with the place of the mistake).
     """
     path = find_description(name)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
-        raise RobotError(f"cannot read the robot description '{path}': {cause}.") from cause
-    if trouble := take_schema(table):
-        raise RobotError(f"cannot read the robot description '{path}': {trouble}.")
-    return RobotDescription(path, table)
+    return RobotDescription(path, load_table(path, "the robot description", RobotError))
 
 
 def build_robot(description: RobotDescription) -> Robot:

@@ -14,7 +14,7 @@ from wbc.design.experiment.readable import BAND
 from wbc.design.experiment.rivals import Cause, Rivals, require_predictable
 from wbc.effects import effect_class
 from wbc.errors import DesignError
-from wbc.files import take_schema
+from wbc.files import load_table
 from wbc.robot import Effect, Robot
 
 _MOST = 4  # causes: pairs grow with the square, and less likely rivals matter less
@@ -137,12 +137,4 @@ def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
     Raises:
         DesignError: a file that cannot be read, is no table, or was written by a newer wbc.
     """
-    try:
-        table = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as cause:
-        raise DesignError(f"--between '{path}' cannot be read as JSON: {cause}.") from cause
-    if not isinstance(table, dict):
-        raise DesignError(f"--between '{path}' is no diagnosis.")
-    if reason := take_schema(table):
-        raise DesignError(f"--between '{path}': {reason}.")
-    return table
+    return load_table(path, "the diagnosis", DesignError, json.loads)
