@@ -26,7 +26,6 @@ class TorqueConstant(ScaledDrive):
 
     factor: float = field(metadata=number("1", 1.0, 0.2, 5.0, 0.1, usual=_USUAL))
 
-    name = "torque_constant"
     explanation = (
         "The torque constant in the drive is wrong, or the motor saturates: every torque is "
         "off by the same factor, in both directions of power."
@@ -52,7 +51,6 @@ class TorqueOffset(JointEffect):
 
     offset: float = field(metadata=number("N m", 0.0, -10000.0, 10000.0, 0.2))
 
-    name = "torque_offset"
     explanation = (
         "A current sensor has a zero error, or a constant load such as a tensioned cable is "
         "not in the model."
@@ -76,7 +74,6 @@ class RotorInertia(GearNumbers):
 
     reflected_inertia: float = field(metadata=number("kg m^2", 0.0, 0.0, 10000.0, 0.02))
 
-    name = "rotor_inertia"
     numbers = (("reflected_inertia", "rotor_inertia", 2),)
     explanation = "The rotor, amplified by the gear ratio squared, is heavier than the model says."
     experiment = (
@@ -99,7 +96,6 @@ class CurrentLimit(JointEffect):
 
     limit: float = field(metadata=number("N m", 1e6, 1e-3, 1e6, 1.0))
 
-    name = "current_limit"
     explanation = "The drive or its motor saturates: beyond a torque it gives less than it reports."
     experiment = (
         "Ask for slowly growing torques against a fixed stop with a force sensor: beyond the "
@@ -169,7 +165,6 @@ class ActuationDelay(JointEffect):
 
     delay: float = field(metadata=number("s", 0.0, 0.0, 0.2, 0.005))
 
-    name = "actuation_delay"
     explanation = "Bus, filter and current loop take time: the motor follows an earlier torque."
     experiment = (
         "Shake the joint fast with a torque of two frequencies: the error grows with frequency "

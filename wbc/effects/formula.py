@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self, final
 
 import numpy as np
@@ -58,12 +58,14 @@ class Factor:
             links ask of the joint [N m, N], `gravity` its part from gravity alone.
         joint: the joint's name.
         number: the power, or the order k of sin(k q); 1 otherwise.
+        text: as it was written.
     """
 
     shape: str
     quantity: str
     joint: str
-    number: float = 1.0
+    number: float
+    text: str = field(compare=False)
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -77,18 +79,12 @@ class Factor:
             if match is not None:
                 found = match.groupdict()
                 number = float(found.get("number") or 1.0)
-                return cls(shape, found["quantity"], found["joint"], number)
+                return cls(shape, found["quantity"], found["joint"], number, text)
         raise EffectError(f"'{text}' is no factor of a torque term: {_HELP}.")
 
     def __str__(self) -> str:
-        """Return the text that `parse` reads."""
-        name = f"{self.quantity}_{self.joint}"
-        number = "" if self.number == 1.0 else f"{self.number:g}"
-        if self.shape == "power":
-            return f"{name}^{number}" if number else name
-        if self.shape == "size":
-            return f"|{name}|"
-        return f"{self.shape}({number} {name})" if number else f"{self.shape}({name})"
+        """Return the text that was parsed."""
+        return self.text
 
     def value(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the factor (...) along a motion; a sign is softened."""
@@ -247,7 +243,6 @@ class CustomTorque(JointEffect):
 
     terms: tuple[TorqueTerm, ...]
 
-    name = "custom_torque"
     parameters = ()
     explanation = (
         "A formula that fits the logs; it was found by regression and has no cause of its own."
@@ -260,10 +255,9 @@ class CustomTorque(JointEffect):
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""
         object.__setattr__(self, "terms", tuple(self.terms))
-        texts = [term.text for term in self.terms]
-        if not texts:
+        if not self.terms:
             raise EffectError(f"{self.name} at '{self.where}' needs at least one term.")
-        if len(set(texts)) < len(texts):
+        if len({term.factors for term in self.terms}) < len(self.terms):
             raise EffectError(f"{self.name} at '{self.where}' holds a term twice.")
         for term in self.terms:
             term.check(self.where)

@@ -32,7 +32,6 @@ class ViscousFriction(JointEffect):
     coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
     needs_drive = False
-    name = "viscous_friction"
     explanation = "Bearings and gears shear lubricant: the loss grows in proportion to speed."
     experiment = (
         "Move the joint at several constant speeds in both directions, slow to fast: the "
@@ -65,7 +64,6 @@ class DirectionalViscousFriction(JointEffect):
     positive_direction: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
     negative_direction: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
-    name = "directional_viscous_friction"
     explanation = (
         "Lip seals, spindles and lubricant that is pumped one way drag more in one direction of "
         "motion than in the other."
@@ -110,7 +108,6 @@ class ThermalViscousFriction(JointEffect):
     coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
     rate: float = field(metadata=number("1/K", 0.03, 0.0, 0.3, 0.01, shape=True))
 
-    name = "thermal_viscous_friction"
     explanation = "Cold lubricant is thick: its drag halves as the gear warms by twenty kelvins."
     experiment = (
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
@@ -154,7 +151,6 @@ class QuadraticDrag(JointEffect):
 
     coefficient: float = field(metadata=number("N m s^2/rad^2", 0.0, 0.0, 10000.0, 0.05))
 
-    name = "quadratic_drag"
     explanation = "Air or churned oil is thrown aside: the loss grows with the square of speed."
     experiment = (
         "Move the joint at several constant speeds up to the fastest: torque over speed rises "
@@ -179,7 +175,6 @@ class CoulombFriction(JointEffect):
     level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
 
     needs_drive = False
-    name = "coulomb_friction"
     explanation = "Surfaces rub: a torque of constant size opposes any motion, and holds at rest."
     experiment = (
         "Move the joint slowly back and forth through the same positions: the torque of the "
@@ -212,7 +207,6 @@ class StribeckFriction(JointEffect):
     level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
     speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
-    name = "stribeck_friction"
     explanation = "At low speed the film of lubricant breaks: friction falls as speed rises."
     experiment = (
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
@@ -280,7 +274,6 @@ class RotorViscousFriction(RotorFriction):
 
     coefficient: float = field(metadata=number("N m s/rad", 0.0, 0.0, 10000.0, 0.1))
 
-    name = "rotor_viscous_friction"
     numbers = (("coefficient", "rotor_viscous_friction", 2),)
     explanation = (
         "Grease is sheared on the motor's side of the gear: a torque grows with the speed of the "
@@ -305,7 +298,6 @@ class RotorCoulombFriction(RotorFriction):
 
     level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
 
-    name = "rotor_coulomb_friction"
     numbers = (("level", "rotor_coulomb_friction", 1),)
     explanation = (
         "Seals and bearings rub on the motor's side of the gear: the torque changes sign with the "

@@ -33,7 +33,6 @@ class TransmissionEfficiency(GearNumbers):
     forward_efficiency: float = field(metadata=number("1", 1.0, 0.05, 1.0, 0.1, usual=_FORWARD))
     backward_efficiency: float = field(metadata=number("1", 1.0, -20.0, 1.0, 0.1, usual=_BACKWARD))
 
-    name = "transmission_efficiency"
     numbers = (
         ("forward_efficiency", "forward_efficiency", 0),
         ("backward_efficiency", "backward_efficiency", 0),
@@ -110,7 +109,6 @@ class LoadFriction(JointEffect):
 
     coefficient: float = field(metadata=number("1", 0.0, 0.0, 0.95, 0.1))
 
-    name = "load_friction"
     explanation = (
         "Bearings and teeth pressed by the load rub in proportion to it: the loss grows with "
         "the torque carried, equally in both directions."
@@ -163,7 +161,6 @@ class LoadStribeckFriction(JointEffect):
     coefficient: float = field(metadata=number("1", 0.0, 0.0, _MOST, 0.1))
     speed: float = field(metadata=number("rad/s", 0.1, 0.001, 20.0, 0.1, shape=True))
 
-    name = "load_stribeck_friction"
     explanation = (
         "Loaded teeth and bearings rub more while the film of grease between them is broken: the "
         "loss grows with the torque carried and falls as the joint picks up speed."
@@ -278,7 +275,6 @@ class JointCompliance(YieldingGear):
     stiffness: float = field(metadata=number("N m/rad", 1e9, 1.0, 1e9, 100.0))
     damping: float = field(metadata=number("N m s/rad", 1.0, 0.0, 1e5, 1.0, shape=True))
 
-    name = "joint_compliance"
     numbers = _FLANKS
     explanation = (
         "Shafts, belts and flex splines wind up: the link lags behind its motor in proportion "
@@ -324,7 +320,6 @@ class Backlash(YieldingGear):
     )
     damping: float = field(metadata=number("N m s/rad", 10.0, 0.0, 1e5, 5.0, shape=True, doubt=1.0))
 
-    name = "backlash"
     numbers = (("width", "backlash", 0), *_FLANKS)
     # What a link does after a strike depends on more than the log shows: on 15 generated logs
     # widths were off by up to 4 %, flanks by factors.

@@ -246,7 +246,6 @@ class LinkInertia(RedrawnLinks):
     t2: float
     t3: float
 
-    name = "link_inertia"
     parameters = PARAMETERS
     explanation = (
         "The CAD inertia of this link is wrong: cables, covers and motors were left out, or its "
@@ -301,7 +300,6 @@ class LinkInertias(RedrawnLinks):
 
     links: tuple[tuple[str, tuple[float, ...]], ...]
 
-    name = "link_inertias"
     parameters = PARAMETERS  # of every link
     explanation = (
         "The CAD inertias of several links are wrong at once, as those are that leave out cables, "

@@ -27,7 +27,6 @@ class PayloadMass(Effect):
 
     mass: float = field(metadata=number("kg", 0.0, -1000.0, 1000.0, 0.3))
 
-    name = "payload_mass"
     explanation = "Something was mounted, filled or left out: a body is heavier or lighter."
     experiment = (
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
@@ -96,7 +95,6 @@ class CenterOfMass(Directed):
     y: float = field(metadata=number("m", 0.0, -10.0, 10.0, 0.02))
     z: float = field(metadata=number("m", 0.0, -10.0, 10.0, 0.02))
 
-    name = "center_of_mass"
     explanation = (
         "Cables, covers or a battery sit elsewhere than in the CAD model: the body is as heavy "
         "as the model says but hangs differently."
@@ -146,7 +144,6 @@ class GravityDirection(Directed):
     roll: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
     pitch: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
 
-    name = "gravity_direction"
     explanation = "Mounting, ground or attitude sensor is tilted: gravity pulls sideways."
     experiment = "Use a spirit level; or hold mirrored poses: their gravity torques do not cancel."
 
@@ -172,7 +169,6 @@ class ContactRadius(Effect):
 
     radius: float = field(metadata=number("m", 0.0, 0.0, 1.0, 0.01, usual=Usual(0.0, 0.05, 0.02)))
 
-    name = "contact_radius"
     explanation = (
         "A foot is larger or smaller than described: the ground pushes it this far below the "
         "contact point, so that forces along the ground turn every joint above otherwise."

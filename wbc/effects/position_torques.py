@@ -33,7 +33,6 @@ class JointSpring(JointEffect):
     stiffness: float = field(metadata=number("N m/rad", 0.0, 0.0, 100000.0, 1.0))
     rest: float = field(metadata=number("rad", 0.0, -10.0, 10.0, 0.3, shape=True))
 
-    name = "joint_spring"
     explanation = "A cable loom, a hose or a parallel spring pulls the joint to a rest position."
     experiment = (
         "Hold the joint at several positions over its range with the load taken off: the "
@@ -87,7 +86,6 @@ class TorqueRipple(JointEffect):
     order: float = field(metadata=number("1", 1.0, 0.05, 100000.0, 1.0, shape=True))
     phase: float = field(metadata=number("rad", 0.0, -6.3, 6.3, 1.0, shape=True))
 
-    name = "torque_ripple"
     explanation = "Magnets, slots and teeth pass one another: the torque repeats with position."
     experiment = (
         "Turn the joint very slowly and evenly over its range in both directions: the torque "

@@ -152,7 +152,6 @@ class Presliding(Bristles):
     level: float = field(metadata=number("N m", 0.0, 0.0, 10000.0, 0.3))
     length: float = field(metadata=number("rad", 0.02, 0.0, 10.0, 0.02, shape=True))
 
-    name = "presliding"
     explanation = (
         "Surfaces in contact, seals and preloaded teeth first bend before they slide: after every "
         "reversal the friction builds up over a small angle."
@@ -239,7 +238,6 @@ class LoadPresliding(Bristles):
     backward_efficiency: float = field(metadata=number("1", 1.0, 0.01, 1.0, 0.1, usual=_BACKWARD))
     length: float = field(metadata=number("rad", 0.0, 0.0, 10.0, 0.02, shape=True))
 
-    name = "load_presliding"
     explanation = (
         "Teeth and rollers under load first bend before they slide: what the gear loses builds up "
         "over a small angle after every reversal, in proportion to the load."

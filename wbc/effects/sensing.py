@@ -24,7 +24,6 @@ class PositionOffset(JointEffect):
     offset: float = field(metadata=number("rad", 0.0, -3.2, 3.2, 0.02))
 
     needs_drive = False
-    name = "position_offset"
     explanation = (
         "The zero of an encoder was set wrongly or has slipped: gravity pulls as if the joint "
         "stood elsewhere."
@@ -75,7 +74,6 @@ class ForceSensorGain(Effect):
 
     gain: float = field(metadata=number("1", 1.0, 0.2, 5.0, 0.05, usual=_CALIBRATED))
 
-    name = "force_sensor_gain"
     explanation = "A contact's sensor reports the same share too much or too little of every force."
     experiment = (
         "Weigh the robot on a scale while it stands on this contact alone: what the sensor "

@@ -30,7 +30,6 @@ class SupplySag(Effect):
 
     coefficient: float = field(metadata=number("1/W", 0.0, 0.0, 1.0, 0.001))
 
-    name = "supply_sag"
     explanation = "Battery and cables have resistance: drives give less while motors draw power."
     experiment = (
         "Log the supply voltage while several joints accelerate at once: the torque error "
@@ -105,7 +104,6 @@ class VoltageScaling(ScaledDrive):
     share: float = field(metadata=number("1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS))
     nominal: float = field(metadata=number("V", 24.0, 1.0, 1000.0, 1.0, shape=True))
 
-    name = "voltage_scaling"
     explanation = (
         "The drive turns torque into a share of the supply's voltage and takes that voltage for "
         "constant: on a battery that runs down it delivers less than it reports."
@@ -176,7 +174,6 @@ class ThermalDrift(ScaledDrive):
         metadata=number("s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN)
     )
 
-    name = "thermal_drift"
     explanation = "As magnets and windings warm up, the same motion asks for ever more torque."
     experiment = (
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields, replace
@@ -124,6 +125,8 @@ class Effect(ABC):
 
     Attributes:
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
+        name: of the kind in logs, files and reports; that of the class unless it gives another one
+            (`viscous_friction` of `ViscousFriction`).
         acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
         expected: log prior odds [nats], beside other effects, that a real machine has it where its
             model has not: robots come with models without friction, and friction is in all.
@@ -148,8 +151,10 @@ class Effect(ABC):
     inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
-        """Note which hooks the class overrides, and which of its fields are parameters."""
+        """Note the class's name, which hooks it overrides, and which fields are parameters."""
         super().__init_subclass__()
+        if "name" not in vars(cls):
+            cls.name = re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
         given = {
             name: value.metadata["parameter"]
             for name, value in vars(cls).items()
