@@ -14,14 +14,16 @@ from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
+from wbc.sim.barriers import TOUCH
 from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
-from wbc.sim.step.arrival import lift
+from wbc.sim.step.arrival import DRIFT, lift, rigid_ones
+from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.stages import stepped
+from wbc.sim.step.stages import Course, check_outside, failure
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -108,11 +110,12 @@ class Plant:
                 "inertia: while it turns, its motion is not determined. Give rotor_inertia."
             )
         soft = (0.0, 0.0) if self.compliance is None else astuple(self.compliance)
+        bounds = np.array([self.return_speed, DRIFT, TOUCH, *soft, 0.0, self.restitution])
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
             object.__setattr__(self, "temperature", warm)
-        given = self.terrain, self.restitution, self.return_speed, hulls, soft, self.temperature
-        object.__setattr__(self, "_setup", Setup(touching, *given))
+        setup = Setup(touching, self.terrain, hulls, self.temperature, bounds)
+        object.__setattr__(self, "_setup", setup)
 
     def _surfaces(self) -> tuple[tuple[ContactPoint, ...], tuple[Hull, ...]]:
         """Return points and hulls of the links, none of feet alone.
@@ -181,8 +184,19 @@ class Plant:
         setup, torque = self._setup, self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
-        course = stepped(setup, state, torque, dt, external)
-        return StepResult(course.state(len(course.stages) - 1), (course,))
+        q, v, time, closed, *more, _ = state
+        q, v, impulse, deflection, speed = map(np.ascontiguousarray, (q, v, *more))
+        if len(closed) != setup.barriers.size:
+            check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
+        setup.begin(state, external)
+        start = q, v, impulse, deflection, speed, closed
+        failed = take_step(setup.plant, *start, torque, external is not None, time, dt)
+        stages = setup.stages()
+        setup.heard()
+        if failed:
+            raise failure(setup, failed, torque)
+        course = Course(setup, state, dt, external, stages, setup.acts)
+        return StepResult(course.state(len(stages) - 1), (course,))
 
     def run(
         self,
@@ -212,7 +226,7 @@ class Plant:
         robot, drive = self.robot, self._setup.drive
         if not drive.any_loose:
             return state
-        angle, speed = drive.rotors(state, robot.actuated_position)
+        angle, speed = drive.rotors(state)
         position, velocity = np.array(state.position), np.array(state.velocity)
         gears = robot.transmission
         position[robot.actuated_position] = gears.joints_from_rotors(angle)

@@ -17,6 +17,7 @@ from wbc.sim.setup import Setup
 from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.stages import Course, Flow, Impact
+from wbc.sim.step.tables import RETURN_SPEED
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
@@ -164,7 +165,7 @@ class StepResult:
                 worst = int(part.end.depth.argmax())
                 text = (
                     f"{self.setup.barriers.names[worst]} is {depth:.3g} m (rad) inside; it is "
-                    f"taken back at {self.setup.return_speed:g} m/s (rad/s)"
+                    f"taken back at {self.setup.plant.bounds[RETURN_SPEED]:g} m/s (rad/s)"
                 )
                 yield StepEvent("overlap", part.state.time, depth, text)
 
@@ -187,8 +188,8 @@ class StepResult:
 
     def _sunk(self) -> Iterator[StepEvent]:
         """Yield the deepest joint under the ground at the end."""
-        setup, tree, (_, gap, lowest) = self.setup, self.setup.tree, self._end
-        if not setup.flies or not setup.robot.contacts:
+        setup, tree, (_, gap, lowest) = self.setup, self.setup.plant.tree, self._end
+        if not len(setup.plant.flight.bases) or not setup.robot.contacts:
             return
         if setup.barriers.asked:  # loops do not know all of the ground
             poses = np.empty((len(tree.joints), 12))

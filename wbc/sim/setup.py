@@ -10,18 +10,17 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import lapack
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.errors import SimulationError
 from wbc.mechanics.tree import Tree, tree_of
 from wbc.robot import Motion, Robot
 from wbc.robot.body_contacts import Hull
-from wbc.sim.barriers import TOUCH, Barriers
+from wbc.sim.barriers import Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.state import EffectMemory, SimState
 from wbc.sim.step import tables
-from wbc.sim.step.arrival import DRIFT
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.impact import gaps_of
@@ -38,17 +37,12 @@ class Setup:
     Attributes:
         robot: what moves.
         terrain: what it stands on.
-        restitution: normal speed after over before an impact.
-        return_speed: at which an overlap is taken back at most [m/s, rad/s].
         temperature: (m,) of the motors [deg C], None where it was not given.
         space: memory for its kinematics.
-        tree: of its bodies.
         drive: its gears.
         barriers: its limits and contacts.
         effects: of the robot.
         varying: whether efficiencies of gears depend on the motion by hooks.
-        meshed: whether an effect replaces what a gear loses and needs the torque that it carries.
-        flies: whether it has a free base that carries its momentum.
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
         plant: numbers and memory of the loops, which Python reads and writes between them, too.
@@ -62,25 +56,22 @@ class Setup:
         self,
         robot: Robot,
         terrain: Terrain,
-        restitution: float,
-        return_speed: float,
         hulls: tuple[Hull, ...],
-        compliance: tuple[float, float],
         temperature: FloatArray | None,
+        bounds: FloatArray,
     ) -> None:
         """Prepare `robot` on `terrain`.
 
         Args:
-            robot, terrain, restitution, return_speed, temperature: see `Plant`.
+            robot, terrain, temperature: see `Plant`.
             hulls: of its links that meet edges, and each other.
-            compliance: K and a of compliant contacts, zero for rigid ones.
+            bounds: of `Opened`; SLOW is written here.
 
         Raises:
             SimulationError: a robot with a body without mass that moves freely, with a joint of a
                 kind that the plant does not know, or with rotors that spin too much inertia.
         """
         self.robot, self.terrain, self.temperature = robot, terrain, temperature
-        self.restitution, self.return_speed = restitution, return_speed
         self.space = Workspace(robot)
         inertia = pin.crba(self.space.model, self.space.data, robot.neutral())
         if lapack.dpotrf(inertia)[1] != 0:
@@ -88,24 +79,22 @@ class Setup:
                 f"'{robot.name}': the inertia matrix of the links is not positive definite: some "
                 "body without mass moves freely. Give every moving body a mass."
             )
-        self.tree, self.drive = _known_tree(robot), Drivetrain.of(robot)
-        self.barriers = Barriers(robot, terrain, self.tree, hulls)
+        tree, self.drive = _known_tree(robot), Drivetrain(robot)
+        self.barriers = Barriers(robot, terrain, tree, hulls)
         self.effects = PlantEffects.of(robot)
         self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
-        self.meshed = any("meshed" in effect.acts_by for effect in robot.effects)
         self.waits = bool(self.effects.hooks) or robot.rotors_turn_with_links
-        bases = free_bases(robot)
-        self.flies = bool(len(bases))
         self._error: BaseException | None = None
         self._answers: list[Any] = []
         self._taken: list[FloatArray] = []
         self.acts: dict[int, EffectForces] = {}
-        self.plant = self._opened(bases, (return_speed, DRIFT, TOUCH, *compliance))
+        self.plant = self._opened(tree, bounds)
         self._check_rotors()
 
-    def _opened(self, bases: IntArray, bounds: tuple[float, ...]) -> tables.Opened:
+    def _opened(self, tree: Tree, bounds: FloatArray) -> tables.Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
-        barriers, n, b, m = self.barriers, len(self.tree.joints), len(bases), self.drive.gears.size
+        bases = free_bases(self.robot)
+        barriers, n, b, m = self.barriers, len(tree.joints), len(bases), self.drive.gears.size
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
@@ -117,26 +106,27 @@ class Setup:
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
         shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
-        springy, slow = 2.0 * self.restitution, np.linalg.norm(self.robot.model.gravity.linear)
-        slow *= min(1.0, (1.0 - self.restitution) / springy) if springy > 0.0 else 1.0
+        back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(self.robot.model.gravity.linear)
+        bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
+        meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)
         asked = self._address(self._ask_forces) if self.waits else 0
         full = self._address(self._take_stages)
         limit = self.robot.transmission.torque_limit
         given = 1.0 / self.drive.forward, np.array(self.drive.backward), -limit, np.array(limit)
-        forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if self.meshed else 0))
+        forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if meshed else 0))
         return stored(
             tables.Opened(
-                stored(self.tree),
+                stored(tree),
                 stored(tables.Flight(bases, np.zeros((b, 10)))),
                 stored(self._obstacles()),
-                stored(self.drive.tables(self.robot.rotors_turn_with_links)),
+                stored(self.drive.tables()),
                 stored(tables.PlacedTree(*map(np.zeros, shapes))),
                 stored(barriers.bodies),
                 stored(tables.Forces._make((*self.effects.table, *given, *forces, asked, full))),
                 now,
                 ending,
                 np.zeros((_STAGES, width)),
-                np.array([*bounds, slow, self.restitution]),
+                bounds,
             )
         )
 

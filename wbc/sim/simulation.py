@@ -39,15 +39,14 @@ class Recorder:
             (name, robot.position_index(name), robot.velocity_index(name))
             for name in driven_joints(robot.model)
         ]
-        self._drive = Drivetrain.of(robot)
+        self._drive = Drivetrain(robot)
         self._rows: list[tuple[float | FloatArray, ...]] = []
 
     def add(self, state: SimState, result: StepResult) -> None:
         """Record the step from `state` that gave `result`."""
         torque = self._robot.transmission.motor_from_joint.T @ result.mesh_torque
         force = result.contact_force[: len(self._robot.contacts)].ravel()
-        loose, at = self._drive.any_loose, self._robot.actuated_position
-        turn = self._drive.rotors(state, at) if loose else ()
+        turn = self._drive.rotors(state) if self._drive.any_loose else ()
         shown = state.time, state.position, state.velocity, result.command, torque, force
         self._rows.append((*shown, *turn))
 

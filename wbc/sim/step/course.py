@@ -207,7 +207,7 @@ def begin_step(
     if len(impulse) == len(now.impulse):
         copy_to(impulse, now.impulse)
     for i in range(len(now.motor_speed)):
-        now.motor_speed[i] = speed[i] if len(speed) else dot(v, plant.gears.rows[i])
+        now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
     for i in range(len(now.closed)):
         now.closed[i] = known and closed[i]
         now.kept[i], now.struck[i] = False, False

@@ -2,58 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray
 from wbc.compiled import OutDense, OutRow, Row, inner
 from wbc.effects.tables import lost_share
 from wbc.mechanics.linear import dot
 from wbc.robot import Robot
 from wbc.sim.state import SimState
 from wbc.sim.step.tables import Gears, Opened
-from wbc.transmission import Transmission
 
 
-@dataclass(frozen=True, eq=False)
 class Drivetrain:
     """Gears of a robot as rows; all quantities at the motor outputs psi.
 
     Attributes:
-        gears: of the robot.
+        robot, gears: whose they are, and their numbers.
         rows: D^-1 on the driven columns (m, nv), psi_dot = rows @ v.
         forward, backward: eta_f, eta_b (m,).
         loose: (m,) whether the motor's output may leave the joint (stiffness or play).
         any_loose: whether any of them may.
-        actuated: (m,) rows of v.
     """
 
-    gears: Transmission
-    rows: FloatArray
-    forward: FloatArray
-    backward: FloatArray
-    loose: BoolArray
-    any_loose: bool
-    actuated: IntArray
-
-    @classmethod
-    def of(cls, robot: Robot) -> Drivetrain:
-        """Return the gears of `robot`."""
-        gears = robot.transmission
-        rows = np.zeros((gears.size, robot.model.nv))
-        rows[:, robot.actuated] = gears.motor_from_joint
+    def __init__(self, robot: Robot) -> None:
+        """Collect the gears of `robot`."""
+        self.robot, self.gears = robot, robot.transmission
+        gears = self.gears
+        self.rows = np.zeros((gears.size, robot.model.nv))
+        self.rows[:, robot.actuated] = gears.motor_from_joint
         # What these lose is up to their effects, which carry a state.
         kept = np.ones(gears.size, dtype=bool)
         kept[[gears.index(e.where) for e in robot.effects if "meshed" in e.acts_by]] = False
-        both = gears.forward_efficiency, gears.backward_efficiency
-        forward, backward = (frozen(np.where(kept, eta, 1.0)) for eta in both)
-        loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
-        yields = frozen(loose, np.bool_)
-        any_loose = bool(loose.any())
-        return cls(gears, frozen(rows), forward, backward, yields, any_loose, robot.actuated)
+        self.forward = np.where(kept, gears.forward_efficiency, 1.0)
+        self.backward = np.where(kept, gears.backward_efficiency, 1.0)
+        self.loose = np.isfinite(gears.stiffness) | (gears.backlash > 0.0)
+        self.any_loose = bool(self.loose.any())
 
-    def tables(self, coupled: bool) -> Gears:
+    def tables(self) -> Gears:
         """Return the gears as tables for compiled loops."""
         gears, (m, nv), ratio = self.gears, self.rows.shape, self.gears.gear_ratio
         viscous = ratio**2 * gears.rotor_viscous_friction
@@ -61,8 +46,9 @@ class Drivetrain:
         numbers = ratio, gears.reflected_inertia, viscous, coulomb, 1.0 / self.forward
         flanks = gears.stiffness, gears.damping, gears.backlash
         arrays = map(np.array, (*numbers, self.backward, *flanks, self.rows))
-        at = self.actuated.astype(np.int64), np.array(self.loose)
-        room = np.zeros((m if coupled else 0, nv)), np.zeros((1, nv + m))
+        at = self.robot.actuated.astype(np.int64), self.loose
+        coupled = m if self.robot.rotors_turn_with_links else 0
+        room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
         direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
         return Gears._make((*arrays, *at, *room, direct, self.any_loose))
 
@@ -75,10 +61,10 @@ class Drivetrain:
         deflection = state.deflection if len(state.deflection) else np.zeros(len(joint))
         return deflection, np.where(self.loose, given, joint)
 
-    def rotors(self, state: SimState, actuated_position: IntArray) -> tuple[FloatArray, FloatArray]:
+    def rotors(self, state: SimState) -> tuple[FloatArray, FloatArray]:
         """Return angles (m,) [rad], speeds (m,) [rad/s] of the rotors, zero where joints are."""
         deflection, speed = self.motion(state)
-        joint = self.rows[:, self.actuated] @ state.position[actuated_position]
+        joint = self.gears.motor_from_joint @ state.position[self.robot.actuated_position]
         ratio = self.gears.gear_ratio
         return ratio * (joint + deflection), ratio * speed
 

@@ -16,12 +16,11 @@ from wbc.sim.energy import EnergyFlow
 from wbc.sim.setup import Setup, memory_before
 from wbc.sim.state import SimState
 from wbc.sim.step import books, impact
-from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again, take_step
+from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again
 from wbc.sim.step.forces import EffectForces
 from wbc.sim.step.self_locking import several
 from wbc.sim.step.solution import NO_INERTIA
-from wbc.sim.step.tables import LENGTH, TIME
+from wbc.sim.step.tables import LENGTH, RESTITUTION, TIME
 
 _SOLUTIONS = 27  # most that an error tells of
 
@@ -193,7 +192,7 @@ class Impact(Stage):
     @property
     def restitution(self) -> float:
         """Normal speed after over before; as much less than the plant's as it would make energy."""
-        return float(self.end.hit[impact.SHARE]) * self.course.setup.restitution
+        return float(self.end.hit[impact.SHARE] * self.course.setup.plant.bounds[RESTITUTION])
 
     @property
     def mesh_loss(self) -> float:
@@ -216,41 +215,10 @@ class Impact(Stage):
         return float(self.end.hit[impact.LEFT])
 
 
-def stepped(
-    setup: Setup, state: SimState, torque: FloatArray, step: float, external: FloatArray | None
-) -> Course:
-    """Take a step.
-
-    Args:
-        setup: the plant's, with the bounds of the motors.
-        state: at the start, with the memory of its effects.
-        torque: (m,) [N m] commanded on the rotors.
-        step: h [s].
-        external: generalised force (nv,), None for none.
-
-    Raises:
-        SimulationError: a start inside the ground or beyond a joint limit, a command that is no
-            number, or a part or an impact without a solution, or with several.
-    """
-    numbers = state.position, state.velocity, state.impulse, state.deflection, state.motor_velocity
-    q, v, impulse, deflection, speed = map(np.ascontiguousarray, numbers)
-    plant, known, pushed = setup.plant, state.closed, external is not None
-    if len(known) != setup.barriers.size:
-        check_outside(setup, setup.gaps(q)[: rigid_ones(plant)])
-    setup.begin(state, external)
-    start = q, v, impulse, deflection, speed, known
-    failed = take_step(plant, *start, torque, pushed, state.time, step)
-    stages = setup.stages()
-    setup.heard()
-    if failed == NO_COMMAND:
-        raise SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
-    if failed:
-        raise _failure(setup, failed)
-    return Course(setup, state, step, external, stages, setup.acts)
-
-
-def _failure(setup: Setup, code: int) -> SimulationError:
-    """Return the error for a part or an impact that has no solution, see IMPACT_FAILED."""
+def failure(setup: Setup, code: int, torque: FloatArray) -> SimulationError:
+    """Return the error for what `take_step` returned with a command (m,) [N m]."""
+    if code == NO_COMMAND:
+        return SimulationError(f"rotor_torque holds a value that is no number: {torque}.")
     plant, joints = setup.plant, setup.robot.transmission.joints
     inertia, velocity = plant.placed.inertia.copy(), plant.now.velocity
     if code % 10 == NO_INERTIA or not np.isfinite(inertia).all():
