@@ -15,27 +15,17 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.design.gearboxes import Gearbox
 from wbc.effects import load_robot
-from wbc.errors import DesignError, unknown_name
+from wbc.errors import DesignError, require_known, unknown_name
 from wbc.metrics import DesignMetrics, Designs, design_metrics, with_contact_at
+from wbc.metrics.designs import GEAR_FIELDS
 from wbc.robot import Robot
-from wbc.transmission import Transmission, wedge_backward_efficiency
+from wbc.transmission import GEAR_NUMBERS, Transmission, wedge_backward_efficiency
 
-# Name in a study -> unit, and the field of the transmission.
-_PARAMETERS = {
-    "reduction": ("1", "gear_ratio"),
-    "forward_efficiency": ("1", "forward_efficiency"),
-    "backward_efficiency": ("1", "backward_efficiency"),
-    "rotor_inertia": ("kg m^2", "rotor_inertia"),
-    "rotor_friction": ("N m", "rotor_coulomb_friction"),
-    "torque_limit": ("N m", "torque_limit"),
-    "length": ("m", ""),
-    "mass": ("kg", ""),
-    "joint": ("rad or m", ""),
-    "gearbox": ("1", ""),
-}
-GEAR_PARAMETERS = {name: field for name, (_, field) in _PARAMETERS.items() if field}
+_CALLED = {"gear_ratio": "reduction", "rotor_coulomb_friction": "rotor_friction"}
+GEAR_PARAMETERS = {_CALLED.get(field, field): field for field in GEAR_FIELDS}
 LINK_PARAMETERS = ("length", "mass")
 NAMES = (*GEAR_PARAMETERS, *LINK_PARAMETERS, "joint")
+_OTHER_UNITS = {"length": "m", "mass": "kg", "joint": "rad or m", "gearbox": "1"}  # units
 DEFAULT_COUNT = 9  # values on a grid of a range that names no number: a table to read, not to trust
 
 
@@ -82,7 +72,7 @@ class SweepParameter:
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return _PARAMETERS[self.name][0]
+        return _OTHER_UNITS.get(self.name) or GEAR_NUMBERS[GEAR_PARAMETERS[self.name]].unit
 
     @property
     def grid(self) -> FloatArray:
@@ -182,8 +172,13 @@ class Study:
         if not 0.0 <= (self.load or 0.0) < np.inf:
             raise DesignError(f"the load must be >= 0 and finite, got {self.load}.")
         robot = loaded(self.robot, self.contact)
-        for parameter in self.parameters:
-            _check_place(robot, parameter)
+        known = {
+            **dict.fromkeys(GEAR_PARAMETERS, robot.transmission.joints),
+            **dict.fromkeys(LINK_PARAMETERS, robot.bodies),
+            "joint": robot.single_joints,
+        }
+        for p in filter(lambda parameter: parameter.place, self.parameters):
+            require_known(DesignError, "place", p.place, known[p.name], p.column)
 
     @property
     def varied(self) -> tuple[SweepParameter, ...]:
@@ -291,17 +286,3 @@ def describe_columns(study: Study) -> dict[str, str]:
 def loaded(robot: str, contact: str) -> Robot:
     """Return a robot with a contact or frame called `contact`, read once per process."""
     return with_contact_at(load_robot(robot), contact)
-
-
-def _check_place(robot: Robot, parameter: SweepParameter) -> None:
-    """Check that the place of a parameter is there."""
-    if not parameter.place:
-        return
-    if parameter.name == "joint":
-        known: tuple[str, ...] = robot.single_joints
-    elif parameter.name in GEAR_PARAMETERS:
-        known = robot.transmission.joints
-    else:
-        known = robot.bodies
-    if parameter.place not in known:
-        raise DesignError(f"{parameter.column}: {unknown_name('place', parameter.place, known)}")
