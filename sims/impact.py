@@ -18,7 +18,7 @@ from sims.leg import with_gears
 from sims.plots import Panel, sweep_figure, write_figures
 from sims.tables import print_columns
 from wbc import Robot, load_robot
-from wbc.metrics import impact_mitigation, sweep
+from wbc.metrics import Designs, design_metrics, impact_mitigation
 from wbc.sim import Plant, simulate
 from wbc.view import LIGHT, Theme, write_playback
 
@@ -68,12 +68,12 @@ def panels(sweeps: Sweeps) -> list[Panel]:
         drops = {"simulated drops": curve(name, "impulse, up [N s]")}
         rows.append(Panel("impulse of the ground", axis(name), "impulse [N s]", drops, drops))
     leg = load_robot("planar_leg")
-    site = (leg, leg.pose("paper"), "foot", [0.0, 1.0])
     for name, field, values in (
         ("forward efficiency", "forward_efficiency", np.linspace(0.505, 1.0, 100)),
         ("gear ratio", "gear_ratio", np.linspace(1.0, 80.0, 80)),
     ):
-        metric = sweep(*site, {field: values}, axes="xz")
+        designs = Designs.of(leg, leg.pose("paper"), {field: values})
+        metric = design_metrics(designs, "foot", [0.0, 1.0], "xz")
         lines = {"predicted": (values, metric.impact_mitigation)}
         points = {"simulated drops": curve(name, "IMF, measured")}
         title = "impact mitigation factor (IMF)"

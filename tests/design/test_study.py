@@ -13,7 +13,7 @@ from tests.conftest import Told
 from tests.metrics.one_design import robot_at
 from wbc import design, load_robot
 from wbc.errors import DesignError, WbcError
-from wbc.metrics import sweep
+from wbc.metrics import Designs, design_metrics
 
 LEG = load_robot("planar_leg")
 POSE = tuple(LEG.pose("paper").tolist())
@@ -76,7 +76,7 @@ def test_the_table_holds_every_design_once_with_its_metrics(tmp_path: Path) -> N
         assert gears.forward_efficiency.tolist() == [0.8, knee]  # the hip keeps its own
         assert gears.backward_efficiency == pytest.approx([0.75, 2.0 - 1.0 / knee])
         assert robot.model.inertias[4].mass == pytest.approx(table["mass.thigh"][i])
-        single = sweep(robot, q[None], "foot", [0, 1], axes="xz")
+        single = design_metrics(Designs.of(robot, q), "foot", [0, 1], "xz")
         assert table["lift"][i] == pytest.approx(single.lift[0])
         assert table["impact_mitigation"][i] == pytest.approx(single.impact_mitigation[0])
     field = pq.read_schema(path).field("lift")

@@ -88,7 +88,8 @@ def test_a_stretched_leg_carries_as_statics_say() -> None:
 
 def test_self_locking_gears_on_a_fixed_base_are_infinitely_heavy() -> None:
     def table(robot: Robot, gears: dict | None) -> metrics.DesignMetrics:
-        return metrics.sweep(robot, robot.pose("paper"), "foot", [0, 1], gears, axes="xz")
+        designs = metrics.Designs.of(robot, robot.pose("paper"), gears)
+        return metrics.design_metrics(designs, "foot", [0, 1], "xz")
 
     locked = table(ARM, {"forward_efficiency": [0.45, 0.6]})
     assert locked.backward_inertia[0] == locked.hold[0] == np.inf
@@ -134,7 +135,6 @@ DESIGNS = (
 )
 MISTAKES: list[tuple[str, Callable[[], object]]] = [
     *[(said, lambda x=given: metrics.Designs.of(LEG, POSE, **x)) for given, said in DESIGNS],
-    ("singular", lambda: metrics.sweep(LEG, np.zeros((1, 5)), "foot", [0, 1], axes="xz")),
     ("hip, knee", lambda: locked_capability().vertices(-1)),
     ("loads no motor", lambda: capability(LEG.neutral()).along(UP)),
     ("loads no motor", lambda: capability(LEG.neutral()).vertices(0)),

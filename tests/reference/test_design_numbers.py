@@ -69,7 +69,8 @@ def test_impact_mitigation() -> None:
 
 def test_equal_efficiencies() -> None:
     eta = {"forward_efficiency": [0.9, 0.8, 0.7, 0.6, 0.55, 0.51]}
-    table = metrics.sweep(FLOATING, AT, "foot", UP, eta, axes="xz")
+    designs = metrics.Designs.of(FLOATING, AT, eta)
+    table = metrics.design_metrics(designs, "foot", UP, "xz")
     close(table.impact_mitigation, [0.884290, 0.877152, 0.863272, 0.824509, 0.757585, 0.465668])
     hold, lift = table.hold / table.conventional, table.lift / table.conventional
     np.testing.assert_allclose(hold, [1.125, 4 / 3, 1.75, 3.0, 5.5, 25.5], rtol=1e-9)

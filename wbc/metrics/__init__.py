@@ -1,8 +1,8 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
 from wbc.metrics.contact_task import ContactTask, contact_task, upward, with_contact_at
-from wbc.metrics.design_metrics import DesignMetrics, design_metrics, sweep
-from wbc.metrics.designs import Designs, link_length
+from wbc.metrics.design_metrics import DesignMetrics, design_metrics
+from wbc.metrics.designs import Designs
 from wbc.metrics.force_capability import (
     ForceCapability,
     ForceRange,
@@ -45,10 +45,8 @@ __all__ = [
     "generalized_inertia",
     "holding",
     "impact_mitigation",
-    "link_length",
     "share_of_accelerations_forward",
     "summary",
-    "sweep",
     "upward",
     "with_contact_at",
 ]

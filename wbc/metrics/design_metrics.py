@@ -6,18 +6,15 @@ of `force_capability`, with the designs as the leading axis.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import ContactTask, designs_task
 from wbc.metrics.designs import Designs
 from wbc.metrics.force_capability import holding_torques, least_force, limits_of
-from wbc.robot import Robot
 from wbc.transmission import Direction
 
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none
@@ -148,39 +145,3 @@ def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, F
         "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
         "heat_saved": 1.0 - _ratio(rest, spent, 0.0, 1.0),
     }
-
-
-def sweep(
-    robot: Robot,
-    position: ArrayLike,
-    contact: str,
-    direction: ArrayLike,
-    gears: Mapping[str, ArrayLike] | None = None,
-    axes: str = "xyz",
-) -> DesignMetrics:
-    """Return the metrics of a robot with other gears, all alike, or in several poses.
-
-    Args:
-        robot: the robot whose gears are replaced.
-        position: q (nq,) or (k, nq).
-        contact: name of the contact point.
-        direction: (n,) along `axes`.
-        gears: what varies and its values (k,), see `Designs.of`: forward efficiencies alone bring
-            the wedge's backward ones; of a gear ratio N the reflected inertia grows with N^2, the
-            torque at the motor output with N.
-        axes: world axes, for example "xz".
-
-    Raises:
-        TransmissionError: a number of a gear outside its range.
-        DynamicsError: a singular pose, arrays of different length.
-    """
-    designs = Designs.of(robot, position, gears)
-    found = design_metrics(designs, contact, direction, axes)
-    free = np.flatnonzero(np.isinf(found.conventional))
-    if free.size and np.isfinite(designs.gears["torque_limit"]).all():
-        raise DynamicsError(
-            f"a force on '{contact}' along {np.asarray(direction).tolist()} (axes {axes}) loads no "
-            f"motor at point {free[0]} of the sweep: leave the singular pose, or choose the axes "
-            "that the leg's motors act on."
-        )
-    return found
