@@ -22,7 +22,6 @@ FAR, NONE, TWO = sim.Plane(height=-9.0), np.zeros(0), np.zeros(2)
 LEG, ARM, SOLO = (load_robot(name) for name in ("planar_leg", "planar_leg_fixed", "solo12"))
 DRIVE, SHAFT = DcDrive(7.4), load_robot("xl330_pendulum")
 RAISED = sim.Plant(ARM, sim.Plane(height=3.0))
-ELBOW = sim.SensorModel(columns={"elbow.position": sim.Sensor()})
 
 
 @dataclass(frozen=True)
@@ -55,11 +54,6 @@ def sunk_by(depth: float) -> np.ndarray:
     q = SOLO.pose()
     q[2] -= depth
     return q
-
-
-def log_of_a_step() -> object:
-    plant = sim.Plant(LEG)
-    return sim.simulate(plant, lambda s: TWO, plant.state(LEG.pose()), 1e-2).log
 
 
 def boxed(mass: float, **pairs) -> Robot:
@@ -124,7 +118,6 @@ SIMULATION: list[tuple[str, Callable[[], object]]] = [
     ("compliant contacts: stiffness must be > 0", lambda: sim.HuntCrossley(0.0, 0.1)),
     ("compliant contacts: stiffness must be > 0", lambda: sim.HuntCrossley(np.inf, 0.1)),
     ("dissipation must be >= 0", lambda: sim.HuntCrossley(1e6, -0.1)),
-    (r"elbow\.position", lambda: ELBOW.measure(LEG, log_of_a_step(), 0)),
     ("noise", lambda: sim.Sensor(noise=-1.0)),
     ("velocity noise", lambda: sim.SensorNoise(ARM, velocity=-1.0)),
     ("position noise", lambda: sim.SensorNoise(ARM, position=np.nan)),

@@ -85,45 +85,43 @@ class StepResult:
     @property
     def parts(self) -> tuple[Flow, ...]:
         """The smooth parts of the step; more than one where something landed in between."""
-        return self._stages[0]
+        return tuple(stage for stage in self._stages if isinstance(stage, Flow))
 
     @property
     def impacts(self) -> tuple[Impact, ...]:
         """Those that happened in the step."""
-        return self._stages[1]
+        return tuple(stage for stage in self._stages if isinstance(stage, Impact))
 
     @cached_property
-    def _stages(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
-        """All parts, and all impacts."""
-        parts, impacts = zip(*(course.divided() for course in self.courses), strict=True)
-        return reduce(add, parts), reduce(add, impacts)
+    def _stages(self) -> list[Flow | Impact]:
+        """All parts and impacts in turn."""
+        return [stage for course in self.courses for stage in course.divided()]
 
     @property
     def contact_impulse(self) -> FloatArray:
         """(k, 3) [N s] on the robot at the plant's contacts, world axes, impacts excluded."""
-        points = self.setup.barriers.points
-        return reduce(add, [part.contact_impulse for part in self.parts])[:points]
+        return self._pushed(self.parts)[: self.setup.barriers.points]
 
     @property
     def pair_impulse(self) -> FloatArray:
         """(p, 3) [N s] on the first body of each pair (`plant.pairs`), impacts included, world."""
-        pushes = [part.contact_impulse for part in self.parts]
-        pushes += [impact.contact_impulse for impact in self.impacts]
-        return reduce(add, pushes)[self.setup.barriers.points :]
+        return self._pushed(self._stages)[self.setup.barriers.points :]
 
     @property
     def contact_force(self) -> FloatArray:
         """Mean force (k, 3) [N] on the robot over the step, impacts included, world axes."""
-        points = self.setup.barriers.points
-        hits = [impact.contact_impulse[:points] for impact in self.impacts]
-        return np.asarray(reduce(add, [self.contact_impulse, *hits]) / self.duration)
+        return self._pushed(self._stages)[: self.setup.barriers.points] / self.duration
+
+    @staticmethod
+    def _pushed(stages: Sequence[Flow | Impact]) -> FloatArray:
+        """Return the impulses (k + p, 3) on points and pairs in some stages."""
+        return reduce(add, [stage.contact_impulse for stage in stages])
 
     @property
     def mesh_torque(self) -> FloatArray:
         """T (m,) [N m] after each mesh, mean over the step, impacts excluded."""
-        return np.asarray(
-            reduce(add, [part.end.mesh_impulse for part in self.parts]) / self.duration
-        )
+        passed = [part.end.mesh_impulse for part in self.parts]
+        return np.asarray(reduce(add, passed) / self.duration)
 
     @property
     def rotor_torque(self) -> FloatArray:
@@ -207,8 +205,7 @@ class StepResult:
             yield StepEvent("sunk", self.state.time, -gap, text)
 
     def _unsettled(self) -> Iterator[StepEvent]:
-        ends = [(part.state.time, part.missed) for part in self.parts]
-        for time, missed in (*ends, *((hit.time, hit.missed) for hit in self.impacts)):
+        for time, missed in ((stage.state.time, stage.missed) for stage in self._stages):
             if missed > 0.0:
                 text = (
                     f"laws are missed by {missed:.3g} m/s (rad/s): the budget of work ended before "

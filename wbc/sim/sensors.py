@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from wbc.arrays import FloatArray, require_ranges
-from wbc.errors import SimulationError, require_known
+from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import ContactForces, Motion, Robot
 
@@ -50,7 +49,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """The sensors of a robot: one `Sensor` per quantity, or per column where they differ.
+    """The sensors of a robot: one `Sensor` per quantity.
 
     Attributes:
         position: of the joints.
@@ -58,7 +57,6 @@ class SensorModel:
         rotor_torque: as the drives report it.
         joint_torque: behind the gears; None where no sensor is there, as on most robots.
         force: of the contacts, each axis.
-        columns: full column name -> sensor, in place of the quantity's.
         every: rows of the recording per row of the log (its rate).
     """
 
@@ -67,7 +65,6 @@ class SensorModel:
     rotor_torque: Sensor = field(default_factory=Sensor)
     joint_torque: Sensor | None = None
     force: Sensor = field(default_factory=Sensor)
-    columns: Mapping[str, Sensor] = field(default_factory=dict)
     every: int = 1
 
     def __post_init__(self) -> None:
@@ -79,12 +76,7 @@ class SensorModel:
 
         Encoders sit on the motors: in a gear that is compliant or has play they show the motor's
         motion. The robot's own effects on measurements (position offsets and the like) act first.
-
-        Raises:
-            SimulationError: `columns` names a column that the recording does not have.
         """
-        for name in self.columns:
-            require_known(SimulationError, "column", name, recording.names)
         random = np.random.default_rng(seed)
         shown = reported_motion(robot, recording) | reported_forces(robot, recording)
         columns = {}
@@ -93,8 +85,8 @@ class SensorModel:
                 continue
             if name.endswith(".joint_torque") and self.joint_torque is None:
                 continue
-            sensor = self.columns.get(name, self._sensor(name))
-            columns[name] = sensor.read(recording.time, shown.get(name, values), random)
+            given = shown.get(name, values)
+            columns[name] = self._sensor(name).read(recording.time, given, random)
         measured = Log(recording.time, columns, recording.source)
         return measured[:: self.every]
 

@@ -59,15 +59,10 @@ class Course(NamedTuple):
         """(m,) [N m] on the rotors."""
         return self.stages[0, self.setup.cuts[-1]]
 
-    def length(self, stage: int) -> float:
-        """Return how long a part takes [s]; zero for an impact."""
-        return float(self.stages[stage, LENGTH])
-
-    def divided(self) -> tuple[tuple[Flow, ...], tuple[Impact, ...]]:
-        """Return the smooth parts, and the impacts."""
-        numbers = range(len(self.stages) - 1)
-        parts = tuple(Flow(self, stage) for stage in numbers if self.length(stage) > 0.0)
-        return parts, tuple(Impact(self, stage) for stage in numbers if self.length(stage) == 0.0)
+    def divided(self) -> list[Flow | Impact]:
+        """Return the smooth parts and the impacts in turn."""
+        lengths = self.stages[:-1, LENGTH]
+        return [(Flow if h > 0.0 else Impact)(self, stage) for stage, h in enumerate(lengths)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +107,7 @@ class Flow(Stage):
     @property
     def step(self) -> float:
         """h [s]."""
-        return self.course.length(self.stage)
+        return float(self.course.stages[self.stage, LENGTH])
 
     @property
     def missed(self) -> float:
