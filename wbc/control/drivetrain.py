@@ -133,20 +133,20 @@ class GearModel:
 
     def _exerted(self, motion: Motion) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what hooks say: torque, level of dry friction (nv,), torque on rotors (m,)."""
-        (smooth, dry), added = np.zeros((2, len(self.memory.bias))), np.zeros(self.size)
+        nv = len(self.memory.bias)
+        totals = np.zeros(nv), np.zeros(nv), np.zeros(self.size)
         for effect in self._effects:
-            add_torques(self.robot, effect, motion, (smooth, dry, added))
-        return smooth, dry, added
+            add_torques(self.robot, effect, motion, totals)
+        return totals
 
     def _efficiencies(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b (m,) at a motion."""
         if self._asks_gears:
             return self.robot.gear_efficiencies(motion)
-        gears, (forward, backward) = self.robot.transmission, np.empty((2, self.size))
+        gears, now = self.robot.transmission, (np.empty(self.size), np.empty(self.size))
         given = gears.forward_efficiency, gears.backward_efficiency
-        speed = self.speed(motion.velocity)
-        fill_efficiencies(self._table.gears, speed, *given, forward, backward)
-        return forward, backward
+        fill_efficiencies(self._table.gears, self.speed(motion.velocity), *given, *now)
+        return now
 
     def _take_efficiencies(self, forward: FloatArray, backward: FloatArray) -> None:
         """Write the slopes of the mesh law t(T) from efficiencies (m,).
@@ -170,9 +170,9 @@ class GearModel:
     def on_joints(self, motion: Motion) -> FloatArray:
         """Return the torque of effects on the coordinates (nv,), dry friction left out."""
         state = np.ascontiguousarray(motion.position), np.ascontiguousarray(motion.velocity)
-        smooth, dry = np.empty((2, len(self.memory.bias)))
+        smooth, dry = np.empty_like(self.memory.bias), np.empty_like(self.memory.bias)
         fill_joint_torques(self._table.joints, self._table.numbers, *state, smooth, dry)
-        return np.asarray(smooth + self._exerted(motion)[0])
+        return np.asarray(smooth + self._exerted(motion)[0] if self._pushed else smooth)
 
     def _take_limits(
         self, low: FloatArray, high: FloatArray, more: FloatArray | None = None

@@ -13,9 +13,10 @@ from wbc.control.command import Command, Status
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.memory import GEAR, PART
 from wbc.control.qp.level import NOTHING, Answer
+from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import BoundContact, ContactSet
-from wbc.mechanics.linear import factor_inertia, halfway, products, solve_inertia
+from wbc.mechanics.linear import factor_inertia, halfway, products
 from wbc.robot import Motion
 
 # Keeps systems solvable where contacts repeat each other; what it adds is far below a gram.
@@ -177,7 +178,7 @@ class Fallback:
         times = max(1.0 / self._policy.rate - least, 0.0) if moved else 0.0, least
         velocity = motion.velocity if motion is not None and moved else rest
         mass, gravity = kinematics.mass_matrix + self._rotors, kinematics.bias - pushing
-        force = rows.load_share(kinematics.mass * kinematics.gravity)
+        force = kinematics.mass * kinematics.gravity * rows.load_share
         moving = robot.unactuated, robot.actuated
         jacobian = rows.memory.rows.jacobian
         torque = held(mass, gravity, jacobian, force, moving, velocity, (share, *times))
@@ -185,22 +186,23 @@ class Fallback:
 
 
 @compiled(inside=True)
-def factored(matrix: Dense) -> OutDense:
-    """Return L, lower triangular, with L' L = matrix (n, n).
+def solve_positive(matrix: OutDense, right: OutRow) -> None:
+    """Replace the right side (n,) by the solution, and the matrix by its factor.
 
     Raises:
         LinAlgError: the matrix is not positive definite.
     """
-    lower = np.empty_like(matrix)
-    if not factor_inertia(matrix, lower):
+    if not factorise_from(matrix, 0, len(right)):
         raise np.linalg.LinAlgError
-    return lower
+    substitute(matrix, len(right), right)
 
 
 @compiled(inside=True)
 def through(matrix: Dense, rows: OutDense) -> OutDense:
     """Return rows matrix^-1 rows' (r, r), and leave the rows (r, n) half done; as `factored`."""
-    lower, gram = factored(matrix), np.empty((len(rows), len(rows)))
+    lower, gram = np.empty_like(matrix), np.empty((len(rows), len(rows)))
+    if not factor_inertia(matrix, lower):
+        raise np.linalg.LinAlgError
     for i in range(len(rows)):
         halfway(lower, rows[i])
     products(rows, gram)
@@ -223,7 +225,7 @@ def held(
     coordinates u as far as they can; what they cannot balance moves the base, and the driven
     joints m are held beside it:
 
-        a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f = F^-1 (M^-1 (g - J' f))_m.
+        a = M_uu^-1 (J_u' f - g_u),    T = M_mu a + g_m - J_m' f.
 
     Torques alone accelerate the joints by F = (M^-1)_mm, and by C = F - (M^-1 J')_m (J M^-1 J')^-1
     (J M^-1)_m while the contacts rest. With h a least time the damping is
@@ -245,15 +247,16 @@ def held(
     (u, m), (share, more, least), size = moving, slows, len(moving[1])
     on_base = np.ascontiguousarray(jacobian[:, u])
     base = gravity[u] - force @ on_base
-    solve_inertia(factored(on_base.T @ on_base + _SOFT * np.eye(len(u))), base)
+    solve_positive(on_base.T @ on_base + _SOFT * np.eye(len(u)), base)
     left = gravity - (force + on_base @ base) @ jacobian
-    moved = through(mass, np.vstack((np.eye(len(mass))[m], jacobian, left.reshape((1, -1)))))
-    freely, pushed, normal = moved[:size, :size], moved[:size, size:-1], moved[size:-1, size:-1]
+    of_base, base = mass[u], left[u]
+    solve_positive(of_base[:, u].copy(), base)
+    torque, damping = left[m] - base @ of_base[:, m].copy(), velocity[m]
+    moved = through(mass, np.vstack((np.eye(len(mass))[m], jacobian)))
+    freely, pushed, normal = moved[:size, :size], moved[:size, size:], moved[size:, size:]
     firm = normal + _SOFT * (1.0 + np.trace(normal)) * np.eye(len(normal))
     slowing = (more + least) * freely - more * through(firm, pushed.copy())
-    torque, damping = moved[:size, -1].copy(), velocity[m]
-    solve_inertia(factored(freely.copy()), torque)
-    solve_inertia(factored(slowing), damping)
+    solve_positive(slowing, damping)
     return share * torque - damping
 
 

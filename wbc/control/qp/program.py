@@ -225,7 +225,7 @@ class Program:
         starts = [self.at[PART.by_gear].start + m * row for row in range(len(GEAR))]
         self.rows = [slice(start, start + m) for start in starts]
         self._lay_out_rows(cost, most, rank, ends)
-        solver, shared = self.memory.solver, contacts.load_share(weight) / self.force_scale
+        solver, shared = self.memory.solver, weight * contacts.load_share / self.force_scale
         solver.diagonal[self.nv :] = recipe.settings.force_weight
         solver.pull[self.nv :] = recipe.settings.force_weight * shared
         self._ceilings: Mapping[str, float] | None = None

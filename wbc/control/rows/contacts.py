@@ -324,6 +324,7 @@ class ContactSet:
         cone: (p, k) rows <= 0 on the forces in newtons.
         cone_labels: (p,) names for messages, and units.
         normals: (c, k), normal force of each contact.
+        load_share: forces (k,) that share a weight of one equally among the normals.
     """
 
     def __init__(
@@ -362,6 +363,7 @@ class ContactSet:
             self.cone[first : len(labels), rows] = contact.cone
             self.normals[i, rows] = contact.normal
         self.cone_labels = tuple(labels)
+        self.load_share = self.normals.sum(axis=0) / max(len(contacts), 1)
         self.normal_minimum = np.array([c.contact.normal_minimum for c in contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
 
@@ -375,10 +377,6 @@ class ContactSet:
         for contact, rows in zip(self.contacts, self.slices, strict=True):
             found[contact.name][contact.axes] = force[rows]
         return found
-
-    def load_share(self, weight: float) -> FloatArray:
-        """Return forces (k,) [N] that share `weight` [N] equally among the normals."""
-        return np.asarray(self.normals.sum(axis=0) * (weight / max(len(self.contacts), 1)))
 
 
 class ContactRanks:
