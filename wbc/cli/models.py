@@ -35,12 +35,11 @@ from wbc.identification.answer.words import MEANINGS, Commands, verdict_sentence
 from wbc.identification.choice.find_causes import INTERRUPTED
 from wbc.identification.classic import identify
 from wbc.identification.formulas import Discovery, discover
-from wbc.identification.open_loop import OpenLoop, open_loop
+from wbc.identification.open_loop import OpenLoop, open_loop, open_loop_rows
 from wbc.identification.readings.first_guess import guessed_numbers
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.tables import TextTable
-from wbc.view.rows import fit_rows, formula_rows, open_loop_rows, parameter_rows
 
 Simulated = Callable[[], Sequence[OpenLoop]]
 """Returns the open-loop errors of robots, simulating when it is first called."""
@@ -216,7 +215,7 @@ def _print_discovery(console: Console, discovery: Discovery) -> None:
     """Print the proposals with what they remove, and how far to believe them."""
     console.print("discovery: formulas proposed by regression, not causes", style="bold")
     if discovery.proposals:
-        console.print(table(formula_rows(discovery)))
+        console.print(table(discovery.rows()))
     lines = []
     for proposal in discovery.proposals:
         others = {name: ", ".join(rivals) for name, rivals in proposal.rivals.items() if rivals}
@@ -236,9 +235,10 @@ def run_identify(options: Options, console: Console) -> Outcome:
     robot, logs = robot_and_logs(options)
     with working(console, "identifying"):
         fit = identify(robot, logs)
-    console.print(table(parameter_rows(fit)))
+    parameters, left = fit.rows()
+    console.print(table(parameters))
     console.print(_LEGEND)
-    console.print(table(fit_rows(fit)))
+    console.print(table(left))
     for warning in fit.warnings:
         console.print(spoken(warning), crop=False)
     return 0, fit.to_json()

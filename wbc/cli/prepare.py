@@ -18,10 +18,11 @@ from wbc.effects import load_robot
 from wbc.errors import WbcError
 from wbc.files import as_json
 from wbc.identification.readings import LogQuality, check_logs, find_repeats, first_guess
+from wbc.identification.readings.checks import clock_rows
 from wbc.measurement import LogFinding, read_table, write_map
 from wbc.measurement.guess import MapGuess, guess_names
+from wbc.measurement.log import short_label
 from wbc.robot.model_file import left_out
-from wbc.view.rows import clock_rows, short_label
 
 _NUMBER = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w])")
 

@@ -14,6 +14,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.dynamics import inertial_parameters
 from wbc.files import as_json
+from wbc.identification.answer.shown import plain, with_interval
 from wbc.identification.choice.plain_models import JOINTS
 from wbc.identification.model.columns import derivatives, inertial_columns
 from wbc.identification.model.estimation_problem import EstimationProblem
@@ -23,7 +24,7 @@ from wbc.identification.records.record import output_names, rows_per_sample
 from wbc.measurement import Log
 from wbc.robot import Effect, Robot
 from wbc.robot.coordinates import unit_at
-from wbc.tables import FEW
+from wbc.tables import FEW, TextTable
 
 _DEPENDENT = 1e-5  # of a column, that must be left beside those before it
 _NOTHING = 1e-6  # coefficients between columns of one length, that rounding makes
@@ -120,6 +121,20 @@ class ClassicFit:
     left: FloatArray
     residual: FloatArray
     warnings: tuple[str, ...]
+
+    def rows(self) -> tuple[TextTable, TextTable]:
+        """Return the parameters, whose names break and numbers do not, and what is left."""
+        cells: list[tuple[str, ...]] = []
+        for p in self.parameters:
+            value, interval = with_interval(p.value, p.low, p.high)
+            cells.append((p.name, value, interval, plain(p.given), p.unit))
+            if p.combination:
+                cells.append((f"  with {p.combination}",))
+        heads = ("~parameter", ">value", "90 % interval", ">as given", "unit")
+        left = zip(self.joints, self.before, self.left, strict=True)
+        shown = ((joint, f"{before:.3g}", f"{after:.3g}") for joint, before, after in left)
+        parameters = TextTable(heads, tuple(cells), whole=True)
+        return parameters, TextTable.of("left at|before|after", shown)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain texts and numbers."""

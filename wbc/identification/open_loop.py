@@ -14,12 +14,14 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
+from wbc.identification.answer.shown import told
 from wbc.identification.records.channels import DriveLaw, contact_forces, drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
 from wbc.robot import Motion, Robot
 from wbc.robot.coordinates import unit_at
+from wbc.tables import TextTable
 
 if TYPE_CHECKING:
     from wbc.sim import Plant, SimState
@@ -180,6 +182,28 @@ class OpenLoop:
         joints = {joint: {"unit": u, "error": e, "moved": m} for joint, u, e, m in rows}
         known = {"horizons": self.horizons, "starts": self.starts, "reason": self.reason}
         return dict(as_json(known | {"joints": joints}))
+
+
+def open_loop_rows(simulated: Sequence[OpenLoop]) -> TextTable:
+    """Return position errors after each horizon: of one robot, or as given and with what was found.
+
+    Beside them stands how far the joint moved in that time.
+    """
+    first, cells = simulated[0], []
+    for row, (joint, unit) in enumerate(zip(first.joints, first.units, strict=True)):
+        errors = []
+        for k in range(len(first.horizons)):
+            found = [told(one.error[row, k]) for one in simulated if not one.reason]
+            # Two robots need two lines: three horizons of them are wider than a terminal.
+            between = "\n" if len(found) > 1 else " "
+            errors.append(f"{' -> '.join(found)}{between}of {told(first.moved[row, k])}")
+        cells.append((joint, *errors, unit))
+    return TextTable.of(
+        "|".join(["open loop", *(f">after {horizon:g} s" for horizon in first.horizons), ""]),
+        cells,
+        caption="rms position error of the simulated robot so long after a measured state, of how "
+        "far the joint moved",
+    )
 
 
 def open_loop(

@@ -18,7 +18,7 @@ from wbc.measurement.column_map import parse_column_map, together
 from wbc.measurement.filters import jumps, velocity_fits
 from wbc.measurement.findings import LIKELY, LogFinding, Mend, listed, say_so, severity
 from wbc.measurement.log import Log
-from wbc.measurement.schema import LOG_UNITS, REPORTED
+from wbc.measurement.schema import LOG_UNITS, reported
 
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile
 _STALE_SHARE = 0.4  # of the rows that a second publisher may have filled
@@ -179,11 +179,7 @@ def magnitudes(logs: Sequence[Log]) -> list[LogFinding]:
     Drives of one kind report alike: none of the torques is ever on the other side of zero, though
     they come down to it and rise again as steeply as they came.
     """
-    names = [
-        name
-        for name in (logs[0].columns if logs else ())
-        if name.endswith(tuple(f".{quantity}" for quantity in REPORTED))
-    ]
+    names = reported(logs[0].columns if logs else ())
     held = {name: [log.column(name) for log in logs if log.has(name)] for name in names}
     known = {name: values for name, values in held.items() if any(map(np.any, values))}
     folds = mirrored([v for each in known.values() for v in each])

@@ -18,7 +18,7 @@ from wbc.measurement.findings import Mend
 from wbc.measurement.formats import open_table
 from wbc.measurement.names import MOTION, asked, channels, guess_name, guess_names_of, joints_of
 from wbc.measurement.read import clock_of, split_path
-from wbc.measurement.schema import REPORTED, TIME, today
+from wbc.measurement.schema import REPORTED, TIME, reported, today
 from wbc.measurement.tables import Table
 
 
@@ -140,7 +140,7 @@ def _number(name: str) -> str:
 
 def _unsigned(table: Table, columns: Mapping[str, Any], held: Mapping[str, set[str]]) -> list[str]:
     """Return the torques that have no sign, and take them from what joints with targets have."""
-    names = [name for name in columns if name.endswith(tuple(f".{q}" for q in REPORTED))]
+    names = reported(columns)
     torques = [table.numbers(columns[name]["from"]) for name in names]
     joints = {name.rpartition(".")[0] for name in names}
     if not mirrored(torques) or any("target_position" not in held[joint] for joint in joints):

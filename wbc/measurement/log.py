@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -62,6 +63,12 @@ class LogSource:
         """How messages call the log: its path, and the part of the file if there are several."""
         path = self.path or "log in memory"
         return f"{path}#{self.part}" if self.part else path
+
+
+def short_label(label: str) -> str:
+    """Return the name of a log, see `LogSource.label`, without its folders."""
+    path, mark, part = label.partition("#")
+    return "+".join(Path(file).name for file in path.split("+")) + mark + part
 
 
 OF_THE_DRIVE = ("position_gain", "velocity_gain", "duty_gain", "supply_voltage", "torque_limit")

@@ -125,6 +125,11 @@ def owners(names: Iterable[str], quantities: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part[0] for part in parts if part and part[1] in wanted))
 
 
+def reported(names: Iterable[str]) -> list[str]:
+    """Return the columns by which drives report their torque."""
+    return [name for name in names if name.rpartition(".")[2] in REPORTED]
+
+
 _TURN = 2.0 * pi
 
 LOG_UNITS: dict[str, tuple[str, float]] = {

@@ -37,13 +37,15 @@ from wbc.identification.answer.words import (
 )
 from wbc.identification.formulas import Discovery
 from wbc.identification.model.estimation_problem import EstimationProblem
+from wbc.identification.open_loop import open_loop_rows
 from wbc.identification.readings import check_logs
+from wbc.identification.readings.checks import clock_rows
 from wbc.identification.records.record import Record, output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.measurement.checks import true_runs
+from wbc.measurement.log import short_label
 from wbc.robot import Robot
 from wbc.robot.effect import spoken
-from wbc.view.rows import clock_rows, formula_rows, open_loop_rows, short_label
 
 with needs("view", "writing a report"):
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -115,7 +117,7 @@ def write_report(
         "diagnosis": diagnosis,
         "comparison": comparison,
         "discovery": discovery,
-        "formulas": discovery and formula_rows(discovery),
+        "formulas": discovery and discovery.rows(),
         "left": comparison.error_rows() if diagnosis is None else diagnosis.left_rows(),
         "open_loop": open_loop_rows(simulated) if simulated else None,
         "not_simulated": simulated[-1].reason if simulated else "",

@@ -16,7 +16,7 @@ from wbc.files import as_json
 from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
 from wbc.identification.formulas.term_table import TermTable
 from wbc.robot import Effect, Robot
-from wbc.tables import FEW
+from wbc.tables import FEW, TextTable
 
 _RIDGE = 1e-7
 _TRIED = 10  # additions to a support that are fitted
@@ -460,6 +460,17 @@ class Discovery:
                 "something outside the library."
             )
         return "These formulas explain what was left; they are proposals, not causes."
+
+    def rows(self) -> TextTable:
+        """Return the terms of the formulas that were proposed."""
+        cells: list[tuple[str, ...]] = []
+        for proposal in self.proposals:
+            cells.append((f"at {proposal.effect.where}: removes {100.0 * proposal.share:.0f} %",))
+            for name, e in proposal.coefficients.items():
+                folds = f"{100.0 * proposal.stability[name]:.0f} %"
+                interval = f"{e.low:.4g} .. {e.high:.4g}"
+                cells.append((f"  {name}", f"{e.value:.4g}", interval, e.unit, folds))
+        return TextTable.of("~proposed torque|>value|90 % interval|unit|>folds", cells)
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries."""

@@ -46,11 +46,12 @@ from wbc.measurement.clocks import cut_at_gaps, too_short
 from wbc.measurement.column_map import in_degrees
 from wbc.measurement.filters import velocity_fits
 from wbc.measurement.findings import LogFinding, Mend, say_so
-from wbc.measurement.log import Log
+from wbc.measurement.log import Log, short_label
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED
 from wbc.robot import Robot, state_gear
+from wbc.tables import TextTable
 
 _TORQUES = (*REPORTED, "joint_torque")
 _NO_TORQUE = "Record what the drive reports; a log of positions alone can be played, not compared."
@@ -503,6 +504,15 @@ class LogQuality:
             f"{100.0 * self.jitter:.1f} %, longest gap {1e3 * self.longest_gap:.1f} ms"
         )
         return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
+
+
+def clock_rows(qualities: Sequence[LogQuality]) -> TextTable:
+    """Return length and clock of every log."""
+    cells = []
+    for q in qualities:
+        clock = f"{q.rate:.1f}", f"{100.0 * q.jitter:.1f} %", f"{1e3 * q.longest_gap:.1f} ms"
+        cells.append((short_label(q.label), str(q.rows), f"{q.duration:.3f}", *clock))
+    return TextTable.of("~log|>rows|>length [s]|>rate [Hz]|>jitter|>longest gap", cells)
 
 
 def check_log(log: Log, robot: Robot | None = None) -> LogQuality:
