@@ -72,7 +72,7 @@ def test_sensors_are_seeded_and_do_what_they_say() -> None:
     model = sim.SensorModel(
         position=sim.Sensor(resolution=1e-3),
         velocity=sim.Sensor(noise=0.01, bias=0.5),
-        rotor_torque=sim.Sensor(delay=0.01),
+        force=sim.Sensor(delay=0.01),
         every=2,
     )
     one, same, other = (model.measure(robot, log, seed) for seed in (1, 1, 2))
@@ -85,8 +85,8 @@ def test_sensors_are_seeded_and_do_what_they_say() -> None:
     error = one.column("hip.velocity") - log.column("hip.velocity")[::2]
     assert error.mean() == pytest.approx(0.5, abs=0.005)
     assert error.std() == pytest.approx(0.01, rel=0.3)
-    late = np.interp(one.time - 0.01, log.time, log.column("knee.rotor_torque"))
-    assert np.allclose(one.column("knee.rotor_torque"), late)
+    late = np.interp(one.time - 0.01, log.time, log.column("foot.force.z"))
+    assert np.allclose(one.column("foot.force.z"), late)
 
 
 def test_encoders_on_the_motors_see_the_gear_wind_up() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.compiled import OutDense, OutRow, OutTable
+from wbc.errors import SimulationError
 from wbc.structures import structured
 
 REVOLUTE, UNBOUNDED, PRISMATIC, FREE_FLYER = range(4)
@@ -66,15 +67,22 @@ def joints_of(model: Any) -> tuple[IntArray, FloatArray]:
     return joints, shapes
 
 
-def tree_of(model: Any) -> Tree | None:
-    """Return the tree of a pinocchio model; None where it has a joint that the loops do not know.
+def tree_of(model: Any) -> Tree:
+    """Return the tree of a pinocchio model.
 
     Args:
         model: pinocchio's.
+
+    Raises:
+        SimulationError: it has a joint of a kind that the loops do not know.
     """
     (joints, shapes), data = joints_of(model), model.createData()
     if (joints[:, 1] < 0).any():
-        return None
+        kinds = sorted({joint.shortname() for joint in list(model.joints)[1:]})
+        raise SimulationError(
+            f"the robot has a joint of a kind that the plant does not know, among "
+            f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
+        )
     rows = np.full((model.nv, 2), -1, dtype=np.int64)
     for i, (parent, kind, _, first, _) in enumerate(joints.tolist()):
         if kind != FREE_FLYER:

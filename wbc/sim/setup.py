@@ -79,7 +79,7 @@ class Setup:
                 f"'{robot.name}': the inertia matrix of the links is not positive definite: some "
                 "body without mass moves freely. Give every moving body a mass."
             )
-        tree, self.drive = _known_tree(robot), Drivetrain(robot)
+        tree, self.drive = tree_of(robot.model), Drivetrain(robot)
         self.barriers = Barriers(robot, terrain, tree, hulls)
         self.effects = PlantEffects.of(robot)
         self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
@@ -291,19 +291,3 @@ def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:
     words = np.zeros(layout.itemsize // 8)
     record = np.ndarray((), layout, words)
     return stored(names(*[record[name] for name in names._fields[:-1]], words)), layout
-
-
-def _known_tree(robot: Robot) -> Tree:
-    """Return the tree of a robot.
-
-    Raises:
-        SimulationError: it has a joint of a kind that the plant does not know.
-    """
-    tree = tree_of(robot.model)
-    if tree is None:
-        kinds = sorted({joint.shortname() for joint in list(robot.model.joints)[1:]})
-        raise SimulationError(
-            f"'{robot.name}' has a joint of a kind that the plant does not know, among "
-            f"{', '.join(kinds)}; it knows joints about and along an axis, and free ones."
-        )
-    return tree
