@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
-from wbc.measurement import derivative, low_pass, residual_noise
-from wbc.measurement.filters import local_polynomial_operator
+from wbc.measurement import derivative, low_pass
+from wbc.measurement.filters import local_polynomial_operator, residual_noise
 
 
 @settings(max_examples=25, deadline=None)

@@ -10,7 +10,8 @@ from tests.outside import outside
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.identification.readings import check_log, find_duplicates, find_repeats
-from wbc.measurement import Log, LogSource, cut_at_gaps, load_logs, residual_noise
+from wbc.measurement import Log, LogSource, cut_at_gaps, load_logs
+from wbc.measurement.filters import residual_noise
 
 
 def _run(seed: int, *, phase: float = 0.0, offset: float = 0.0) -> Log:

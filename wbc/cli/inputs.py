@@ -12,7 +12,6 @@ from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.identification.readings import with_machine
 from wbc.measurement import (
-    ColumnMap,
     Log,
     LogFinding,
     load_logs,
@@ -22,7 +21,7 @@ from wbc.measurement import (
     together,
     write_map,
 )
-from wbc.measurement.column_map import SECTIONS
+from wbc.measurement.column_map import SECTIONS, ColumnMap
 from wbc.robot import Robot
 
 

@@ -1,28 +1,14 @@
 """Logs: schema, readers and writers, column maps, differentiation."""
 
 from wbc.measurement.clocks import cut_at_gaps
-from wbc.measurement.column_map import (
-    ColumnMap,
-    merged,
-    parse_column_map,
-    read_column_map,
-    read_table,
-    together,
-)
-from wbc.measurement.filters import (
-    align_velocity,
-    derivative,
-    differentiate,
-    low_pass,
-    residual_noise,
-)
+from wbc.measurement.column_map import merged, parse_column_map, read_table, together
+from wbc.measurement.filters import align_velocity, derivative, differentiate, low_pass
 from wbc.measurement.findings import LogFinding, write_map
 from wbc.measurement.formats import save_log
 from wbc.measurement.log import Log, LogSource, Machine
 from wbc.measurement.read import load_log, load_logs, mended
 
 __all__ = [
-    "ColumnMap",
     "Log",
     "LogFinding",
     "LogSource",
@@ -37,9 +23,7 @@ __all__ = [
     "mended",
     "merged",
     "parse_column_map",
-    "read_column_map",
     "read_table",
-    "residual_noise",
     "save_log",
     "together",
     "write_map",

@@ -370,20 +370,6 @@ class ColumnMap:
         return tuple(rule.target for rule in self.rules)
 
 
-def read_column_map(path: str | Path, gear_ratios: Mapping[str, float] | None = None) -> ColumnMap:
-    """Read a column map.
-
-    Args:
-        path: the TOML file.
-        gear_ratios: N of joints, for entries that name a side of the gear and no ratio.
-
-    Raises:
-        LogError: no such file, no TOML, or an entry that does not fit; the message names the map
-            file and the key.
-    """
-    return parse_column_map(read_table(path), str(Path(path)), gear_ratios)
-
-
 def parse_column_map(
     table: Mapping[str, Any], path: str = "", gear_ratios: Mapping[str, float] | None = None
 ) -> ColumnMap:

@@ -18,7 +18,7 @@ from wbc.measurement.column_map import (
     ColumnRule,
     TimeRule,
     parse_column_map,
-    read_column_map,
+    read_table,
 )
 from wbc.measurement.filters import align_velocity, shifted
 from wbc.measurement.findings import Mend, say_so
@@ -81,7 +81,7 @@ def load_logs(
         LogError: a file, map or log that cannot be used; the message says which and why.
     """
     if isinstance(columns, str | Path):
-        columns = read_column_map(columns, gear_ratios)
+        columns = parse_column_map(read_table(columns), str(columns), gear_ratios)
     rules = columns or ColumnMap(())
     return tuple(log for path in paths for log in _load(path, rules))
 

@@ -27,19 +27,15 @@ __all__ = [
     "write_playback",
 ]
 
-_HOMES = {
-    "track": ("Ghost", "model_ghost"),
-    "palette": ("DARK", "LIGHT", "Theme"),
-    "pictures": ("write_animation", "write_picture"),
-    "playback": ("write_playback",),
-}
+_HOMES = ("palette", "track", "playback", "pictures")  # each loads those before it, or takes little
 
 
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            with needs("view", f"{name} of wbc.view"):
-                return getattr(import_module(f"wbc.view.{home}"), name)
+    for home in _HOMES if name in __all__ else ():
+        with needs("view", f"{name} of wbc.view"):
+            module = import_module(f"wbc.view.{home}")
+        if hasattr(module, name):
+            return getattr(module, name)
     raise AttributeError(f"module 'wbc.view' has no attribute '{name}'")
 
 
