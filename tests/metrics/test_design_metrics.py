@@ -47,7 +47,8 @@ def test_many_designs_are_the_metrics_of_each(name: str, coupled: bool) -> None:
         unit = task.direction(n)
         free, driven = (unit @ task.mobility(mode)[0] @ unit for mode in (0.0, -1.0))
         held_still = driven <= 1e-12 * free
-        force = metrics.force_capability(one, q, contact, axes).along(n)
+        reach = metrics.force_capability(one, q, contact, axes)
+        force = reach.along(n)
         held = metrics.holding(one, q, contact, n, 30.0, axes)
         factor = metrics.impact_mitigation(one, q, contact, axes)
         expected = {
@@ -60,7 +61,7 @@ def test_many_designs_are_the_metrics_of_each(name: str, coupled: bool) -> None:
             "impact_mitigation_lossless": (
                 metrics.impact_mitigation(one, q, contact, axes, 0.0).along(n)
             ),
-            "backdriving_force": metrics.backdriving_force(one, q, contact, n, axes),
+            "backdriving_force": reach.backdriving(n),
             "holding_torque": np.linalg.norm(held.least),
             "holding_torque_lossless": np.linalg.norm(held.lossless),
             "heat_saved": held.heat_saved,

@@ -118,9 +118,9 @@ def test_the_knee_holds_its_share_of_the_load(robot: Robot, least: float, most: 
 
 @pytest.mark.parametrize(("robot", "threshold"), [(RUBBING, 20 * 0.02 / ETA_B), (LOCKED, np.inf)])
 def test_the_force_that_moves_the_unpowered_leg(robot: Robot, threshold: float) -> None:
-    assert metrics.backdriving_torque(robot)[1] == pytest.approx(threshold)
-    force = metrics.backdriving_force(robot, robot.pose("paper"), "foot", UP, "xz")
-    assert force == pytest.approx(threshold / 0.2)
+    reach = metrics.force_capability(robot, robot.pose("paper"), "foot", "xz")
+    assert reach.backdriving_torque[1] == pytest.approx(threshold)
+    assert reach.backdriving(UP) == pytest.approx(threshold / 0.2)
 
 
 def test_unknown_motors_count_as_equal() -> None:

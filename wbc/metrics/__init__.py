@@ -7,8 +7,6 @@ from wbc.metrics.force_capability import (
     ForceCapability,
     ForceRange,
     Holding,
-    backdriving_force,
-    backdriving_torque,
     force_capability,
     holding,
 )
@@ -34,8 +32,6 @@ __all__ = [
     "Holding",
     "ImpactMitigation",
     "Metric",
-    "backdriving_force",
-    "backdriving_torque",
     "backward_generalized_inertia",
     "contact_task",
     "design_metrics",

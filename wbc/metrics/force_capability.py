@@ -21,7 +21,6 @@ from scipy.spatial import HalfspaceIntersection
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task
-from wbc.metrics.designs import Designs
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -86,6 +85,25 @@ class ForceCapability:
         if not lever.any():
             raise self._unbounded(n)
         return np.asarray(lever)
+
+    @property
+    def backdriving_torque(self) -> FloatArray:
+        """Torque (m,) [N m] at each motor output that turns an unpowered gear of the robot.
+
+        N tau_c / eta_b with the rotor's dry friction tau_c: 0 without it, infinite for a
+        self-locking gear.
+        """
+        unpowered = {**self.task.designs.gears, "torque_limit": np.zeros((1, 1))}
+        return frozen(limits_of(unpowered, Direction.BACKWARD)[0])
+
+    def backdriving(self, direction: ArrayLike) -> float:
+        """Return the force [N] along `direction` (n,) at which the first unpowered gear gives way.
+
+        Raises:
+            DynamicsError: a direction in which the structure bears the force without any torque.
+        """
+        limits = self.backdriving_torque[list(self.gears)]
+        return float(least_force(limits[None], self.levers(direction)[None])[0])
 
     def moving(self, direction: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the combined polygon of lifting and holding.
@@ -314,37 +332,3 @@ def holding(
         heat_least=rest if known else float("nan"),
         heat_saved=1.0 - rest / spent if spent > 0.0 else 0.0,
     )
-
-
-def backdriving_torque(robot: Robot) -> FloatArray:
-    """Return the torque (m,) [N m] at each motor output that turns an unpowered gear.
-
-    N tau_c / eta_b with the rotor's dry friction tau_c: 0 without it, infinite for a self-locking
-    gear.
-    """
-    gears = Designs.of(robot, robot.neutral()).gears
-    return frozen(limits_of({**gears, "torque_limit": np.zeros((1, 1))}, Direction.BACKWARD)[0])
-
-
-def backdriving_force(
-    robot: Robot,
-    position: ArrayLike,
-    contact: str,
-    direction: ArrayLike,
-    axes: str = "xyz",
-) -> float:
-    """Return the force [N] along `direction` at which the first unpowered gear gives way.
-
-    Args:
-        robot: fixed or floating base.
-        position: q (nq,).
-        contact: name of the contact point.
-        direction: (n,) along `axes`.
-        axes: world axes, for example "xz".
-
-    Raises:
-        DynamicsError: a direction in which the structure bears the force without any torque.
-    """
-    reach = force_capability(robot, position, contact, axes)
-    limits = backdriving_torque(robot)[None, list(reach.gears)]
-    return float(least_force(limits, reach.levers(direction)[None])[0])

@@ -14,8 +14,6 @@ from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import contact_task, upward
 from wbc.metrics.force_capability import (
     ForceCapability,
-    backdriving_force,
-    backdriving_torque,
     force_capability,
     holding,
 )
@@ -112,7 +110,6 @@ def summary(
         rows.append(_row(f"IMF {way}, {name}", "1", note, partial(factor.along, up)))
         determinant = partial(getattr, factor, "determinant")
         rows.append(_row(f"IMF determinant, {name}", "1", note, determinant))
-    push = partial(backdriving_force, robot, q, contact, up, axes)
     back = f"motor output; {UNPOWERED}"
     return [
         *rows,
@@ -121,8 +118,8 @@ def summary(
         Metric("holding heat, lossless", "W", held.heat_lossless, carried),
         Metric("holding heat, least", "W", held.heat_least, carried),
         Metric("heat saved by stiction", "1", held.heat_saved, carried),
-        _row(f"backdriving force {way}", "N", UNPOWERED, push),
-        Metric("backdriving torque", "N m", backdriving_torque(robot), back, gears),
+        _row(f"backdriving force {way}", "N", UNPOWERED, partial(reach.backdriving, up)),
+        Metric("backdriving torque", "N m", reach.backdriving_torque, back, gears),
     ]
 
 
