@@ -6,7 +6,6 @@ from wbc.design.stored import (
     best_designs,
     pareto_front,
     parse_objective,
-    read_designs,
     run_study,
     sampled_designs,
 )
@@ -23,7 +22,6 @@ __all__ = [
     "pareto_front",
     "parse_objective",
     "parse_sweep",
-    "read_designs",
     "read_gearboxes",
     "run_study",
     "sampled_designs",

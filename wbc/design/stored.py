@@ -139,17 +139,6 @@ def run_study(
     return atomic_write(path, write)
 
 
-def read_designs(path: str | Path) -> dict[str, FloatArray]:
-    """Return the columns of a study's table.
-
-    Raises:
-        OSError: no such file.
-    """
-    _, pq = _pyarrow()
-    table = pq.read_table(path)
-    return {name: table[name].to_numpy() for name in table.column_names}
-
-
 def best_designs(path: str | Path, objectives: Sequence[Objective]) -> dict[str, FloatArray]:
     """Return the columns of the Pareto front of a study's table, best in the first objective first.
 

@@ -85,24 +85,6 @@ class WedgeBlock:
         drag = -self.friction * np.sin(self.slope) * abs(contact_force) * np.sign(wedge_speed)
         return np.array([-contact_force, cos(self.slope) * contact_force + drag])
 
-    def acceleration(self, mode: Direction, block_force: float, wedge_force: float) -> float:
-        """Return x_ddot [m/s^2] from (M + eta m/cos^2) x_ddot = f_x + eta f_u/cos.
-
-        The paper prints a minus in place of the plus on the right (docs/method/physics.md,
-        correction 2).
-
-        Args:
-            mode: FORWARD (eta = eta_f) or BACKWARD (eta = 1/eta_b).
-            block_force: f_x [N] along x on the block.
-            wedge_force: f_u [N] along u on the wedge.
-
-        Raises:
-            TransmissionError: BACKWARD on a self-locking wedge, or STUCK, which has no motion.
-        """
-        eta = self._efficiency(mode)
-        inertia = self.block_mass + eta * self.wedge_mass / cos(self.slope) ** 2
-        return (block_force + eta * wedge_force / cos(self.slope)) / inertia
-
     def impedance_mass(self, mode: Direction) -> float:
         """Return the mass [kg] in the impedance X(s) = mass * s seen by the force that drives.
 
@@ -111,7 +93,7 @@ class WedgeBlock:
         efficiencies).
 
         Raises:
-            TransmissionError: as for `acceleration`.
+            TransmissionError: BACKWARD on a self-locking wedge, or STUCK, which has no motion.
         """
         eta = self._efficiency(mode)
         wedge = self.wedge_mass / cos(self.slope) ** 2
