@@ -110,7 +110,7 @@ class ContactTask:
         mode = np.broadcast_to(np.asarray(directions, dtype=np.float64), robot.transmission.size)
         backward = gears["backward_efficiency"]
         locked = (mode < 0.0) & (backward <= 0.0)
-        driven = np.where(mode < 0.0, 1.0 / np.where(backward > 0.0, backward, 1.0), 1.0)
+        driven = np.where(mode < 0.0, ratio(1.0, backward, 0.0, 1.0), 1.0)
         eta = np.where(mode > 0.0, gears["forward_efficiency"], driven)
         speeds = np.zeros((robot.transmission.size, robot.model.nv))
         speeds[:, robot.actuated] = robot.transmission.motor_from_joint
@@ -229,3 +229,11 @@ def with_contact_at(robot: Robot, name: str) -> Robot:
     require_known(RobotError, f"contact or frame of '{robot.name}'", name, known)
     point = ContactPoint(name=name, frame=name, offset=np.zeros(3))
     return replace(robot, contacts=(*robot.contacts, point))
+
+
+def ratio(
+    above: FloatArray | float, below: FloatArray, least: FloatArray | float, otherwise: float
+) -> FloatArray:
+    """Return above / below where below > least, `otherwise` elsewhere."""
+    some = below > least
+    return np.asarray(np.where(some, above / np.where(some, below, 1.0), otherwise))

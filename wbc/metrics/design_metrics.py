@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.metrics.contact_task import ContactTask, designs_task
+from wbc.metrics.contact_task import ContactTask, designs_task, ratio
 from wbc.metrics.designs import Designs
 from wbc.metrics.force_capability import holding_torques, least_force, limits_of
 from wbc.transmission import Direction
@@ -107,26 +107,18 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
     blocked, least = task.blocked(), _LOCKED * along(free)
     forward = np.full(1, np.nan)
     if not task.designs.robot.floating_size:
-        forward = _ratio(1.0, along(task.forward_mobility()), 0.0, np.inf)
+        forward = ratio(1.0, along(task.forward_mobility()), 0.0, np.inf)
     regular = np.linalg.det(driven) > _LOCKED * np.abs(np.linalg.det(free))
     safe = np.where(regular[:, None, None], driven, np.eye(len(n)))
     factor = np.linalg.det(np.eye(len(n)) - np.linalg.solve(safe, blocked))
     return {
-        "inertia": _ratio(1.0, along(free), 0.0, np.inf),
-        "backward_inertia": _ratio(1.0, along(driven), least, np.inf),
+        "inertia": ratio(1.0, along(free), 0.0, np.inf),
+        "backward_inertia": ratio(1.0, along(driven), least, np.inf),
         "forward_inertia": forward,
-        "impact_mitigation": 1.0 - _ratio(along(blocked), along(driven), least, np.nan),
-        "impact_mitigation_lossless": 1.0 - _ratio(along(blocked), along(free), 0.0, np.nan),
+        "impact_mitigation": 1.0 - ratio(along(blocked), along(driven), least, np.nan),
+        "impact_mitigation_lossless": 1.0 - ratio(along(blocked), along(free), 0.0, np.nan),
         "impact_mitigation_determinant": np.where(regular, factor, np.nan),
     }
-
-
-def _ratio(
-    above: FloatArray | float, below: FloatArray, least: FloatArray | float, otherwise: float
-) -> FloatArray:
-    """Return above / below where below > least, `otherwise` elsewhere."""
-    moves = below > least
-    return np.asarray(np.where(moves, above / np.where(moves, below, 1.0), otherwise))
 
 
 def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
@@ -143,5 +135,5 @@ def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, F
         "backdriving_force": least_force(limits_of(unpowered, Direction.BACKWARD), lever),
         "holding_torque": np.sqrt(np.sum(least**2, axis=1)),
         "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
-        "heat_saved": 1.0 - _ratio(rest, spent, 0.0, 1.0),
+        "heat_saved": 1.0 - ratio(rest, spent, 0.0, 1.0),
     }

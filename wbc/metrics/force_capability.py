@@ -20,7 +20,7 @@ from scipy.spatial import HalfspaceIntersection
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task
+from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task, ratio
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -231,8 +231,7 @@ def limits_of(gears: Mapping[str, FloatArray], directions: ArrayLike) -> FloatAr
     mode = np.asarray(directions, dtype=np.float64)
     reach = gears["torque_limit"] - np.sign(mode) * gears["rotor_coulomb_friction"]
     motor = np.abs(gears["gear_ratio"]) * np.maximum(reach, 0.0)
-    backward = gears["backward_efficiency"]
-    held = np.where(backward > 0.0, motor / np.where(backward > 0.0, backward, 1.0), np.inf)
+    held = ratio(motor, gears["backward_efficiency"], 0.0, np.inf)
     lifted = gears["forward_efficiency"] * motor
     return np.asarray(np.where(mode > 0.0, lifted, np.where(mode < 0.0, held, motor)))
 
@@ -244,8 +243,7 @@ def least_force(limits: FloatArray, lever: FloatArray) -> FloatArray:
         limits: (k or 1, m) [N m].
         lever: torque per force (k or 1, m) [m], 0 where a gear bears none.
     """
-    ends = np.where(lever > 0.0, limits / np.where(lever > 0.0, lever, 1.0), np.inf)
-    return np.asarray(ends.min(axis=1))
+    return np.asarray(ratio(limits, lever, 0.0, np.inf).min(axis=1))
 
 
 def holding_torques(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task
+from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task, ratio
 from wbc.robot import Robot
 from wbc.transmission import Direction
 
@@ -242,9 +242,7 @@ def share_of_accelerations_forward(
 
 
 def _mass(n: FloatArray, acceleration: FloatArray) -> FloatArray:
-    along = np.sum(n.T * acceleration, axis=0)
-    moves = along > 0.0
-    return frozen(np.where(moves, 1.0 / np.where(moves, along, 1.0), np.inf))
+    return frozen(ratio(1.0, np.sum(n.T * acceleration, axis=0), 0.0, np.inf))
 
 
 def _directions(task: ContactTask, directions: ArrayLike | int) -> FloatArray:

@@ -13,6 +13,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, checked
 from wbc.errors import RobotError, require_known
 from wbc.files import load_table
+from wbc.robot.coordinates import unit_at
 from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.model_file import closed_loops, driven_joints, read_model
@@ -271,8 +272,7 @@ def _poses(robot: Robot, table: Any, place: str) -> Mapping[str, FloatArray]:
             if joint in _BASE:
                 q[_BASE.index(joint)] = number_in(value, "m", f"{at}: {joint}")
                 continue
-            model = robot.model.joints[robot.model.getJointId(joint)]
-            unit = "m" if model.shortname().startswith("JointModelP") else "rad"
+            unit = unit_at(robot, joint, "rad")
             q[robot.position_index(joint)] = number_in(value, unit, f"{at}: {joint}")
         poses[str(name)] = q
     return poses

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import TransmissionError
-from wbc.transmission.mesh import Direction
+from wbc.transmission.mesh import Direction, shares
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class CompoundPlanetaryGear:
 
     def forward_efficiency(self, basic_efficiency: ArrayLike) -> FloatArray:
         """Return eta_f (...) for the share e of power that passes the planet, in (0, 1]."""
-        e = self._checked(basic_efficiency)
+        e = shares(basic_efficiency, "basic efficiency")
         through = (1.0 + e * self.sun_ratio) / (1.0 - e * self.ring_ratio)
         return np.asarray(through / self.reduction)
 
@@ -152,12 +152,6 @@ class CompoundPlanetaryGear:
 
         At most zero is self-locking.
         """
-        e = self._checked(basic_efficiency)
+        e = shares(basic_efficiency, "basic efficiency")
         through = (1.0 - self.ring_ratio / e) / (1.0 + self.sun_ratio / e)
         return np.asarray(through * self.reduction)
-
-    def _checked(self, basic_efficiency: ArrayLike) -> FloatArray:
-        e = np.asarray(basic_efficiency, dtype=np.float64)
-        if not np.all((e > 0.0) & (e <= 1.0)):
-            raise TransmissionError(f"basic efficiency must lie in (0, 1], got {e.tolist()}.")
-        return e

@@ -40,10 +40,19 @@ def wedge_backward_efficiency(forward_efficiency: ArrayLike) -> FloatArray:
     Raises:
         TransmissionError: eta_f outside (0, 1].
     """
-    eta = np.asarray(forward_efficiency, dtype=np.float64)
+    return np.asarray(2.0 - 1.0 / shares(forward_efficiency, "forward efficiency"))
+
+
+def shares(values: ArrayLike, name: str) -> FloatArray:
+    """Return efficiencies (...) as an array.
+
+    Raises:
+        TransmissionError: one of them outside (0, 1].
+    """
+    eta = np.asarray(values, dtype=np.float64)
     if not np.all((eta > 0.0) & (eta <= 1.0)):
-        raise TransmissionError(f"forward efficiency must lie in (0, 1], got {eta.tolist()}.")
-    return np.asarray(2.0 - 1.0 / eta)
+        raise TransmissionError(f"{name} must lie in (0, 1], got {eta.tolist()}.")
+    return eta
 
 
 def mesh_input(

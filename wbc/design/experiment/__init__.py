@@ -16,7 +16,6 @@ from wbc.design.experiment.search import (
     CLASSIC,
     DESIGNED,
     RANDOM,
-    Aim,
     Designed,
     compare_motions,
     deciding,
@@ -28,14 +27,13 @@ from wbc.design.experiment.search import (
     shrinking,
     torque_misfit,
 )
-from wbc.design.experiment.tied import read_diagnosis, tied_causes, tied_rivals
+from wbc.design.experiment.tied import tied_causes, tied_rivals
 
 __all__ = [
     "BAND",
     "CLASSIC",
     "DESIGNED",
     "RANDOM",
-    "Aim",
     "Cause",
     "Designed",
     "FourierPath",
@@ -52,7 +50,6 @@ __all__ = [
     "parameter_names",
     "parse_cause",
     "random_paths",
-    "read_diagnosis",
     "require_predictable",
     "shrinking",
     "tied_causes",
