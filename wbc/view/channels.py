@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -172,35 +171,27 @@ def jump_rows(values: FloatArray, near: Sequence[int]) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-def pieces(size: int, jumps: Sequence[int]) -> list[slice]:
-    """Return the slices of `size` rows between jumps; a jump starts a new one."""
-    ends = [0, *(row for row in jumps if 0 < row < size), size]
-    return [slice(a, b) for a, b in pairwise(ends)]
-
-
 def window_mean(values: FloatArray, rows: int, jumps: Sequence[int] = ()) -> FloatArray:
     """Return the mean of `values` (N, ...) over `rows` rows around each, never across a jump.
 
     Towards an end or a jump the window shrinks on both sides, so that a ramp stays a ramp.
     """
-    result = np.empty(values.shape)
-    for piece in pieces(len(values), jumps):
-        size = piece.stop - piece.start
-        row = np.arange(size)
-        reach = np.minimum(rows // 2, np.minimum(row, size - 1 - row))
-        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values[piece], axis=0)])
-        width = (2 * reach + 1).reshape(-1, *(1,) * (values.ndim - 1))
-        result[piece] = (sums[row + reach + 1] - sums[row - reach]) / width
-    return result
+
+    def mean(piece: FloatArray) -> FloatArray:
+        row = np.arange(len(piece))
+        reach = np.minimum(rows // 2, np.minimum(row, row[::-1]))
+        sums = np.concatenate([np.zeros((1, *piece.shape[1:])), np.cumsum(piece, axis=0)])
+        width = (2 * reach + 1).reshape(-1, *(1,) * (piece.ndim - 1))
+        return np.asarray((sums[row + reach + 1] - sums[row - reach]) / width)
+
+    return np.concatenate([mean(piece) for piece in np.split(values, jumps)])
 
 
-def rate_of_change(values: FloatArray, time: FloatArray, jumps: Sequence[int] = ()) -> FloatArray:
+def rate_of_change(values: FloatArray, time: FloatArray, jumps: Sequence[int]) -> FloatArray:
     """Return d/dt of `values` (N, ...) between jumps; 0 in a piece of a single row."""
-    result = np.zeros(values.shape)
-    for piece in pieces(len(values), jumps):
-        if piece.stop - piece.start > 1:
-            result[piece] = np.gradient(values[piece], time[piece], axis=0)
-    return result
+    pieces = zip(np.split(values, jumps), np.split(time, jumps), strict=True)
+    rates = [np.gradient(v, t, axis=0) if len(t) > 1 else np.zeros_like(v) for v, t in pieces]
+    return np.concatenate(rates)
 
 
 STILL_SPEED = 0.02

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -41,8 +40,7 @@ def scene_size(robot: Robot, shapes: tuple[LinkShape, ...]) -> float:
     return max(span, 1e-3)
 
 
-@dataclass(frozen=True)
-class Hub:
+class Hub(NamedTuple):
     """The disc on a joint: from `low` to `high` along the joint's axis, with a radius [m]."""
 
     low: float
