@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, final, get_args
@@ -235,12 +235,13 @@ class YieldingGear(GearNumbers, ABC):
 
     friction_side: Side = field(default="either", kw_only=True)
 
-    has_play: ClassVar[bool]
+    has_play: ClassVar[bool] = False
 
     @classmethod
-    @abstractmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
-        """Return the gear of a joint with these flanks."""
+        """Return the gear of a joint with these flanks; a spring has no play."""
+        known = {**vars(flanks), "width": flanks.play}
+        return cls.at(where, {p.name: known[p.name] for p in cls.parameters})
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
@@ -285,13 +286,6 @@ class JointCompliance(YieldingGear):
         "frequency, and sags while the motor does not."
     )
 
-    has_play: ClassVar[bool] = False
-
-    @classmethod
-    def having(cls, where: str, flanks: Flanks) -> Self:
-        """Return the spring that these flanks are without play."""
-        return cls(where, flanks.stiffness, flanks.damping)
-
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether it gives and comes back: a gear that creeps writes down any slow drift."""
         return self.damping < _CREEPS * self.stiffness
@@ -333,11 +327,6 @@ class Backlash(YieldingGear):
     )
 
     has_play: ClassVar[bool] = True
-
-    @classmethod
-    def having(cls, where: str, flanks: Flanks) -> Self:
-        """Return the play between these flanks."""
-        return cls(where, flanks.play, flanks.stiffness, flanks.damping)
 
     def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
         """Whether there is play: flanks without it are a spring."""

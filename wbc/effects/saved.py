@@ -156,16 +156,11 @@ def save_robot(
     }
     if provenance:
         table["provenance"] = dict(provenance)
-    gears = robot.transmission
-    times = {
-        joint: {
-            key: {"value": float(getattr(gears, key)[k]), "unit": "s"}
-            for key in DRIVE_TIMES
-            if np.isfinite(getattr(gears, key)[k])
-        }
-        for k, joint in enumerate(gears.joints)
-    }
-    if stated := {joint: numbers for joint, numbers in times.items() if numbers}:
-        table["gears"] = stated
+    for key in DRIVE_TIMES:
+        times = getattr(robot.transmission, key).tolist()
+        for joint, time in zip(robot.transmission.joints, times, strict=True):
+            if np.isfinite(time):
+                gear = table.setdefault("gears", {}).setdefault(joint, {})
+                gear[key] = {"value": time, "unit": "s"}
     table["effects"] = effects
     return write_text(path, tomli_w.dumps(table))
