@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,23 +20,26 @@ from wbc.robot import Effect, Robot
 _MOST = 4  # causes: pairs grow with the square, and less likely rivals matter less
 
 
-def tied_causes(found: Mapping[str, Any] | str | Path, robot: Robot) -> tuple[Cause, ...]:
+def tied_causes(table: Mapping[str, Any], robot: Robot) -> tuple[Cause, ...]:
     """Return what a diagnosis found, and the rivals that explain its logs as well.
 
     Each with all its effects and the parameters that were fitted to the logs. Where nothing ties,
     the rival that came closest. Rivals whose torque no planned motion tells are left out.
 
     Args:
-        found: what `wbc diagnose --json` wrote, or the path of its file.
+        table: what `wbc diagnose --json` wrote.
         robot: the robot that was diagnosed.
 
     Raises:
-        DesignError: a file that cannot be read or holds no diagnosis, one that found nothing, or
-            no rival that a planned motion could tell from what was found.
+        DesignError: no diagnosis, one that found nothing, or no rival that a planned motion could
+            tell from what was found.
         EffectError: an effect or place that this robot does not have.
     """
-    table = found if isinstance(found, Mapping) else read_diagnosis(found)
-    own = tuple(_effect(e, robot) for e in _list(table, "effects"))
+    if not isinstance(table.get("effects"), list):
+        raise DesignError(
+            "--between: this JSON is no diagnosis; give what `wbc diagnose --json FILE` wrote."
+        )
+    own = tuple(_effect(entry, robot) for entry in table["effects"])
     if not own:
         raise DesignError(
             f"the diagnosis is '{table.get('verdict')}' and names no effect; there is nothing to "
@@ -120,15 +123,6 @@ def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
     effect = effect_class(name).at(where[0] if isinstance(where, list) else where, values)
     effect.check_place(robot)
     return effect
-
-
-def _list(table: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
-    entries = table.get(key)
-    if not isinstance(entries, list):
-        raise DesignError(
-            "--between: this JSON is no diagnosis; give what `wbc diagnose --json FILE` wrote."
-        )
-    return entries
 
 
 def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
