@@ -246,11 +246,11 @@ def is_step(dt: object) -> bool:
     return is_real(dt) and 0.0 < dt <= LONGEST
 
 
-def check_step(dt: object) -> None:
-    """Raise TickInputError where a time step [s] cannot be one."""
+def check_step(dt: object, told: str = "dt") -> None:
+    """Raise TickInputError where a time step [s] cannot be one; `told` is what it is called."""
     if not is_step(dt):
         raise TickInputError(
-            f"dt must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
+            f"{told} must be a number > 0 s and <= {LONGEST:g} s, got {dt!r:.40}; 1 ms is 0.001."
         )
 
 

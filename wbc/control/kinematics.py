@@ -206,20 +206,14 @@ class StateRows(NamedTuple):
     other: str = ""
 
 
-def rows_of(
-    model: pin.Model,
-    wanted: Sequence[StateRows],
-    first: Sequence[int],
-    jacobian: FloatArray,
-    drift: FloatArray,
-) -> Any:
+def rows_of(model: pin.Model, wanted: Sequence[StateRows], first: Sequence[int], size: int) -> Any:
     """Return the ROWS that evaluate many `StateRows` in one call.
 
     Args:
         model: of the `Kinematics` that is read, with all frames.
         wanted: what to evaluate.
         first: row at which each begins.
-        jacobian, drift: results (k, nv) and (k,); columns that never move stay zero.
+        size: how many rows there are; columns of J that never move stay zero.
     """
     plan = np.zeros((len(wanted), 7), dtype=np.int_)
     offsets = np.zeros((len(wanted), 27))
@@ -230,12 +224,10 @@ def rows_of(
         plan[i] = entry.kind, joint, start, begin, len(range(begin, end, step)), step, other
         offsets[i, 12:15] = entry.arm
     return ROWS.of(
+        {"e": len(wanted), "k": size, "v": model.nv},
         plan=plan,
         offsets=frozen(offsets),
         used=np.ones(len(wanted), dtype=np.int_),
-        places=np.zeros((len(wanted), 12)),
-        jacobian=jacobian,
-        drift=drift,
     )
 
 

@@ -13,14 +13,14 @@ from wbc.structures import Structure, numbered
 TASKS = Structure(
     "Tasks",
     rows=RowsMemory,
-    targets=Dense,
+    targets=(Dense, "e", 12),
     chosen=Places,
     positions=Places,
-    goals=Row,
-    gains=Dense,
-    limits=Row,
-    weights=Row,
-    parts=OutDense,
+    goals=(Row, "c"),
+    gains=(Dense, 5, "k"),
+    limits=(Row, "k"),
+    weights=(Row, "k"),
+    parts=(OutDense, 5, "k"),
     wanted=(OutRow, "k"),
     diagonal=(Row, "v"),
     pull=(OutRow, "v"),
@@ -34,7 +34,7 @@ rows also the summed weights (nv,) and, as a result, the weighted pull (nv,).
 """
 TasksMemory = Annotated[Any, TASKS.kind]
 
-CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=OutRow, corners=Dense)
+CONTACTS = Structure("Contacts", rows=RowsMemory, damping=Row, target=(OutRow, "k"), corners=Dense)
 """The contacts that are active: rows J qdd = target (k,), with damping (k,) [1/s].
 
 corners (c, 4): number of the entry of the rows, and a point of its frame [m] on which it rests.

@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from wbc.arrays import FloatArray, require_ranges
-from wbc.control.inputs import State, TickInputError, check_step
+from wbc.control.inputs import State, check_step
 from wbc.control.qp.solvers import SOLVERS, WarmStart
 from wbc.errors import ControlError, require_known
 
@@ -180,12 +180,9 @@ class ControllerSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        try:
-            check_step(self.time_step)
-        except TickInputError as cause:
-            raise ControlError(f"setting time_step: {cause}") from cause
+        check_step(self.time_step, "setting time_step")
         require_known(ControlError, "QP solver", self.solver, SOLVERS)
         ranges = dict.fromkeys(("tolerance", "max_iterations", "acceleration_weight"), "> 0")
-        ranges |= dict.fromkeys(("force_weight", "contact_ramp"), ">= 0 and < inf")
+        ranges |= {"force_weight": "> 0 and < inf", "contact_ramp": ">= 0 s and < inf"}
         ranges |= {"rest_margin": ">= 0 and <= 0.5", "deadline": "> 0 s"}
         require_ranges(self, "setting ", ControlError, **ranges)

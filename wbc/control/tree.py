@@ -81,9 +81,9 @@ ROWS = Structure(
     plan=Table,
     offsets=Dense,
     used=Places,
-    places=OutDense,
-    jacobian=OutDense,
-    drift=OutRow,
+    places=(OutDense, "e", 12),
+    jacobian=(OutDense, "k", "v"),
+    drift=(OutRow, "k"),
 )
 """Rows of entries e: J (k, nv) and dJ/dt v (k,).
 

@@ -214,9 +214,7 @@ class Level:
         self._solver, self._tolerance = settings.solver, settings.tolerance
         self._most, self._limits = settings.max_iterations, program.joint.start < program.bounds
         self._gives = self._limits and rank == 0
-        # a program whose diagonal has zeros is none for the small system
-        self._regular = settings.force_weight > 0.0
-        self._may_guess = settings.warm_start is WarmStart.ACTIVE_SET and self._regular
+        self._may_guess = settings.warm_start is WarmStart.ACTIVE_SET
         self._least = 10.0 * settings.tolerance  # push from which a bound binds
         self._passing: FloatArray | None = None  # x (n,) of the level above
         m = program.recipe.drivetrain.size
@@ -398,7 +396,7 @@ class Level:
         self.rounds += 1
         if self._may_guess and keep_hopeful(solver):
             found = self._guessed(FEW)
-        if found is NOTHING and (self._solver == "proxqp" or not self._may_guess):
+        if found is NOTHING and self._solver == "proxqp":
             self.iterations += _PROGRAM
             most, problem = max(self._most - self.iterations - _GUESS, 1), self.program.dense()
             found = solve(self._solver, problem, tolerance=self._tolerance, most=most)
@@ -456,8 +454,6 @@ class Level:
         3 rad/s of noise.
         """
         solver = self.program.memory.solver
-        if not self._regular:  # then the small system is none
-            return found
         pushes, wanted = np.abs(found.z) > self._least, self.program.wanted
         solver.taken[:] = np.where(pushes, np.sign(found.z), wanted)
         exact = self._guessed(min((self._most - self.iterations) // _STEP, steps))

@@ -77,10 +77,14 @@ class Recipe:
         return not alone or self.collision is not None
 
     @property
+    def weight(self) -> float:
+        """The robot's weight [N]."""
+        return self.kinematics.mass * self.kinematics.gravity
+
+    @property
     def load(self) -> float:
-        """The robot's weight [N], by which forces are measured; 1 kN where nothing weighs."""
-        weight = self.kinematics.mass * self.kinematics.gravity
-        return weight if weight > 0.0 else 1e3
+        """What forces are measured by [N]: the weight, 1 kN where nothing weighs."""
+        return self.weight if self.weight > 0.0 else 1e3
 
 
 @inner
@@ -208,7 +212,6 @@ class Program:
         last = rank == len(recipe.stacks) - 1
         self.contacts, self.stack, self.recipe = contacts, recipe.stacks[rank], recipe
         self.nv, self.n = robot.model.nv, robot.model.nv + contacts.rows
-        weight = recipe.kinematics.mass * recipe.kinematics.gravity
         self.force_scale = 0.1 * recipe.load
         self.gears = drivetrain.limited
         self._efforts = recipe.efforts if last else recipe.efforts[:0]
@@ -225,9 +228,6 @@ class Program:
         starts = [self.at[PART.by_gear].start + m * row for row in range(len(GEAR))]
         self.rows = [slice(start, start + m) for start in starts]
         self._lay_out_rows(cost, most, rank, ends)
-        solver, shared = self.memory.solver, weight * contacts.load_share / self.force_scale
-        solver.diagonal[self.nv :] = recipe.settings.force_weight
-        solver.pull[self.nv :] = recipe.settings.force_weight * shared
         self._ceilings: Mapping[str, float] | None = None
         room = max(most + self.n, self.bounds, above)
         sizes = {"a": above, "n": self.n, "k": room, "r": self.bounds}
@@ -255,19 +255,21 @@ class Program:
         """Make all memory, for `cost` soft rows and `most` hard ones, and parts of a block."""
         recipe, n, nv, contacts = self.recipe, self.n, self.nv, self.contacts
         size, bounds, m = cost + most + n, self.bounds, recipe.drivetrain.size
-        diagonal = np.full(n, recipe.settings.acceleration_weight)
-        C, self.wanted = np.zeros((bounds, n)), np.zeros(bounds, dtype=np.int_)
-        lower, upper = np.full(bounds, -INFINITE), np.full(bounds, INFINITE)
-        C[self.cone, nv:], C[self.normal, nv:] = contacts.cone, contacts.normals
-        upper[self.cone] = 0.0
-        C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
-        stated = (lower, upper) if rank == 0 else (lower.copy(), upper.copy())
-        sizes = {"k": size, "n": n, "r": bounds}
-        mass, settings = recipe.kinematics.mass, recipe.settings
+        settings, self.wanted = recipe.settings, np.zeros(bounds, dtype=np.int_)
         tolerance, regular = settings.tolerance, settings.acceleration_weight
-        limits = {"lower": lower, "upper": upper, "tolerance": np.array([tolerance])}
-        solver = SOLVER.of(sizes, diagonal=diagonal, C=C, **limits)
+        sizes = {"k": size, "n": n, "r": bounds}
+        solver = SOLVER.of(sizes, tolerance=np.array([tolerance]))
+        shared = contacts.load_share * recipe.weight / self.force_scale
+        solver.diagonal[:nv], solver.diagonal[nv:] = regular, settings.force_weight
+        solver.pull[nv:] = settings.force_weight * shared
+        solver.C[self.cone, nv:], solver.C[self.normal, nv:] = contacts.cone, contacts.normals
+        solver.C[np.arange(self.joint.start, self.joint.stop), recipe.joint_limit.rows] = 1.0
+        solver.lower[:], solver.upper[:], solver.upper[self.cone] = -INFINITE, INFINITE, 0.0
+        stated = solver.lower, solver.upper
+        if rank > 0:
+            stated = solver.lower.copy(), solver.upper.copy()
         greatest, reach = tolerance / np.finfo(np.float64).eps, _REACH * tolerance
+        numbers = [recipe.kinematics.mass, self.force_scale, regular, greatest, reach]
         self.memory: Any = PROGRAM.of(
             {"m": m, "n": n, "v": nv, "q": recipe.robot.model.nq},
             tree=recipe.kinematics.tree,
@@ -280,7 +282,7 @@ class Program:
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             joint=self.joint.start,
             ends=parts,
-            numbers=np.array([mass, self.force_scale, regular, greatest, reach]),
+            numbers=np.array(numbers),
             efforts=self._efforts,
             effort_kinds=recipe.effort_kinds,
             stated_lower=stated[0],

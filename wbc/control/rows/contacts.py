@@ -349,9 +349,9 @@ class ContactSet:
         ]
         level = all(len(contact.corners) for contact in contacts)
         self.memory: Any = CONTACTS.of(
-            rows=rows_of(model, chosen, ends[:-1], np.zeros((k, model.nv)), np.zeros(k)),
+            {"k": k},
+            rows=rows_of(model, chosen, ends[:-1], k),
             damping=np.repeat([c.contact.damping for c in contacts], np.diff(ends)),
-            target=np.zeros(k),
             corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
         )
         self.cone = np.zeros((sum(len(contact.cone) for contact in contacts), k))

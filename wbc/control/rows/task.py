@@ -175,8 +175,7 @@ class StateTask(Task):
     def evaluated(self, kinematics: Kinematics) -> Any:
         """Return the ROWS of this task alone at the present state."""
         size = len(range(*self.rows().indices(6)))
-        found = np.zeros((size, len(kinematics.velocity))), np.zeros(size)
-        rows = rows_of(kinematics.model, [self.state_rows], [0], *found)
+        rows = rows_of(kinematics.model, [self.state_rows], [0], size)
         fill_state_rows(kinematics.tree, rows, kinematics.mass)
         return rows
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -10,7 +11,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target, TickInputError
-from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.kinematics import Kinematics, rows_of
 from wbc.control.memory import TASKS
 from wbc.control.rows.motions import PostureTask
 from wbc.control.rows.task import StateTask, Task, vector_target
@@ -57,7 +58,6 @@ class TaskStack:
     remembered, by task: they come back where a tick was not.
 
     Attributes:
-        tasks: of one level.
         memory: the TASKS.
     """
 
@@ -69,52 +69,35 @@ class TaskStack:
             tasks: of one level.
             model: of the `Kinematics` that is read.
         """
-        self.tasks = tuple(tasks)
-        nv = robot.model.nv
-        sizes = {task.name: task.check(robot) for task in self.tasks}
-        selecting = [task for task in self.tasks if isinstance(task, PostureTask)]
-        rowed = [task for task in self.tasks if task not in selecting]
-        total = sum(sizes[task.name] for task in rowed)
-        whole = sum(sizes.values())
-        self._jacobian, self._drift = np.zeros((total, nv)), np.zeros(total)
-        # what `_PARTS` names, and what each counts for
-        self._parts, gains = np.zeros((5, whole)), np.zeros((5, whole))
-        limits = np.full(whole, np.inf)
-        # a placement for every row of the table, or more, and what selecting tasks aim at
-        places, goals = np.zeros((len(self.tasks), 12)), np.zeros(whole - total)
-        gravity = float(np.linalg.norm(robot.model.gravity.linear))
-        self._entries: list[_Entry] = []
-        table: list[StateRows] = []
-        firsts: list[int] = []
-        start = 0
-        for task in [*rowed, *selecting]:
-            rows = slice(start, start + sizes[task.name])
-            start = rows.stop
-            limits[rows] = task.acceleration_limit
-            gains[2, rows] = -1.0
-            gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
-            number, place, slot = -1, None, None
-            if isinstance(task, StateTask):
-                number, place = len(table), places[len(table)]
-                table.append(task.state_rows)
-                firsts.append(rows.start)
-                slot = task.slot(place) if type(task).pack is StateTask.pack else None
-            elif rows.start >= total:
-                slot = goals[rows.start - total : rows.stop - total]
-            self._entries.append(_Entry(task, sizes[task.name], rows, number, place, slot))
+        selecting = [task for task in tasks if isinstance(task, PostureTask)]
+        ordered = [*[task for task in tasks if task not in selecting], *selecting]
+        ends = np.cumsum([0, *[task.check(robot) for task in ordered]]).tolist()
+        placed = list(zip(ordered, (slice(a, b) for a, b in pairwise(ends)), strict=True))
+        known = [(task, rows) for task, rows in placed if isinstance(task, StateTask)]
+        total = ends[len(ordered) - len(selecting)]
+        table = [task.state_rows for task, _ in known], [rows.start for _, rows in known]
         none = np.zeros(0, np.int_)
         self.memory: Any = TASKS.of(
-            {"k": whole, "v": nv},
-            rows=rows_of(model, table, firsts, self._jacobian, self._drift),
-            targets=places,
+            {"k": ends[-1], "v": robot.model.nv, "c": ends[-1] - total, "e": len(known)},
+            rows=rows_of(model, *table, total),
             chosen=np.concatenate([none, *[task.velocities for task in selecting]]),
             positions=np.concatenate([none, *[task.positions for task in selecting]]),
-            goals=goals,
-            gains=gains,
-            limits=limits,
-            weights=np.zeros(whole),
-            parts=self._parts,
         )
+        memory, gravity = self.memory, float(np.linalg.norm(robot.model.gravity.linear))
+        self._jacobian, self._drift = memory.rows.jacobian, memory.rows.drift
+        self._parts, places = memory.parts, enumerate(memory.targets)
+        self._entries: list[_Entry] = []
+        for task, rows in placed:
+            memory.limits[rows], memory.gains[2, rows] = task.acceleration_limit, -1.0
+            memory.gains[[0, 1, 3, 4], rows] = np.array(task.gains(gravity))[:, None]
+            number, place, slot = -1, None, None
+            if isinstance(task, StateTask):
+                number, place = next(places)
+                slot = task.slot(place) if type(task).pack is StateTask.pack else None
+            elif rows.start >= total:
+                slot = memory.goals[rows.start - total : rows.stop - total]
+            size = rows.stop - rows.start
+            self._entries.append(_Entry(task, size, rows, number, place, slot))
         self._by_name = {entry.task.name: entry for entry in self._entries}
         self._shares: tuple[dict[str, float], dict[str, float]] | None = None
         self._moves, self._active = True, dict[str, _Entry]()
