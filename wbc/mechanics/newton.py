@@ -15,8 +15,8 @@ import numpy as np
 
 from wbc.compiled import Dense, OutRow, Row, compiled, inner
 from wbc.mechanics.linear import add_all, add_times, copy_to, dot, rest_of_way
-from wbc.mechanics.rows import RowSystem, copied, tangents_at
-from wbc.mechanics.tangents import Room, follow_tangents, room_for, same_tangents, solve_tangents
+from wbc.mechanics.rows import Room, RowSystem, copied, room_for, tangents_at
+from wbc.mechanics.tangents import follow_tangents, same_tangents, solve_tangents
 
 NEWTON, PROXIMAL, RANGES, PASSIVE, UNSOLVED, SEVERAL = range(6)
 """What found a solution, that only a passive end was found, nothing, or several; for RANGES and
@@ -74,7 +74,7 @@ def look_at(
 ) -> tuple[float, bool]:
     """Write the speeds and tangents at row impulses (r,); return what `tangents_at` does."""
     speeds_at(system, impulse, room.line, speed)
-    return tangents_at(system, hold, impulse, speed, room.aim, room.rise, room.off)
+    return tangents_at(system, hold, impulse, speed, room)
 
 
 @compiled

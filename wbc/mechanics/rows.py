@@ -38,7 +38,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, compiled, inner, local
 from wbc.mechanics.linear import dot, halfway
 
 
@@ -213,17 +213,46 @@ def element_meets(law: Row, own: float, about: float, speed: float) -> tuple[flo
     return pull + share * missing, share * kept
 
 
+class Room(NamedTuple):
+    """Memory for tangents.
+
+    Attributes:
+        aim: (r,) impulses of the tangents at the speeds of their point.
+        off, turning: (r,) residuals there, and how speeds change.
+        rise: (r, 3) by which the impulses fall per speed of the row itself, or of the contact's
+            normal, and of the contact's two tangents.
+        known: (r, 3) rise of those that `lower` is of.
+        total, lower: (n, n) the system's matrix, and its factors.
+        pivots: (n,) of the latter.
+        change, line: (n,) of x, and memory.
+    """
+
+    aim: OutRow
+    off: OutRow
+    turning: OutRow
+    rise: OutDense
+    known: OutDense
+    total: OutDense
+    lower: OutDense
+    pivots: OutPlaces
+    change: OutRow
+    line: OutRow
+
+
+@compiled(inside=True)
+def room_for(system: RowSystem) -> Room:
+    """Return memory for the tangents of a system."""
+    size, n = system.ways.shape
+    return Room(
+        np.empty(size), np.empty(size), np.empty(size), np.empty((size, 3)),
+        np.full((size, 3), np.nan), np.empty((n, n)), np.empty((n, n)),
+        np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
+    )  # fmt: skip
+
+
 @inner
 def friction_tangent(
-    system: RowSystem,
-    hold: float,
-    contact: int,
-    push: float,
-    impulse: Row,
-    speed: Row,
-    aim: OutRow,
-    rise: OutDense,
-    off: OutRow,
+    system: RowSystem, hold: float, contact: int, push: float, impulse: Row, speed: Row, room: Room
 ) -> bool:
     """Write the tangent of a contact's friction; return whether it falls with the normal speed.
 
@@ -231,11 +260,12 @@ def friction_tangent(
     slip. The piece is linear in p_n.
 
     Args:
-        system, hold, impulse, speed, aim, rise, off: see `tangents_at`.
+        system, hold, impulse, speed, room: see `tangents_at`.
         contact: its number.
         push: normal impulse of the point where the line meets the law.
     """
     d, contacts, slope = system.tangents, len(system.frictions), system.slope
+    aim, rise, off = room.aim, room.rise, room.off
     first, mu = len(aim) - (contacts - contact) * d, system.frictions[contact]
     row, bound = len(aim) - contacts * (1 + d) + contact, mu * max(push, 0.0)
     wish, along = local(2), 0.0
@@ -274,13 +304,7 @@ def friction_tangent(
 
 @inner
 def tangents_at(
-    system: RowSystem,
-    hold: float,
-    impulse: Row,
-    speed: Row,
-    aim: OutRow,
-    rise: OutDense,
-    off: OutRow,
+    system: RowSystem, hold: float, impulse: Row, speed: Row, room: Room
 ) -> tuple[float, bool]:
     """Write the tangents of the laws where the lines of `slope` through (speed, impulse) meet them.
 
@@ -289,17 +313,14 @@ def tangents_at(
         hold: compliance of rows that hold, as a share of their own.
         impulse: (r,).
         speed: (r,).
-        aim: (r,) impulses of the tangents at these speeds, to write.
-        rise: (r, 3) to write: by which they fall per speed of the row itself, or of the contact's
-            normal, and of the contact's two tangents.
-        off: (r,) residuals, to write.
+        room: whose aim, rise and residuals are written.
 
     Returns:
         the largest residual, infinite where one is no number, and whether the rise is one-sided:
         where a point slides, its friction falls with the normal's speed, and not the reverse.
     """
     targets, contacts, one_sided = system.targets, len(system.frictions), False
-    m, count = len(system.laws), len(targets)
+    m, count, aim, rise, off = len(system.laws), len(targets), room.aim, room.rise, room.off
     rise[:] = 0.0
     for i in range(m):
         own = 1.0 / system.slope[i]
@@ -316,10 +337,9 @@ def tangents_at(
         else:
             off[i], aim[i] = -impulse[i] / system.slope[i], 0.0
         contact = i - m - count + contacts
-        if contact >= 0 and friction_tangent(
-            system, hold, contact, push, impulse, speed, aim, rise, off
-        ):
-            one_sided = True
+        if contact >= 0:
+            falls = friction_tangent(system, hold, contact, push, impulse, speed, room)
+            one_sided = one_sided or falls
     worst = 0.0
     for i in range(len(off)):
         if not abs(off[i]) <= worst:

@@ -10,11 +10,9 @@ matrix zero, and elimination from the leaves to the root keeps it so.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutPlaces, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, OutDense, OutRow, Row, inner
 from wbc.mechanics.linear import (
     add_times,
     copy_to,
@@ -24,41 +22,7 @@ from wbc.mechanics.linear import (
     solve_factored,
     solve_inertia,
 )
-from wbc.mechanics.rows import RowSystem
-
-
-class Room(NamedTuple):
-    """Memory for tangents.
-
-    Attributes:
-        aim, off, turning: (r,) see `tangents_at`, and how speeds change.
-        rise, known: (r, 3) of the tangents, and of those that `lower` is of.
-        total, lower: (n, n) the system's matrix, and its factors.
-        pivots: (n,) of the latter.
-        change, line: (n,) of x, and memory.
-    """
-
-    aim: OutRow
-    off: OutRow
-    turning: OutRow
-    rise: OutDense
-    known: OutDense
-    total: OutDense
-    lower: OutDense
-    pivots: OutPlaces
-    change: OutRow
-    line: OutRow
-
-
-@compiled(inside=True)
-def room_for(system: RowSystem) -> Room:
-    """Return memory for the tangents of a system."""
-    size, n = system.ways.shape
-    return Room(
-        np.empty(size), np.empty(size), np.empty(size), np.empty((size, 3)),
-        np.full((size, 3), np.nan), np.empty((n, n)), np.empty((n, n)),
-        np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
-    )  # fmt: skip
+from wbc.mechanics.rows import Room, RowSystem
 
 
 @inner

@@ -40,15 +40,20 @@ _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
 class Rounds(NamedTuple):
-    """Memory for flanks in rounds: each (m, 5), turns (m, 3); empty where no gear is loose.
+    """Memory for rounds; of flanks each (m, 5), turns (m, 3), empty where no gear is loose.
 
     Attributes:
+        impulse, speed: (r,) where the round ends.
+        end: (m,) relative speeds of the motor outputs there.
         near: that the round takes.
         passed: where it ends.
         safe: where the last round with the steepest slopes ended.
         turns: RELEASED to TAKEN.
     """
 
+    impulse: OutRow
+    speed: OutRow
+    end: OutRow
     near: OutDense
     passed: OutDense
     safe: OutDense
@@ -110,14 +115,7 @@ def lean_on_flanks(
 
 @inner
 def misses_flanks(
-    plant: Opened,
-    rows: PartRows,
-    system: RowSystem,
-    turn: int,
-    impulse: Row,
-    speed: Row,
-    rounds: Rounds,
-    end: OutRow,
+    plant: Opened, rows: PartRows, system: RowSystem, turn: int, rounds: Rounds
 ) -> float:
     """Prepare the next round; return the greatest change of speed of a flank that is not met.
 
@@ -126,19 +124,18 @@ def misses_flanks(
         rows: of the part.
         system: with the laws that the round took.
         turn: number of the round.
-        impulse, speed: (r,) where it ends.
         rounds: to change.
-        end: relative speeds (m,) of the motor outputs to write.
 
     Returns:
         zero where all are met.
     """
     gears, near, passed, turns = plant.gears, rounds.near, rounds.passed, rounds.turns
-    missed, safely = 0.0, is_safe(turn)
+    impulse, speed, missed, safely = rounds.impulse, rounds.speed, 0.0, is_safe(turn)
     for i in range(len(near)):
         if gears.yields[i]:
-            end[i] = own_speed(system.laws[i], system.slope[i], impulse[i], speed[i]) - speed[i]
-    take_hold(plant, rows.relative, rows.step, end, passed)
+            own = own_speed(system.laws[i], system.slope[i], impulse[i], speed[i])
+            rounds.end[i] = own - speed[i]
+    take_hold(plant, rows.relative, rows.step, rounds.end, passed)
     for i in range(len(near)):
         if not gears.yields[i]:
             continue

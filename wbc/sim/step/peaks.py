@@ -85,7 +85,7 @@ def spacing_of(field: Row) -> float:
 
 @inner
 def may_touch(
-    at: Row, bend: float, size: float, x: float, y: float, reach: float, under: Dense, tube: Row
+    at: Row, bend: float, size: float, x: float, y: float, under: Dense, tube: Row
 ) -> bool:
     """Return whether a body may be lowest, and near, within a distance of a place of a field.
 
@@ -94,7 +94,6 @@ def may_touch(
         bend: largest curvature about it [1/m].
         size: the distance [m], level.
         x, y: of the place.
-        reach: [m] up to which the body is near.
         under: (n, 4) faces of a hull, see `go_under`; none for a round body.
         tube: (7,) both ends and radius of a round body; not read for a hull.
     """
@@ -104,7 +103,7 @@ def may_touch(
         spot[0], spot[1], spot[2] = x, y, at[0]
         to_segment(tube[:3], tube[3:6], spot, near)
         steepest, deep = steep + bend * size, at[0] - near[2]
-        if apart(spot, near) > (tube[6] + reach + size * sqrt(1.0 + steepest * steepest)) ** 2:
+        if apart(spot, near) > (tube[6] + AHEAD + size * sqrt(1.0 + steepest * steepest)) ** 2:
             return False
         off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
         turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
@@ -117,19 +116,12 @@ def may_touch(
         level = level or own <= (bend * size) ** 2
         if height > highest:
             highest, slope = height, own
-    return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < reach * (1.0 + steep)
+    return level and highest - size * (sqrt(slope) + 0.5 * bend * size) < AHEAD * (1.0 + steep)
 
 
 @compiled(inside=True)
 def starts_of(
-    field: Row,
-    low: Row,
-    high: Row,
-    fine: float,
-    reach: float,
-    under: Dense,
-    tube: Row,
-    places: OutDense,
+    field: Row, low: Row, high: Row, fine: float, under: Dense, tube: Row, places: OutDense
 ) -> int:
     """Write places (n, 2) near which a body may be lowest over a field; return how many.
 
@@ -137,7 +129,7 @@ def starts_of(
         field: see `wbc.sim.step.field`.
         low, high: (3,) of the body, world.
         fine: [m] half the width of a place that is cut no more.
-        reach, under, tube: see `may_touch`.
+        under, tube: see `may_touch`.
         places: to write.
     """
     a, b, count, at, left = int(field[1]), int(field[2]), 0, local(6), local(96)
@@ -152,7 +144,7 @@ def starts_of(
             x, y, bend, long = field[3 + i] + wide, field[3 + a + j], field[cell + 3], 0.5 * long
             y, size = y + long, sqrt(wide * wide + long * long)
             copy_to(field[cell : cell + 3], at)
-            if may_touch(at, bend, size, x, y, reach, under, tube):
+            if may_touch(at, bend, size, x, y, under, tube):
                 left[0], left[1], left[2], depth = x, y, 1.0, 1
             while depth > 0:
                 depth -= 1
@@ -169,7 +161,7 @@ def starts_of(
                     if beside or low[1] > v + share * long or high[1] < v - share * long:
                         continue
                     surface_at(field, u, v, at)
-                    if may_touch(at, bend, share * size, u, v, reach, under, tube):
+                    if may_touch(at, bend, share * size, u, v, under, tube):
                         left[3 * depth], left[3 * depth + 1] = u, v
                         left[3 * depth + 2], depth = share, depth + 1
     return count
@@ -192,13 +184,13 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     place, at, spot, normal, low, high = (
         local(3), local(6), local(3), local(3), local(3), local(3)
     )  # fmt: skip
-    ahead, fine, tube = AHEAD, min(spacing_of(field), radius), local(7)
-    reach, tube[6] = radius + ahead, radius
+    fine, tube, reach = min(spacing_of(field), radius), local(7), radius + AHEAD
+    tube[6] = radius
     for k in range(3):
         tube[k], tube[3 + k] = start[k], end[k]
         low[k], high[k] = min(start[k], end[k]) - reach, max(start[k], end[k]) + reach
     places, none = np.empty((_STARTS, 2)), np.empty((0, 4))
-    count = starts_of(field, low, high, _PART * fine, ahead, none, tube, places)
+    count = starts_of(field, low, high, _PART * fine, none, tube, places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
         if not go_nearest(field, start, end, reach + fine, 0.5 * fine, place, at):
@@ -209,7 +201,7 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
         go_along(start, end, share, spot)
         gap += dot(spot, normal) - dot(place, normal)
         add_times(-radius, normal, spot)
-        if -radius < gap < ahead:
+        if -radius < gap < AHEAD:
             offer(field, touch, 0, gap, normal, spot)
 
 
@@ -267,7 +259,6 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
     hull, a, b = bodies.hulls[which], int(field[1]), int(field[2])
     way, spot, at, normal, spacing = local(3), local(3), local(6), local(3), spacing_of(field)
     bend, deepest = field[3 + a + b + 4 * a * b], -0.5 * bodies.shapes[which, 5]
-    reach = AHEAD
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
         start = points[hull[8] + first]
@@ -276,7 +267,7 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
         square = dot(way, way)
         level = way[0] * way[0] + way[1] * way[1]
         least = min(touches[known + first, 0], touches[known + last, 0])
-        if least > reach + 0.125 * bend * level:
+        if least > AHEAD + 0.125 * bend * level:
             continue
         part, came, share, before = _PART * spacing / sqrt(square), 0.0, 0.0, 0.0
         while True:
@@ -292,11 +283,11 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
                 corner = is_same(field, touches[known + first], spot)
                 corner = corner or is_same(field, touches[known + last], spot)
                 bulges = 0.125 * rise * spacing**2 > _BULGE * square
-                if deepest <= gap < reach and bulges and not corner:
+                if deepest <= gap < AHEAD and bulges and not corner:
                     offer(field, touch, 1 + e, gap, normal, spot)
             if share >= 1.0:
                 break
-            beyond = start[2] + share * way[2] - at[0] - reach * (1.0 + abs(at[1]) + abs(at[2]))
+            beyond = start[2] + share * way[2] - at[0] - AHEAD * (1.0 + abs(at[1]) + abs(at[2]))
             step = max(steady_share(slope, beyond, bend * level), part)
             came, before, share = share, slope, min(share + step, 1.0)
 
@@ -369,8 +360,8 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
             planes[up, 3] = out
     if down == 0:
         return
-    places, reach, under = np.empty((_STARTS, 2)), AHEAD, planes[:down]
-    count = starts_of(field, low, high, _PART * spacing, reach, under, local(7), places)
+    places, under = np.empty((_STARTS, 2)), planes[:down]
+    count = starts_of(field, low, high, _PART * spacing, under, local(7), places)
     for i in range(count):
         place[0], place[1] = places[i, 0], places[i, 1]
         if not go_under(under, field, spacing, place, at):
@@ -384,7 +375,7 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
             within = within and beside <= plane[3] + _INSIDE
         way_out(at, normal)
         gap = (place[2] - at[0]) * normal[2]
-        if within and deepest <= gap < reach:
+        if within and deepest <= gap < AHEAD:
             offer(field, touch, 0, gap, normal, place)
 
 
@@ -402,18 +393,18 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
             touch[i] = 0.0
             touch[i, 0], touch[i, 3] = FAR, 1.0
     known, least = solid * len(obstacles.contacts) + hull[8], np.inf
-    radius, reach = bodies.shapes[which, 4], AHEAD
+    radius = bodies.shapes[which, 4]
     for i in range(hull[3]):
         point, one = obstacles.points[hull[8] + i], obstacles.touch[known + i]
         if some:
-            one[0] = field_gap(field, point, radius + reach, one[1:4]) - radius
+            one[0] = field_gap(field, point, radius + AHEAD, one[1:4]) - radius
             for k in range(3):
                 one[4 + k] = point[k] - radius * one[1 + k]
         least = min(least, one[0])
         if radius > 0.0:
             one[0] = FAR
     a, b, around = int(field[1]), int(field[2]), bodies.shapes[which, 3]
-    if least > reach + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
+    if least > AHEAD + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
         return
     if radius > 0.0:
         meet_round(plant, which, field, touch)

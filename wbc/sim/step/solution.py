@@ -181,7 +181,8 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
     tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system
     impulse, row_speed, after, last_x = np.zeros(size), np.empty(size), np.empty(n), np.empty(n)
     room, end = np.zeros((3, m if loose else 0, 5)), np.zeros(m)
-    rounds = Rounds(room[0], room[1], room[2], np.zeros((room.shape[1], 3)))
+    turns = np.zeros((room.shape[1], 3))
+    rounds = Rounds(impulse, row_speed, end, room[0], room[1], room[2], turns)
     if coupled:
         laws, shifted = laws.copy(), rows.free.copy()
     if soft:
@@ -204,7 +205,7 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
             break
         copy_to(impulse, rows.start)
         if loose:
-            missed = misses_flanks(plant, rows, system, turn, impulse, row_speed, rounds, end)
+            missed = misses_flanks(plant, rows, system, turn, rounds)
         if soft:
             off = misses_contacts(plant, rows, system, impulse, row_speed)
             missed = max(missed, off if off > tolerance else 0.0)
