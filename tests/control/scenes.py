@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc import control
+from wbc.dynamics import evaluate
 from wbc.robot import Motion, Robot
 from wbc.transmission import Transmission
 
@@ -29,6 +30,17 @@ def arm(m, generator):
         torque_limit=generator.uniform(0.02, 0.6, m),
     )
     return Robot("arm", model, gears)
+
+
+def contact_drift(robot, q, v, step=1e-6):
+    """Return dJ/dt v (3k,) [m/s^2] of the contact points, by differences of their Jacobians."""
+    ahead, behind = (pin.integrate(robot.model, q, way * step * v) for way in (1.0, -1.0))
+    return (jacobian(robot, ahead) - jacobian(robot, behind)) @ v / (2.0 * step)
+
+
+def jacobian(robot, q):
+    """Return J (3k, nv) of the contact points."""
+    return evaluate(robot, q, np.zeros(robot.model.nv)).contact_jacobian
 
 
 def points(robot, **settings):

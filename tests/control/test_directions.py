@@ -48,7 +48,8 @@ def cost_in_directions(robot, q, v, directions, task, contact_rows, force_share)
         [equation.inertia, -J.T, -equation.actuation / gears.gear_ratio],
         [J, np.zeros((k, k + m))],
     ])  # fmt: skip
-    b = np.concatenate([-equation.bias, -terms.contact_drift[contact_rows] - 10.0 * (J @ v)])
+    drift = scenes.contact_drift(robot, q, v)
+    b = np.concatenate([-equation.bias, -drift[contact_rows] - 10.0 * (J @ v)])
     torque, mesh = np.hstack([np.zeros((m, nv + k)), np.eye(m)]), np.zeros((m, nv))
     mesh[:, robot.actuated] = -gears.reflected_inertia[:, None] * gears.motor_from_joint
     power = directions * np.sign(gears.motor_from_joint @ v[robot.actuated])

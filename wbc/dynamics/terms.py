@@ -24,7 +24,6 @@ class Terms:
         mass_matrix: H_l (nv, nv), inertia of the links without reflected rotor inertia.
         bias: c_l (nv,), Coriolis, centrifugal and gravity torque [N m, N].
         contact_jacobian: J (3k, nv), linear velocity of the k contact points, world axes.
-        contact_drift: dJ/dt v (3k,) [m/s^2].
         contact_position: (k, 3) [m], world.
         data: pinocchio's data at this state, for further kinematics; overwritten by the next
             `evaluate` with the same workspace. What it returns are views of its memory: keep the
@@ -37,7 +36,6 @@ class Terms:
     mass_matrix: FloatArray
     bias: FloatArray
     contact_jacobian: FloatArray
-    contact_drift: FloatArray
     contact_position: FloatArray
     data: pin.Data
 
@@ -51,7 +49,7 @@ class Workspace:
     """Memory for evaluating one robot; make one per thread and keep it.
 
     Contact points become operational frames of a private copy of the model, so that pinocchio
-    computes their Jacobians and drifts directly.
+    computes their Jacobians directly.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -102,14 +100,11 @@ def evaluate(
         )
     pin.computeAllTerms(model, data, position, velocity)
     k = len(space.frames)
-    jacobian = np.empty((3 * k, model.nv))
-    drift = np.empty(3 * k)
-    points = np.empty((k, 3))
+    jacobian, points = np.empty((3 * k, model.nv)), np.empty((k, 3))
     pin.forwardKinematics(model, data, position, velocity, space._zero)
     for i, frame in enumerate(space.frames):
         pin.updateFramePlacement(model, data, frame)
-        rows, at = slice(3 * i, 3 * i + 3), (model, data, frame, _WORLD)
-        jacobian[rows] = pin.getFrameJacobian(*at)[:3].reshape(3, -1)  # a vector of one coordinate
-        drift[rows] = pin.getFrameClassicalAcceleration(*at).linear
+        columns = pin.getFrameJacobian(model, data, frame, _WORLD)
+        jacobian[3 * i : 3 * i + 3] = columns[:3].reshape(3, -1)  # a vector of one coordinate
         points[i] = data.oMf[frame].translation
-    return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, drift, points, data)
+    return Terms(position, velocity, data.M.copy(), data.nle.copy(), jacobian, points, data)

@@ -81,10 +81,13 @@ def tied_rivals(
             out, or `BAND` where it does not say.
 
     Raises:
-        DesignError: as `tied_causes`, and covariances that do not fit their causes.
+        DesignError: as `tied_causes`, a file that cannot be read or that a newer wbc wrote, and
+            covariances that do not fit their causes.
         EffectError: an effect or place that this robot does not have.
     """
-    table = found if isinstance(found, Mapping) else read_diagnosis(found)
+    table = found
+    if not isinstance(table, Mapping):
+        table = load_table(table, "the diagnosis", DesignError, json.loads)
     causes = tied_causes(table, robot)
     covariances = tuple(_covariance(table, cause) for cause in causes)
     if band is None:
@@ -123,12 +126,3 @@ def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
     effect = effect_class(name).at(where[0] if isinstance(where, list) else where, values)
     effect.check_place(robot)
     return effect
-
-
-def read_diagnosis(path: str | Path) -> Mapping[str, Any]:
-    """Return what `wbc diagnose --json` wrote.
-
-    Raises:
-        DesignError: a file that cannot be read, is no table, or was written by a newer wbc.
-    """
-    return load_table(path, "the diagnosis", DesignError, json.loads)
