@@ -9,8 +9,9 @@ from tests.moved import without_rows
 from tests.outside import outside
 from wbc.effects import load_robot
 from wbc.errors import LogError
-from wbc.identification.readings import check_log, find_duplicates, find_repeats
+from wbc.identification.readings import check_log, find_repeats
 from wbc.measurement import Log, LogSource, cut_at_gaps, load_logs
+from wbc.measurement.checks import find_duplicates
 from wbc.measurement.filters import residual_noise
 
 

@@ -11,7 +11,8 @@ from wbc.control import JouleHeatEffort
 from wbc.effects import CoulombFriction, load_robot
 from wbc.errors import WbcError
 from wbc.identification import compare
-from wbc.identification.readings import check_log, rotor_torques
+from wbc.identification.readings import check_log
+from wbc.identification.records.channels import rotor_torques
 from wbc.measurement import Log
 from wbc.robot import Robot
 

@@ -9,7 +9,8 @@ from tests.moved import STEP, SUPPLY, servo, servo_log
 from wbc.effects import CoulombFriction, GravityDirection, PayloadMass, load_robot
 from wbc.errors import LogError, TransmissionError
 from wbc.identification import compare, diagnose
-from wbc.identification.readings import check_robot, feedback_torques, rotor_torques, with_machine
+from wbc.identification.readings import check_robot, with_machine
+from wbc.identification.records.channels import feedback_torques, rotor_torques
 from wbc.measurement import Log, LogSource
 from wbc.transmission import Transmission
 

@@ -28,7 +28,8 @@ from wbc.identification import diagnose
 from wbc.identification.choice.candidate_columns import evidence
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
-from wbc.identification.readings import check_robot, rotor_torques
+from wbc.identification.readings import check_robot
+from wbc.identification.records.channels import rotor_torques
 from wbc.identification.records.preparation import prepare
 from wbc.measurement import Log, save_log
 from wbc.robot import Effect, Motion, Robot, robots_directory
