@@ -129,7 +129,7 @@ class Controller(Ticker):
         self._last = np.zeros(self._levels.shared)
         self._parts.joints.load[:] = np.nan
         self._parts.drivetrain.forget()
-        self._fallback.forget()
+        self._fallback.remember(None)
         self._levels.forget()
 
 

@@ -73,11 +73,10 @@ class GearModel:
         self._gears_act = self._asks_gears or self._table.act_on_gears
         self._varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._contacts: object = None
-        from_joints, own = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
-        own[:, robot.actuated] = gears.reflected_inertia[:, None] * from_joints
-        self._rotor_own, turns = own, np.zeros((gears.size, nv))
+        from_joints, turns = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
         turns[:, robot.actuated] = from_joints
         self._turns = self._ratio[:, None] * turns
+        self._rotor_own = gears.reflected_inertia[:, None] * turns
         rate = 0.0 if observer is None else observer.rate
         self.learns = rate > 0.0
         unlimited = np.full(gears.size, np.inf)
@@ -88,7 +87,7 @@ class GearModel:
             topology=np.array(gears.topology),
             inverse_ratio=1.0 / gears.gear_ratio,
             mass=np.zeros((nv, nv)) if self.coupled else kinematics.mass_matrix,
-            rotor=own.copy(),
+            rotor=self._rotor_own.copy(),
             dry=np.abs(self._ratio) * gears.rotor_coulomb_friction,
             viscous=self._ratio**2 * gears.rotor_viscous_friction,
             lower=-unlimited,
@@ -98,7 +97,7 @@ class GearModel:
             drives=self._table.drives,
             predicted=np.full(nv, np.nan),
             bound=np.zeros(nv) if observer is None else observer.bounds(nv),
-            inertia=turns.T @ (gears.reflected_inertia[:, None] * turns),
+            inertia=turns.T @ self._rotor_own,
             blend=np.array([blend.trusted_error, blend.full_speed, blend.correction, rate]),
         )
         self._take_efficiencies(gears.forward_efficiency, gears.backward_efficiency)

@@ -44,26 +44,16 @@ class Fallback:
             parts: of the controller.
             contacts: that carry the robot until a good tick says which do.
         """
-        self._robot, self._motors, self._kinematics = (
-            parts.robot,
-            parts.drivetrain,
-            parts.kinematics,
-        )
+        self._robot, self._motors = parts.robot, parts.drivetrain
+        self._kinematics, self._weight = parts.kinematics, parts.weight
         self._all = ContactSet(contacts, parts.kinematics.model)
         self._policy, self._time_step = parts.settings.safety, parts.settings.time_step
-        robot, gears = parts.robot, parts.robot.transmission
-        self._size, m = gears.size, robot.actuated
-        self._rotors, B = np.zeros((robot.model.nv,) * 2), gears.motor_from_joint
-        self._rotors[np.ix_(m, m)] = B.T @ (gears.reflected_inertia[:, None] * B)
+        gears, self._size = parts.robot.transmission, parts.robot.transmission.size
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
-        self.forget()
-
-    def forget(self) -> None:
-        """Forget the last good tick."""
         self.remember(None)
 
     def remember(self, answer: Answer | None) -> None:
-        """Take a tick with a solution as the last good one."""
+        """Take a tick with a solution as the last good one; None for none."""
         self._last, self._ticks, self._time = answer, 0, 0.0
 
     @property
@@ -177,10 +167,9 @@ class Fallback:
         least, moved = dt / _SHARE, motion is not None and self._policy.rate > 0.0
         times = max(1.0 / self._policy.rate - least, 0.0) if moved else 0.0, least
         velocity = motion.velocity if motion is not None and moved else rest
-        mass, gravity = kinematics.mass_matrix + self._rotors, kinematics.bias - pushing
-        force = kinematics.mass * kinematics.gravity * rows.load_share
-        moving = robot.unactuated, robot.actuated
-        jacobian = rows.memory.rows.jacobian
+        mass = kinematics.mass_matrix + self._motors.memory.inertia
+        gravity, force = kinematics.bias - pushing, self._weight * rows.load_share
+        moving, jacobian = (robot.unactuated, robot.actuated), rows.memory.rows.jacobian
         torque = held(mass, gravity, jacobian, force, moving, velocity, (share, *times))
         return np.asarray(robot.transmission.topology.T @ torque)
 

@@ -10,6 +10,7 @@ from typing import Any, final
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen, require_ranges
@@ -354,15 +355,11 @@ class ContactSet:
             damping=np.repeat([c.contact.damping for c in contacts], np.diff(ends)),
             corners=np.vstack([np.zeros((0, 4)), *(corners if level else [])]),
         )
-        self.cone = np.zeros((sum(len(contact.cone) for contact in contacts), k))
-        self.normals = np.zeros((len(contacts), k))
-        labels: list[tuple[str, str]] = []
-        for i, (contact, rows) in enumerate(zip(self.contacts, self.slices, strict=True)):
-            first = len(labels)
-            labels.extend((f"{contact.name}: {label}", unit) for label, unit in contact.labels)
-            self.cone[first : len(labels), rows] = contact.cone
-            self.normals[i, rows] = contact.normal
-        self.cone_labels = tuple(labels)
+        nothing = np.zeros((0, 0))
+        self.cone = block_diag(nothing, *[contact.cone for contact in contacts])
+        self.normals = block_diag(nothing, *[contact.normal[None] for contact in contacts])
+        labels = [(contact.name, *label) for contact in contacts for label in contact.labels]
+        self.cone_labels = [(f"{name}: {face}", unit) for name, face, unit in labels]
         self.load_share = self.normals.sum(axis=0) / max(len(contacts), 1)
         self.normal_minimum = np.array([c.contact.normal_minimum for c in contacts])
         self.normal_maximum = np.array([c.contact.normal_maximum for c in contacts])
