@@ -70,18 +70,16 @@ def rotor_coupling(robot: Robot, velocity: FloatArray, data: pin.Data) -> RotorC
 
 @dataclass(frozen=True, eq=False)
 class RedundantModel:
-    """H_s and c_s with the constraint's Jacobian and null space.
+    """H_s and c_s with the constraint's null space.
 
     Attributes:
         inertia: H_s (nv + m, nv + m).
         bias: c_s (nv + m,).
-        constraint: A (m, nv + m): the constraint's velocity is A ds = dq_m - D R dphi.
         nullspace: K (nv + m, nv), ds = K dq, identity over (D R)^-1 on the driven columns.
     """
 
     inertia: FloatArray
     bias: FloatArray
-    constraint: FloatArray
     nullspace: FloatArray
 
 
@@ -103,11 +101,9 @@ def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
         inertia[:nv, nv:] = coupling.inertia.T
         bias[:nv] += coupling.link_bias
         bias[nv:] += coupling.rotor_bias
-    constraint, nullspace = np.zeros((m, nv + m)), np.eye(nv + m, nv)
-    constraint[np.arange(m), robot.actuated] = 1.0
-    constraint[:, nv:] = -gears.topology @ gears.reduction
+    nullspace = np.eye(nv + m, nv)
     nullspace[nv:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
-    return RedundantModel(inertia, bias, constraint, nullspace)
+    return RedundantModel(inertia, bias, nullspace)
 
 
 @dataclass(frozen=True, eq=False)

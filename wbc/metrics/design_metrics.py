@@ -124,7 +124,7 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
 def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
     gears, lever = task.designs.gears, task.levers(n)
     unpowered = {**gears, "torque_limit": np.zeros((1, 1))}
-    perfect, least, _ = holding_torques(gears, _held_torque(task, n, load))
+    perfect, least = holding_torques(gears, _held_torque(task, n, load))
     copper = task.designs.robot.transmission.copper_loss
     weight = np.where(np.isfinite(copper).all(), copper, 1.0)  # all alike where one is unknown
     spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (perfect, least))

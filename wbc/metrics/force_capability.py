@@ -248,17 +248,16 @@ def least_force(limits: FloatArray, lever: FloatArray) -> FloatArray:
 
 def holding_torques(
     gears: Mapping[str, FloatArray], output: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rotor torques (k, m) [N m] that hold: with perfect gears, the least, the most.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rotor torques (k, m) [N m] that hold: with perfect gears, and the least.
 
     Args:
         gears: arrays of `Designs.gears`.
         output: torque (k or 1, m) [N m] at each motor output.
     """
-    friction = gears["rotor_coulomb_friction"]
     perfect = np.abs(output / gears["gear_ratio"])
-    least = perfect * np.maximum(gears["backward_efficiency"], 0.0) - friction
-    return perfect, np.maximum(least, 0.0), perfect / gears["forward_efficiency"] + friction
+    least = perfect * np.maximum(gears["backward_efficiency"], 0.0)
+    return perfect, np.maximum(least - gears["rotor_coulomb_friction"], 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,20 +268,16 @@ class Holding:
     widens that interval. The weight of the links is not counted.
 
     Attributes:
-        joints: names of the gears.
         lossless: |T|/N (m,) [N m], with perfect gears.
         least: (m,) [N m], the least torque that holds; 0 where the gear locks itself.
-        most: (m,) [N m], the torque above which the gear starts to lift.
         heat_lossless: Joule heat [W] of `lossless`; NaN where a motor's constants are unknown.
         heat_least: Joule heat [W] of `least`; NaN likewise.
         heat_saved: share of the heat that stiction saves, 0 to 1. Where the motors' constants are
             unknown all motors count as equal.
     """
 
-    joints: tuple[str, ...]
     lossless: FloatArray
     least: FloatArray
-    most: FloatArray
     heat_lossless: float
     heat_least: float
     heat_saved: float
@@ -316,16 +311,14 @@ def holding(
     gears = robot.transmission
     output = np.zeros(gears.size)
     output[list(reach.gears)] = load * (reach.torque_from_force @ reach.task.direction(direction))
-    perfect, least, most = (x[0] for x in holding_torques(reach.task.designs.gears, output[None]))
+    perfect, least = (x[0] for x in holding_torques(reach.task.designs.gears, output[None]))
     copper = gears.copper_loss
     known = bool(np.isfinite(copper).all())
     weight = copper if known else np.ones(gears.size)
     spent, rest = float(weight @ perfect**2), float(weight @ least**2)
     return Holding(
-        joints=gears.joints,
         lossless=frozen(perfect),
         least=frozen(least),
-        most=frozen(most),
         heat_lossless=spent if known else float("nan"),
         heat_least=rest if known else float("nan"),
         heat_saved=1.0 - rest / spent if spent > 0.0 else 0.0,
