@@ -30,11 +30,9 @@ class JointNumbers:
         friction: (nv,) level of dry friction [N m].
         stiffness: (nv,) of springs beside the joints [N m/rad].
         constant: (nv,) torque of these springs at position zero [N m].
-        motor_armature: (m,) inertia of each rotor at the motor's output [kg m^2].
         motor_damping: (m,) viscous friction of each rotor, at the motor's output [N m s/rad].
         motor_friction: (m,) dry friction of each rotor, at the motor's output [N m].
         motor_limit: (m,) torque at the motor's output [N m], infinite where there is none.
-        motor_speed: (m,) limit at the motor's output [rad/s].
         gain: (m,) delivered over reported torque.
         offset: (m,) delivered minus reported torque at the motor's output [N m].
         delay: (m,) [s].
@@ -45,11 +43,9 @@ class JointNumbers:
     friction: FloatArray
     stiffness: FloatArray
     constant: FloatArray
-    motor_armature: FloatArray
     motor_damping: FloatArray
     motor_friction: FloatArray
     motor_limit: FloatArray
-    motor_speed: FloatArray
     gain: FloatArray
     offset: FloatArray
     delay: FloatArray
@@ -71,11 +67,9 @@ def joint_numbers(robot: Robot, told: Container[str] = ()) -> JointNumbers:
         friction,
         stiffness,
         constants,
-        motor_armature=gears.reflected_inertia,
         motor_damping=ratio**2 * gears.rotor_viscous_friction,
         motor_friction=ratio * gears.rotor_coulomb_friction,
         motor_limit=ratio * gears.torque_limit,
-        motor_speed=gears.speed_limit / ratio,
         gain=np.ones(gears.size),
         offset=np.zeros(gears.size),
         delay=np.zeros(gears.size),

@@ -57,7 +57,7 @@ def loss_numbers(robot: Robot) -> dict[str, Any]:
         "gear_length": length,
         "slow_coefficient": coefficient,
         "slow_speed": speed,
-        "rotor_inertia": found.motor_armature,
+        "rotor_inertia": gears.reflected_inertia,
         "rotor_damping": found.motor_damping,
         "rotor_friction": found.motor_friction,
         "joint_damping": found.damping[robot.actuated],

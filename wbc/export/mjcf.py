@@ -111,7 +111,7 @@ def _motors(root: ET.Element, robot: Robot, found: JointNumbers, serial: BoolArr
             continue
         motor.set("tendon", f"{joint}_motor")
         rotor = {
-            "armature": found.motor_armature[k] or None,
+            "armature": gears.reflected_inertia[k] or None,
             "damping": found.motor_damping[k] or None,
             "frictionloss": found.motor_friction[k] or None,
         }

@@ -88,10 +88,10 @@ def lumped(robot: Robot, found: JointNumbers, motors: ArrayLike = True) -> Float
         motors: (m,) of whose rotors the numbers stand at the joints; all by default.
     """
     at_joints = np.array([np.zeros(robot.model.nv), found.damping, found.friction])
-    share = np.abs(robot.transmission.motor_from_joint.T * np.asarray(motors))
-    at_joints[:2, robot.actuated] += np.array([found.motor_armature, found.motor_damping]) @ (
-        share.T**2
-    )
+    gears = robot.transmission
+    share = np.abs(gears.motor_from_joint.T * np.asarray(motors))
+    turning = np.array([gears.reflected_inertia, found.motor_damping])
+    at_joints[:2, robot.actuated] += turning @ share.T**2
     at_joints[2, robot.actuated] += share @ found.motor_friction
     return at_joints
 

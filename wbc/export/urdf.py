@@ -24,8 +24,9 @@ def urdf(robot: Robot, found: JointNumbers) -> tuple[ET.Element, list[str]]:
         if armature := at_joints[0, robot.velocity_index(moved)]:
             text = f"armature of {moved}: {armature:.6g} kg m^2; set it in the simulator"
             unsaid.append(f"{text} after loading")
-    pairs = zip(found.motor_limit, found.motor_speed, strict=True)
-    limits = dict(zip(robot.transmission.joints, pairs, strict=True))
+    gears = robot.transmission
+    pairs = zip(found.motor_limit, gears.speed_limit / np.abs(gears.gear_ratio), strict=True)
+    limits = dict(zip(gears.joints, pairs, strict=True))
     entries = list(links(robot))
     if not (entries and entries[0].kind == "free"):
         element(root, "link", name=_WORLD)
