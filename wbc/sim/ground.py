@@ -165,9 +165,36 @@ class Sphere(Solid):
         return _numbered(BALL, self.center, self.radius)
 
 
+class Together(Terrain):
+    """Several grounds as one: a plane with boxes on it, say."""
+
+    def __init__(self, parts: Sequence[Terrain]) -> None:
+        """Collect the solids of `parts`.
+
+        Raises:
+            SimulationError: no parts.
+        """
+        if not parts:
+            raise SimulationError("a ground is made of at least one part.")
+        self._solids = tuple(solid for part in parts for solid in part.solids)
+
+    @property
+    def solids(self) -> tuple[Terrain, ...]:
+        """See `Terrain.solids`."""
+        return self._solids
+
+    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Terrain.gap`; of the nearest solid."""
+        found = [solid.gap(points) for solid in self.solids]
+        gaps = np.array([gap for gap, _ in found])
+        first, every = np.argmin(gaps, axis=0), np.arange(len(points))
+        normals = np.array([normal for _, normal in found])
+        return gaps[first, every], normals[first, every]
+
+
 @final
 @dataclass(frozen=True, eq=False)
-class Stairs(Terrain):
+class Stairs(Together):
     """Level treads with vertical risers between them.
 
     Attributes:
@@ -204,10 +231,6 @@ class Stairs(Terrain):
             columns[first, last] = _Column(ends[first], ends[last + 1], height)
         return tuple(columns.values())
 
-    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Terrain.gap`; of the nearest solid."""
-        return nearest(self.solids, points)
-
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -222,36 +245,3 @@ class _Column(Solid):
         """See `Terrain.numbers`."""
         lowest, highest = (self.low, -np.inf, -np.inf), (self.high, np.inf, self.height)
         return _numbered(BOX, np.zeros(3), np.eye(3), lowest, highest)
-
-
-@final
-class Together(Terrain):
-    """Several grounds as one: a plane with boxes on it, say."""
-
-    def __init__(self, parts: Sequence[Terrain]) -> None:
-        """Collect the solids of `parts`.
-
-        Raises:
-            SimulationError: no parts.
-        """
-        if not parts:
-            raise SimulationError("a ground is made of at least one part.")
-        self._solids = tuple(solid for part in parts for solid in part.solids)
-
-    @property
-    def solids(self) -> tuple[Terrain, ...]:
-        """See `Terrain.solids`."""
-        return self._solids
-
-    def gap(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Terrain.gap`; of the nearest solid."""
-        return nearest(self._solids, points)
-
-
-def nearest(solids: tuple[Terrain, ...], points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return gap (k,) and normal (k, 3) of the solid nearest to each point (k, 3)."""
-    found = [solid.gap(points) for solid in solids]
-    gaps = np.array([gap for gap, _ in found])
-    first, every = np.argmin(gaps, axis=0), np.arange(len(points))
-    normals = np.array([normal for _, normal in found])
-    return gaps[first, every], normals[first, every]

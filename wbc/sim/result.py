@@ -187,7 +187,7 @@ class StepResult:
     def _sunk(self) -> Iterator[StepEvent]:
         """Yield the deepest joint under the ground at the end."""
         setup, tree, (_, gap, lowest) = self.setup, self.setup.plant.tree, self._end
-        if not len(setup.plant.flight.bases) or not setup.robot.contacts:
+        if not len(setup.plant.placed.bases) or not setup.robot.contacts:
             return
         if setup.barriers.asked:  # loops do not know all of the ground
             poses = np.empty((len(tree.joints), 12))

@@ -21,9 +21,9 @@ from wbc.sim.barriers import Barriers
 from wbc.sim.ground import Terrain
 from wbc.sim.state import EffectMemory, SimState
 from wbc.sim.step import tables
+from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
-from wbc.sim.step.impact import gaps_of
 from wbc.sim.step.motion import free_bases
 from wbc.structures import stored
 
@@ -105,7 +105,7 @@ class Setup:
         self.cuts = [*map(slice, begin[:-1], begin[1:])]
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
-        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
+        shapes, carried = ((n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)), np.zeros((b, 10))
         back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(self.robot.model.gravity.linear)
         bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
         meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)
@@ -117,10 +117,9 @@ class Setup:
         return stored(
             tables.Opened(
                 stored(tree),
-                stored(tables.Flight(bases, np.zeros((b, 10)))),
                 stored(self._obstacles()),
                 stored(self.drive.tables()),
-                stored(tables.PlacedTree(*map(np.zeros, shapes))),
+                stored(tables.PlacedTree._make((*map(np.zeros, shapes), bases, carried))),
                 stored(barriers.bodies),
                 stored(tables.Forces._make((*self.effects.table, *given, *forces, asked, full))),
                 now,

@@ -102,7 +102,7 @@ def made_by_rows(result: sim.StepResult) -> float:
         drive.gears.reflected_inertia,
         drive.gears.gear_ratio,
     )
-    bases = result.setup.plant.flight.bases[:, 2:4].tolist()
+    bases = result.setup.plant.placed.bases[:, 2:4].tolist()
     b = [row for first, size in bases for row in range(first, first + size)]
 
     def inertia_at(q: np.ndarray) -> np.ndarray:

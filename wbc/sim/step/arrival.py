@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled, inner
-from wbc.mechanics.kinematics import moved_along, place
+from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import (
     add_all,
     add_times,
@@ -23,7 +23,7 @@ from wbc.mechanics.linear import (
     rest_of_way,
     solve_factored,
 )
-from wbc.sim.step.contacts import barrier_rows, gaps_at, other_place
+from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, put
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.tables import DRIFT_FROM, HERTZ, RETURN_SPEED, TOUCH, Gears, Opened
@@ -140,7 +140,6 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
     """
-    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
     q, gap, closed, moved = plant.end.position, plant.end.gap, plant.end.closed, plant.end.moved
     count, off, n = len(drift), 0.0, matrix.shape[1]
     aim, missing, shift = np.empty(count), np.empty(count), np.empty(n)
@@ -156,9 +155,8 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
             return
         copy_to(q, last)
         copy_to(gap, gap_last)
-        moved_along(joints, last, shift, 1.0, q)
-        place(joints, shapes, q, poses)
-        gaps_at(plant, q, closed[:0], gap)
+        moved_along(plant.tree.joints, last, shift, 1.0, q)
+        gaps_of(plant, q, gap)
         before, off, row = off, 0.0, 0
         for i in range(len(closed)):
             if closed[i]:
@@ -168,7 +166,7 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
             copy_to(last, q)
             copy_to(gap_last, gap)
-            place(joints, shapes, q, poses)
+            put(plant, q)
             return
         add_times(1.0, shift, moved)
         if off <= plant.bounds[DRIFT_FROM] or off > 0.5 * before:
@@ -219,11 +217,10 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> None:
         matrix: (l + k, nv) rows of the closed limits and normals.
         pushes: (l + k,) their impulses.
     """
-    joints, shapes, poses, end = plant.tree.joints, plant.tree.shapes, plant.placed.poses, plant.end
-    half = 0.5 * step
+    end, half = plant.end, 0.5 * step
     carry(plant, end.after)
-    moved_along(joints, end.before, end.after, half, end.position)
-    place(joints, shapes, end.position, poses)
+    moved_along(plant.tree.joints, end.before, end.after, half, end.position)
+    put(plant, end.position)
     advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
     pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
@@ -236,7 +233,7 @@ def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> None:
                 end.depth[i] = max(-end.gap[i] - furthest, 0.0)
         take_back(plant, matrix, pressed, drift, furthest)
     copy_to(end.after, end.velocity)
-    if len(plant.flight.bases):
+    if len(plant.placed.bases):
         look(plant)
         set_momentum(plant, end.velocity)
 
@@ -251,13 +248,11 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         q: to change.
         gap: (2 j + c,) at the start, to write.
     """
-    joints, shapes, placed = plant.tree.joints, plant.tree.shapes, plant.placed
     n, size, d = len(stiff), len(gap), plant.obstacles.tangents
     near, here, start = np.empty(size, dtype=np.bool_), np.empty(size), q.copy()
     shift, last = np.empty(n), np.empty(len(q))
     for turn in range(_TRIES):
-        place(joints, shapes, q, placed.poses)
-        gaps_at(plant, q, near[:0], here)
+        gaps_of(plant, q, here)
         deepest, count, touching = 0.0, 0, 0
         for i in range(size):
             deepest = min(deepest, here[i])
@@ -271,7 +266,7 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
         barrier_rows(plant, near, 0, matrix, axes, np.empty(touching, dtype=np.int64))
-        metric, most = placed.inertia.copy(), 0.0
+        metric, most = plant.placed.inertia.copy(), 0.0
         for i in range(n):
             most = max(most, metric[i, i])
         for i in range(n):
@@ -285,6 +280,6 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         free = np.zeros(count, dtype=np.bool_)
         if not shift_of(metric, matrix[:count], free, missing, shift):
             return False
-        moved_along(joints, last, shift, 1.0, q)
+        moved_along(plant.tree.joints, last, shift, 1.0, q)
     copy_to(start, q)
     return False

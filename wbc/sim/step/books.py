@@ -15,10 +15,9 @@ import numpy as np
 
 from wbc.compiled import OutRow, Row, compiled, inner
 from wbc.mechanics.inertia import momentum_of, motion_at
-from wbc.mechanics.kinematics import place
 from wbc.mechanics.linear import dot
 from wbc.mechanics.newton import TOLERANCE
-from wbc.sim.step.contacts import solid_gap, touch_ground
+from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import look, set_momentum
 from wbc.sim.step.part_rows import PartRows, Solved
@@ -183,7 +182,7 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
     """
     tree, placed, gears = plant.tree, plant.placed, plant.gears
     joints, poses, solids, m = tree.joints, placed.poses, plant.obstacles.solids, len(gears.rows)
-    place(joints, tree.shapes, q, poses)
+    put(plant, q)
     look(plant)
     about = placed.about
     count, energy, deepest, lowest = len(joints), 0.0, np.inf, -1

@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 
 from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, ask, compiled, inner, local
-from wbc.mechanics.kinematics import placed_at
+from wbc.mechanics.kinematics import place, placed_at
 from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
 from wbc.sim.step.field import AHEAD, field_gap
@@ -150,6 +150,19 @@ def gaps_at(plant: Opened, q: Row, closed: Flags, gap: OutRow) -> None:
     touch_ground(plant, closed)
     for b in range(len(plant.obstacles.touch)):
         gap[2 * j + b] = plant.obstacles.touch[b, 0]
+
+
+@inner
+def put(plant: Opened, q: Row) -> None:
+    """Write the poses at q (nq,)."""
+    place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
+
+
+@compiled(counted=False)
+def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
+    """Write the poses and all gaps (2 j + c,) at q (nq,)."""
+    put(plant, q)
+    gaps_at(plant, q, plant.now.closed[:0], gap)
 
 
 @inner

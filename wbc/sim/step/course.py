@@ -18,7 +18,8 @@ from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED, distance, tolerance_of
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.impact import HIT, WAY, gaps_of, impact_rows, settle
+from wbc.sim.step.contacts import gaps_of
+from wbc.sim.step.impact import HIT, WAY, impact_rows, settle
 from wbc.sim.step.part import LANDED, begin, part_with_mesh
 from wbc.sim.step.part_rows import part_system
 from wbc.sim.step.self_locking import tell_ranges

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutRow, Row, ask, compiled, inner
-from wbc.mechanics.kinematics import place
+from wbc.compiled import Flags, OutDense, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.arrival import rigid_ones
-from wbc.sim.step.contacts import gaps_at
+from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
 from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where, world_pushes
@@ -103,13 +102,6 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
         else:
             total += given - taken + 0.5 * net * (before + then)
     return total
-
-
-@compiled(counted=False)
-def gaps_of(plant: Opened, q: Row, gap: OutRow) -> None:
-    """Write all gaps (2 j + c,) at q (nq,)."""
-    place(plant.tree.joints, plant.tree.shapes, q, plant.placed.poses)
-    gaps_at(plant, q, plant.now.closed[:0], gap)
 
 
 @compiled(inside=True)

@@ -19,11 +19,11 @@ import numpy as np
 from wbc.arrays import IntArray
 from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
-from wbc.mechanics.kinematics import columns_at, moved_along, place, placed_at
+from wbc.mechanics.kinematics import columns_at, moved_along, placed_at
 from wbc.mechanics.linear import add_times, copy_to
 from wbc.mechanics.tree import FRAME, JOINT, PLACES, ROWS
 from wbc.robot import Robot
-from wbc.sim.step.contacts import rates_at, touch_ground
+from wbc.sim.step.contacts import put, rates_at, touch_ground
 from wbc.sim.step.tables import Opened
 
 _PLANAR_ORDER = ("JointModelPX", "JointModelPZ", "JointModelRY")
@@ -64,7 +64,7 @@ def _planar(model: Any, number: int) -> bool:
 def look(plant: Opened) -> None:
     """Write columns and bodies in given poses."""
     tree, placed, about = plant.tree, plant.placed, plant.placed.about
-    poses, bases = placed.poses, plant.flight.bases
+    poses, bases = placed.poses, placed.bases
     copy_to(poses[bases[0, FRAME] if len(bases) else 0, 9:], about)
     columns_at(tree.joints, tree.shapes, poses, about, placed.columns)
     bodies_at(tree.joints, tree.shapes, poses, about, placed.bodies)
@@ -82,29 +82,29 @@ def weigh(plant: Opened) -> None:
 @inner
 def carry(plant: Opened, v: Row) -> None:
     """Keep the momentum (6) that every tree on a free base has at v (nv,)."""
-    flight, placed = plant.flight, plant.placed
-    for i in range(len(flight.bases)):
-        root, carried = flight.bases[i, JOINT], flight.carried[i, :6]
+    placed = plant.placed
+    for i in range(len(placed.bases)):
+        root, carried = placed.bases[i, JOINT], placed.carried[i, :6]
         momentum_at(plant.tree, placed.columns, placed.composite, root, v, carried)
 
 
 @inner
 def keep_centers(plant: Opened) -> None:
     """Keep the centre of mass (3) and mass of every tree on a free base."""
-    flight, about = plant.flight, plant.placed.about
-    for i in range(len(flight.bases)):
-        behind, carried = plant.placed.composite[flight.bases[i, JOINT]], flight.carried[i]
+    placed = plant.placed
+    for i in range(len(placed.bases)):
+        behind, carried = placed.composite[placed.bases[i, JOINT]], placed.carried[i]
         carried[9] = behind[0]
-        copy_to(about, carried[6:])
+        copy_to(placed.about, carried[6:])
         add_times(1.0 / behind[0], behind[1:4], carried[6:])
 
 
 @inner
 def set_momentum(plant: Opened, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
-    flight, placed = plant.flight, plant.placed
-    for i in range(len(flight.bases)):
-        base, carried = flight.bases[i], flight.carried[i, :6]
+    placed = plant.placed
+    for i in range(len(placed.bases)):
+        base, carried = placed.bases[i], placed.carried[i, :6]
         velocity_at(plant.tree, placed.columns, placed.composite, base, carried, v)
 
 
@@ -118,7 +118,7 @@ def advance(plant: Opened, half: float, q: OutRow) -> None:
         q: (nq,), changed.
     """
     joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
-    bases, carried = plant.flight.bases, plant.flight.carried
+    bases, carried = plant.placed.bases, plant.placed.carried
     for i in range(len(bases)):
         joint, missing, center = bases[i, JOINT], local(3), local(3)
         missing[:] = 0.0
@@ -148,8 +148,7 @@ def to_middle(plant: Opened, half: float) -> None:
     second order. The memory then stands at the middle, with all of H_l. How fast the closed
     contacts open at the start is written beside it, see `rates_at`.
     """
-    joints, shapes, poses = plant.tree.joints, plant.tree.shapes, plant.placed.poses
-    bases = plant.flight.bases
+    joints, bases = plant.tree.joints, plant.placed.bases
     q, v, closed = plant.now.position, plant.now.velocity, plant.now.closed
     middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
     touching = False
@@ -157,7 +156,7 @@ def to_middle(plant: Opened, half: float) -> None:
         touching = touching or closed[i]
     rate[:] = 0.0
     if len(bases) or touching:
-        place(joints, shapes, q, poses)
+        put(plant, q)
         look(plant)
     if touching:
         touch_ground(plant, closed)
@@ -167,11 +166,11 @@ def to_middle(plant: Opened, half: float) -> None:
         carry(plant, v)
         keep_centers(plant)
         moved_along(joints, q, v, half, middle)
-        place(joints, shapes, middle, poses)
+        put(plant, middle)
         look(plant)
         set_momentum(plant, speed)
     moved_along(joints, q, speed, half, middle)
-    place(joints, shapes, middle, poses)
+    put(plant, middle)
     advance(plant, half, middle)
     weigh(plant)
     copy_to(v, speed)

@@ -89,7 +89,7 @@ def free_velocity(plant: Opened, rows: PartRows) -> None:
 
     Of gravity and the velocity terms, those count that the momentum of free bases does not have.
     """
-    tree, placed, bases = plant.tree, plant.placed, plant.flight.bases
+    tree, placed, bases = plant.tree, plant.placed, plant.placed.bases
     free, speed, columns, size = rows.free, plant.end.speed, placed.columns, (len(tree.joints), 6)
     moving, bias = (np.empty(size), np.empty(size), np.empty(size)), np.empty(len(free))
     move_bodies(tree.joints, tree.gravity, columns, placed.bodies, speed, *moving, bias)

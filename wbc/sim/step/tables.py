@@ -122,6 +122,8 @@ class PlacedTree(NamedTuple):
         composite: (n, 10) the same of all behind each joint.
         inertia: H_l (nv, nv).
         about: (3,) the point of all spatial vectors: the first free base, or the first joint.
+        bases: (b, 5) the free bases, columns JOINT to PLACES.
+        carried: (b, 10) momentum (6), centre of mass (3), and mass of what each of these carries.
     """
 
     poses: OutDense
@@ -130,17 +132,6 @@ class PlacedTree(NamedTuple):
     composite: OutDense
     inertia: OutDense
     about: OutRow
-
-
-@structured
-class Flight(NamedTuple):
-    """The free bases.
-
-    Attributes:
-        bases: (b, 5), columns JOINT to PLACES.
-        carried: (b, 10) memory: momentum (6), centre of mass (3), and mass of what each carries.
-    """
-
     bases: OutTable
     carried: OutDense
 
@@ -285,7 +276,7 @@ class Opened(NamedTuple):
     """All of a plant.
 
     Attributes:
-        tree, flight, obstacles, gears, placed, bodies, forces, now, end: see there.
+        tree, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
             those of `end` at their end; last of all those of `now` at the end of the step.
         bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
@@ -295,7 +286,6 @@ class Opened(NamedTuple):
     """
 
     tree: Tree
-    flight: Flight
     obstacles: Obstacles
     gears: Gears
     placed: PlacedTree
