@@ -13,7 +13,6 @@ from sims.tables import print_columns
 from wbc import load_robot, save_robot
 from wbc.cli.design import print_experiment
 from wbc.cli.models import print_diagnosis
-from wbc.cli.outputs import table
 from wbc.design.experiment import (
     MotionLimits,
     design_experiment,
@@ -70,7 +69,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
     runs = record_with(leg, hidden, duration=duration)
     written = [save_log(log, OUT / f"run{i}.csv") for i, log in enumerate(runs)]
     logs = load_logs(written)
-    console.print(table(compare(leg, logs).error_rows()))
+    console.print(compare(leg, logs).error_rows())
     diagnosis = diagnose(leg, logs)
     commands = Commands(
         list(map(str, written)),
@@ -79,7 +78,7 @@ def explain(console: Console, duration: float) -> tuple[Diagnosis, list[Path]]:
         lossless=True,
     )
     print_diagnosis(console, diagnosis, commands)
-    console.print(table(compare(diagnosis.robot, logs).error_rows()))
+    console.print(compare(diagnosis.robot, logs).error_rows())
     written += [
         save_robot(diagnosis.robot, OUT / "fitted.toml", diagnosis.intervals()),
         write_report(

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 FEW = 3
 """Things that a sentence names before it counts the rest; tables hold all."""
@@ -72,6 +76,22 @@ class TextTable:
             for row in rows
         )
         return "\n".join(f"  {line}" for line in lines)
+
+    def __rich__(self) -> Table:
+        """Return the table as a terminal shows it, without lines between its cells."""
+        from rich.table import Table  # only a terminal needs it
+
+        made = Table(box=None, title=self.title or None, caption=self.caption or None)
+        for head, name in zip(self.heads, self.names, strict=True):
+            made.add_column(
+                name,
+                justify="right" if head.startswith(">") else "left",
+                overflow="fold" if head.startswith("~") else "ellipsis",
+                no_wrap=self.whole and not head.startswith("~"),
+            )
+        for row in self.cells:
+            made.add_row(*row)
+        return made
 
     def html(self) -> str:
         """Return the table as HTML; every cell is escaped."""

@@ -13,7 +13,7 @@ from rich.console import Console
 from wbc import design
 from wbc.arrays import FloatArray
 from wbc.cli.inputs import robot_from
-from wbc.cli.outputs import Options, Outcome, table, watching, write_figures
+from wbc.cli.outputs import Options, Outcome, watching, write_figures
 from wbc.cli.robots import first_contact, pose_from
 from wbc.design import experiment as plans
 from wbc.design.experiment import DESIGNED, Designed, MotionLimits, Rivals
@@ -112,7 +112,7 @@ def _print(
     chosen = np.unique(np.linspace(0, count - 1, min(count, _SHOWN)).round().astype(np.int_))
     cells = [[_cell(study, name, front[name][row]) for name in names] for row in chosen]
     title = f"Pareto front: {count} of {study.size} designs ({aims})"
-    console.print(table(TextTable.of("|".join(heads), cells, title)))
+    console.print(TextTable.of("|".join(heads), cells, title))
     if not count:
         console.print(
             "No design can be judged: each has a goal that is infinite or undefined. In a singular "
@@ -226,7 +226,7 @@ def _print_odds(found: Found, console: Console) -> None:
         cells = [f"{one.odds[pair] / np.log(10.0):.4g}" if told else "-" for one in found.values()]
         rows.append((str(pair[0] + 1), str(pair[1] + 1), *cells))
     heads = "|".join(["if this cause is true", "over", *(f">{name}" for name in found)])
-    console.print(table(TextTable.of(heads, rows, _ODDS)))
+    console.print(TextTable.of(heads, rows, _ODDS))
     doubted = [
         f"{i + 1} over {j + 1}"
         for (i, j), chance in found[DESIGNED].chance.items()
@@ -250,7 +250,7 @@ def _print_widths(rivals: Rivals, found: Found, console: Console) -> None:
     rows.append(("geometric mean, over the random one's", *shares))
     heads = "|".join(["parameter", *(f">{name}" for name in found)])
     title = "expected half widths of the 90 % intervals"
-    console.print(table(TextTable.of(heads, rows, title)))
+    console.print(TextTable.of(heads, rows, title))
 
 
 def _draw(

@@ -21,7 +21,6 @@ from wbc.cli.outputs import (
     command_line,
     print_out,
     spoken,
-    table,
     watching,
     working,
     write_figures,
@@ -215,7 +214,7 @@ def _print_discovery(console: Console, discovery: Discovery) -> None:
     """Print the proposals with what they remove, and how far to believe them."""
     console.print("discovery: formulas proposed by regression, not causes", style="bold")
     if discovery.proposals:
-        console.print(table(discovery.rows()))
+        console.print(discovery.rows())
     lines = []
     for proposal in discovery.proposals:
         others = {name: ", ".join(rivals) for name, rivals in proposal.rivals.items() if rivals}
@@ -236,9 +235,7 @@ def run_identify(options: Options, console: Console) -> Outcome:
     with working(console, "identifying"):
         fit = identify(robot, logs)
     parameters, left = fit.rows()
-    console.print(table(parameters))
-    console.print(_LEGEND)
-    console.print(table(left))
+    console.print(parameters, _LEGEND, left, sep="\n")
     for warning in fit.warnings:
         console.print(spoken(warning), crop=False)
     return 0, fit.to_json()
@@ -253,7 +250,7 @@ def run_rollout(options: Options, console: Console) -> Outcome:
     with working(console, "simulating") as progress:
         found = fit_rollouts(robot, logs, progress)
     for rows in found.rows():
-        console.print(table(rows))
+        console.print(rows)
     if options.save:
         shown = robot.without_effects().with_effects(*found.effects)
         path = save_robot(shown, options.save, provenance={"command": command_line()})

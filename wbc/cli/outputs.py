@@ -19,14 +19,12 @@ from typing import Any
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.segment import Segment, Segments
-from rich.table import Table
 from rich.text import Text
 
 from wbc.cli.options import OPTIONS
 from wbc.errors import WbcError
 from wbc.files import SCHEMA, write_text
 from wbc.parallel import Watch, progress_bar, progress_lines
-from wbc.tables import TextTable
 
 Options = argparse.Namespace
 """What the command line says, by the names in `OPTIONS`."""
@@ -139,14 +137,10 @@ def command_line() -> str:
 
 LINES = 54
 """Of a printout that nobody asked to be longer; with the names of files written it is below 60."""
-
-
-Shown = TextTable | RenderableType
-"""What is empty is not printed; texts are, as `spoken` has them."""
-Part = tuple[str, Shown | Callable[[], Shown]]
-"""A part of the detail: what is said to be missing where it does not fit, and what is printed; or a
-function that returns it, where that takes long: it is called when all that comes before is printed,
-and not at all where the part is not printed."""
+Part = tuple[str, RenderableType | Callable[[], RenderableType]]
+"""A part of the detail: what is said to be missing where it does not fit, and what is printed if it
+is not empty, texts as `spoken` has them. A function that returns it stands for what takes long: it
+is called when all that comes before is printed, and not at all where the part is not printed."""
 
 
 def spoken(text: str, indent: int = 0) -> Group:
@@ -164,21 +158,6 @@ def spoken(text: str, indent: int = 0) -> Group:
             for line in text.split("\n")
         )
     )
-
-
-def table(rows: TextTable) -> Table:
-    """Return rows as a table without lines between its cells."""
-    made = Table(box=None, title=rows.title or None, caption=rows.caption or None)
-    for head in rows.heads:
-        made.add_column(
-            head.lstrip(">~"),
-            justify="right" if head.startswith(">") else "left",
-            overflow="fold" if head.startswith("~") else "ellipsis",
-            no_wrap=rows.whole and not head.startswith("~"),
-        )
-    for row in rows.cells:
-        made.add_row(*row)
-    return made
 
 
 def print_out(
@@ -209,7 +188,6 @@ def print_out(
             absent.append(name)
             continue
         shown = content() if callable(content) else content
-        shown = table(shown) if isinstance(shown, TextTable) else shown
         lines = _lines(console, spoken(shown) if isinstance(shown, str) else shown)
         room = len(lines) if verbose else max(left - 2, 0)  # for what is said of parts left out
         kept = lines if len(lines) <= room else lines[: room if room > 3 else 0]

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from wbc.arrays import FloatArray
-from wbc.cli.outputs import Options, Outcome, require_outputs, table, write_figures
+from wbc.cli.outputs import Options, Outcome, require_outputs, write_figures
 from wbc.effects import EFFECTS, load_robot
 from wbc.errors import RobotError, ViewError, WbcError
 from wbc.files import as_json
@@ -70,9 +70,9 @@ def run_metrics(options: Options, console: Console) -> Outcome:
     notes = list(dict.fromkeys(metric.assumption for metric in found))
     cells = [(_label(m), _told(m, robot), str(notes.index(m.assumption) + 1)) for m in found]
     title = f"{robot.name}, contact {contact}"
-    console.print(table(TextTable.of("metric|value|assumes", cells, title)))
+    console.print(TextTable.of("metric|value|assumes", cells, title))
     numbered = [(str(number), note) for number, note in enumerate(notes, 1)]
-    console.print(table(TextTable.of("|what the numbers assume", numbered)))
+    console.print(TextTable.of("|what the numbers assume", numbered))
     content = {_label(metric): _by_joint(metric) for metric in found}
     content["assumptions"] = {_label(metric): metric.assumption for metric in found}
     if options.figures:
@@ -157,7 +157,7 @@ def run_list(options: Options, console: Console) -> Outcome:
     name, *others = rows[0]
     heads = (name, *(f"~{other}" for other in others))  # the name is given to other commands: whole
     cells = tuple(tuple(row.values()) for row in rows)
-    console.print(table(TextTable(heads, cells, whole=True)))
+    console.print(TextTable(heads, cells, whole=True))
     return 0, {options.what: rows}
 
 
