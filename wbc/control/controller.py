@@ -78,8 +78,8 @@ class Controller(Ticker):
         _distinct("contact", [contact.name for contact in contacts])
         limits = (RotorTorqueLimit(), JointLimit.of(robot)) if limits is None else limits
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
-        bound = tuple(self._contacts.values())
-        kinematics = Kinematics(robot, [f for contact in bound for f in contact.frames])
+        frames = [frame for contact in self._contacts.values() for frame in contact.frames]
+        kinematics = Kinematics(robot, frames)
         drivetrain = GearModel(robot, kinematics, settings, _single(RotorTorqueLimit, limits))
         efforts = [task for task in self.tasks if isinstance(task, Effort)]
         weights = [effort.weights(robot) for effort in efforts]
@@ -100,7 +100,7 @@ class Controller(Ticker):
         weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
         self._inputs = InputCheck(robot, names, weighed, tuple(self._contacts))
         self._levels = Levels(self._parts, self._contacts)
-        self._fallback = Fallback(self._parts, bound)
+        self._fallback = Fallback(self._parts, self._levels.whole)
         self._free, self._answer = Lock(), None
         self.reset()
 

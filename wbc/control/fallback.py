@@ -15,7 +15,7 @@ from wbc.control.memory import GEAR, PART
 from wbc.control.qp.level import NOTHING, Answer
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.program import Recipe
-from wbc.control.rows.contacts import BoundContact, ContactSet
+from wbc.control.rows.contacts import ContactSet
 from wbc.mechanics.linear import factor_inertia, halfway, products
 from wbc.robot import Motion
 
@@ -37,7 +37,7 @@ any, 0.28 with five.
 class Fallback:
     """Commands what `LetDown` says, from the last tick that had a solution."""
 
-    def __init__(self, parts: Recipe, contacts: tuple[BoundContact, ...]) -> None:
+    def __init__(self, parts: Recipe, contacts: ContactSet) -> None:
         """Start without a tick to look back on.
 
         Args:
@@ -46,7 +46,7 @@ class Fallback:
         """
         self._robot, self._motors = parts.robot, parts.drivetrain
         self._kinematics, self._weight = parts.kinematics, parts.weight
-        self._all = ContactSet(contacts, parts.kinematics.model)
+        self._all = contacts
         self._policy, self._time_step = parts.settings.safety, parts.settings.time_step
         gears, self._size = parts.robot.transmission, parts.robot.transmission.size
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
@@ -68,7 +68,7 @@ class Fallback:
         if motion is not None:
             return motion.position
         last = self._last
-        return None if last is None else last.block[last.level.program.at[PART.position]]
+        return None if last is None else last.part(PART.position)
 
     def command(
         self,

@@ -92,8 +92,12 @@ class Answer(NamedTuple):
         """Whether there are torques."""
         return self.found.verdict[0].usable
 
+    def part(self, number: int) -> FloatArray:
+        """Return one of the parts of the block, see `PART`."""
+        return self.block[self.level.program.at[number]]
+
     def row(self, number: int) -> FloatArray:
-        """Return one of the rows of the gears (m,), see `wbc.control.tick`."""
+        """Return one of the rows of the gears (m,), see `GEAR`."""
         return self.block[self.level.program.rows[number]]
 
     @property
@@ -135,8 +139,7 @@ class Answer(NamedTuple):
     @property
     def acceleration(self) -> FloatArray:
         """The expected qdd (nv,)."""
-        x: FloatArray = self.block[self.level.program.at[PART.x]]
-        return x[: self.level.program.nv]
+        return self.part(PART.x)[: self.level.program.nv]
 
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
@@ -155,28 +158,28 @@ class Answer(NamedTuple):
     def forces(self) -> Mapping[str, FloatArray]:
         """The force of every active contact."""
         program = self.level.program
-        x = self.block[program.at[PART.x]]
-        return program.contacts.wrenches(program.force_scale * x[program.nv :])
+        force = program.force_scale * self.part(PART.x)[program.nv :]
+        return program.contacts.wrenches(force)
 
     @property
     def velocity(self) -> FloatArray:
         """Velocity of the driven joints (m,) after the time step."""
-        driven, now = self.level.program.recipe.robot.actuated, self.level.program.at[PART.velocity]
-        return np.asarray(self.block[now][driven] + self.dt * self.acceleration[driven])
+        moved = self.part(PART.velocity) + self.dt * self.acceleration
+        return np.asarray(moved[self.level.program.recipe.robot.actuated])
 
     @property
     def position(self) -> FloatArray:
         """Position of the driven joints (m,) after the time step."""
-        robot, at = self.level.program.recipe.robot, self.level.program.at
-        rate = 0.5 * (self.block[at[PART.velocity]][robot.actuated] + self.velocity)
-        return np.asarray(self.block[at[PART.position]][robot.actuated_position] + self.dt * rate)
+        robot = self.level.program.recipe.robot
+        rate = 0.5 * (self.part(PART.velocity)[robot.actuated] + self.velocity)
+        return np.asarray(self.part(PART.position)[robot.actuated_position] + self.dt * rate)
 
     @property
     def solution(self) -> QPSolution:
         """The solution of the last program."""
         if self.found.solution is not NOTHING:
             return self.found.solution
-        x, z, y = (self.block[self.level.program.at[part]] for part in (PART.x, PART.z, PART.y))
+        x, y, z = map(self.part, (PART.x, PART.y, PART.z))
         return QPSolution(x, y[: self.hard], z, QPStatus.SOLVED, 0)
 
 
@@ -238,7 +241,7 @@ class Level:
         program, memory, lock, start = self.program, self.program.memory, self.program.lock, 0
         for tasks in self._above:
             start = place_above(tasks, lock.above, start)
-        x, self._passing = above.block[above.level.program.at[PART.x]], None
+        x, self._passing = above.part(PART.x), None
         # a guess leaves torque limits out
         limited = bool(above.found.solution.z[program.torque].any())
         if limited:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+import pinocchio as pin
 
+from wbc.arrays import FloatArray
 from wbc.control.memory import GEAR
 from wbc.control.qp.level import Level
 from wbc.control.qp.program import Program, Recipe
-from wbc.control.rows.contacts import BoundContact, ContactRanks, ContactSet
+from wbc.control.rows.contacts import BoundContact, ContactSet
 from wbc.control.rows.schedule import ContactRamp
 
 _FEW = 4
+_POSES = 3
+# A row that others decide keeps 1e-16 of its length, an independent one 1e-3 at a drawn pose.
+_DEPENDENT = 1e-9
 
 
 class Levels:
@@ -22,16 +27,27 @@ class Levels:
     With up to four contacts those of all sets are made at once, so that no tick has to: one takes
     as long as ten ticks.
 
+    Several points of one rigid body repeat each other, as do the feet of a robot that has few
+    joints between them: how many rows of contacts are independent is told at drawn poses.
+
     Attributes:
+        whole: all contacts.
         shared: size of the part of a block of results that all programs have, see `PART`.
     """
 
     def __init__(self, recipe: Recipe, contacts: Mapping[str, BoundContact]) -> None:
         """Remember what programs are made of."""
         self._recipe, self._contacts, self._all = recipe, dict(contacts), tuple(contacts)
-        model, m = recipe.robot.model, recipe.robot.transmission.size
+        robot, kinematics, generator = recipe.robot, recipe.kinematics, np.random.default_rng(0)
+        model, m = robot.model, robot.transmission.size
         self.shared = model.nq + 3 * model.nv + len(GEAR) * m
-        self._ranks = ContactRanks(recipe.robot, recipe.kinematics, contacts)
+        self.whole = ContactSet(tuple(contacts.values()), kinematics.model)
+        self._drawn: list[FloatArray] = []
+        for _ in range(_POSES):
+            step = generator.uniform(-1.0, 1.0, model.nv)
+            kinematics.update(pin.integrate(model, robot.neutral(), step), np.zeros(model.nv))
+            self.whole.fill(kinematics)
+            self._drawn.append(self.whole.memory.rows.jacobian.copy())
         self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
         self._ramp: ContactRamp | None = None
         if self._all and (down := recipe.settings.contact_ramp) > 0.0:
@@ -39,10 +55,9 @@ class Levels:
         self._fresh, self._settled = True, False
         self._wanted: dict[str, float] | None = None
         self._last: tuple[tuple[Level, ...], Mapping[str, float]] = (), {}
-        if len(self._all) <= _FEW:
-            for count in range(len(self._all) + 1):
-                for names in combinations(self._all, count):
-                    self._of(names)
+        for count in range(len(self._all) + 1 if len(self._all) <= _FEW else 0):
+            for names in combinations(self._all, count):
+                self._of(names)
 
     def forget(self) -> None:
         """Start the next tick of every contact set from nothing."""
@@ -78,8 +93,20 @@ class Levels:
         levels = self._made.get(names)
         if levels is None:
             recipe, chosen = self._recipe, [self._contacts[name] for name in names]
-            contacts = ContactSet(tuple(chosen), recipe.kinematics.model, self._ranks.rank(names))
+            contacts = ContactSet(tuple(chosen), recipe.kinematics.model, self._rank(names))
             ranks = range(len(recipe.stacks))
             levels = tuple(Level(Program(recipe, contacts, rank), rank) for rank in ranks)
             self._made[names] = levels
         return levels
+
+    def _rank(self, names: Sequence[str]) -> int:
+        """Return the greatest number of independent rows of some contacts."""
+        if not names:
+            return 0
+        slices, ranks = dict(zip(self._all, self.whole.slices, strict=True)), list[int]()
+        at = np.r_[tuple(slices[name] for name in names)]
+        for jacobian in self._drawn:
+            rows, lengths = jacobian[at], np.linalg.norm(jacobian[at], axis=1)
+            rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
+            ranks.append(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows.size)))
+        return max(ranks)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
 from typing import Any, final
@@ -308,11 +307,6 @@ def polygon_cone(
     return rows, tuple(labels)
 
 
-_POSES = 3
-# A row that others decide keeps 1e-16 of its length, an independent one 1e-3 at a drawn pose.
-_DEPENDENT = 1e-9
-
-
 class ContactSet:
     """Stacked rows of some contacts.
 
@@ -374,37 +368,3 @@ class ContactSet:
         for contact, rows in zip(self.contacts, self.slices, strict=True):
             found[contact.name][contact.axes] = force[rows]
         return found
-
-
-class ContactRanks:
-    """Ranks of contact Jacobians at drawn poses: what the robot's structure allows.
-
-    Several points of one rigid body repeat each other, as do the feet of a robot that has few
-    joints between them.
-    """
-
-    def __init__(
-        self, robot: Robot, kinematics: Kinematics, contacts: Mapping[str, BoundContact]
-    ) -> None:
-        """Evaluate all contacts at a few drawn poses."""
-        generator, nv = np.random.default_rng(0), robot.model.nv
-        whole = ContactSet(tuple(contacts.values()), kinematics.model)
-        self._at = dict(zip(contacts, whole.slices, strict=True))
-        self._rows: list[FloatArray] = []
-        for _ in range(_POSES):
-            q = pin.integrate(robot.model, robot.neutral(), generator.uniform(-1.0, 1.0, nv))
-            kinematics.update(q, np.zeros(nv))
-            whole.fill(kinematics)
-            self._rows.append(whole.memory.rows.jacobian.copy())
-
-    def rank(self, names: Sequence[str]) -> int:
-        """Return the greatest number of independent rows of some contacts."""
-        if not names:
-            return 0
-        found = []
-        for jacobian in self._rows:
-            rows = np.vstack([jacobian[self._at[name]] for name in names])
-            lengths = np.linalg.norm(rows, axis=1)
-            rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
-            found.append(int(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows.size))))
-        return max(found)
