@@ -81,7 +81,7 @@ class Setup:
             )
         tree, self.drive = tree_of(robot.model), Drivetrain(robot)
         self.barriers = Barriers(robot, terrain, tree, hulls)
-        self.effects = PlantEffects.of(robot)
+        self.effects = PlantEffects(robot)
         self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
         self.waits = bool(self.effects.hooks) or robot.rotors_turn_with_links
         self._error: BaseException | None = None

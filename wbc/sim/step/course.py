@@ -340,10 +340,11 @@ def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, flo
     if in_impact:
         rows = impact_rows(plant, plant.end.closed)
         copy_to(plant.end.aims[: len(rows.targets)], rows.targets)
-        system, found = part_system(rows, plant.obstacles.tangents), plant.end.impulse.copy()
+        found = plant.end.impulse.copy()
     else:
-        rows, system = begin(plant, plant.forces.length[0])
+        rows = begin(plant, plant.forces.length[0])
         found = plant.end.impulse[rows.places]
+    system = part_system(rows, plant.obstacles.tangents)
     tolerance, found = tolerance_of(system), found[: len(rows.start)]
     off = distance(system, found)
     return tell_ranges(system, rows.start, tolerance, told), off, tolerance

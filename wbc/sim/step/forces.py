@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.tables import EffectTable, add_torques, effect_table, left_for_hooks
+from wbc.effects.tables import add_torques, effect_table, left_for_hooks
 from wbc.errors import SimulationError
-from wbc.robot import Effect, Memory, Motion, Robot
+from wbc.robot import Memory, Motion, Robot
 from wbc.sim.state import EffectMemory
 
 
@@ -34,7 +33,6 @@ class EffectForces(NamedTuple):
     seen: tuple[Motion, ...]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class PlantEffects:
     """The effects of a robot, prepared for stepping.
 
@@ -45,18 +43,11 @@ class PlantEffects:
         first: what these start with; empty where none has a state of its own.
     """
 
-    robot: Robot
-    table: EffectTable
-    hooks: tuple[Effect, ...]
-    first: EffectMemory
-
-    @classmethod
-    def of(cls, robot: Robot) -> PlantEffects:
-        """Return the effects of `robot`."""
-        table, hooks = effect_table(robot), left_for_hooks(robot)
-        held = tuple(effect.first_memory(robot) for effect in hooks)
-        first = held if any(memory is not None for memory in held) else ()
-        return cls(robot, table, hooks, first)
+    def __init__(self, robot: Robot) -> None:
+        """Prepare the effects of `robot`."""
+        self.robot, self.table, self.hooks = robot, effect_table(robot), left_for_hooks(robot)
+        held: EffectMemory = tuple(effect.first_memory(robot) for effect in self.hooks)
+        self.first = held if any(memory is not None for memory in held) else ()
 
     def checked(self, given: EffectMemory) -> EffectMemory:
         """Return a memory `given`, or the first one where it is empty.

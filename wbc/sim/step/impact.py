@@ -16,7 +16,7 @@ from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.gears import rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
-from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_where, world_pushes
+from wbc.sim.step.part_rows import PartRows, Solved, rows_where, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import RESTITUTION, TOUCH, Gears, Opened
 
@@ -201,9 +201,8 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
             end.closed[i] = before[i] or end.fresh[i]
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
-    system = part_system(rows, plant.obstacles.tangents)
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
-    solved = solve_part(plant, rows, system, v, work)
+    solved = solve_part(plant, rows, v, work)
     found[WAY], found[LEFT] = solved.way, solved.missed
     copy_to(solved.impulse, end.impulse)
     if solved.way >= UNSOLVED:

@@ -7,13 +7,12 @@ import numpy as np
 from wbc.compiled import Row, ask, compiled, inner
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
-from wbc.mechanics.rows import RowSystem
 from wbc.sim.step.arrival import arrive, rigid_ones
 from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
 from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import PartRows, Solved, part_system, rows_of, world_pushes
+from wbc.sim.step.part_rows import PartRows, Solved, rows_of, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import HERTZ, TOUCH, Opened
 
@@ -53,8 +52,8 @@ def close(plant: Opened, step: float) -> None:
 
 
 @compiled(inside=True)
-def begin(plant: Opened, step: float) -> tuple[PartRows, RowSystem]:
-    """Return the rows of a part, and their system; they start from the last step's impulses.
+def begin(plant: Opened, step: float) -> PartRows:
+    """Return the rows of a part, which start from the last step's impulses.
 
     Where H_l is not positive, `lower[0, 0]` is no number.
     """
@@ -62,7 +61,7 @@ def begin(plant: Opened, step: float) -> tuple[PartRows, RowSystem]:
     rows = rows_of(plant, step)
     for i in range(len(rows.start)):
         rows.start[i] = plant.now.impulse[rows.places[i]]
-    return rows, part_system(rows, plant.obstacles.tangents)
+    return rows
 
 
 @inner
@@ -124,10 +123,10 @@ def part_of_step(plant: Opened, step: float) -> int:
     plant.forces.length[0] = step
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
-    rows, system = begin(plant, step)
+    rows = begin(plant, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
-    solved = solve_part(plant, rows, system, end.speed, 1.0)
+    solved = solve_part(plant, rows, end.speed, 1.0)
     keep(plant, rows, solved)
     if solved.way >= UNSOLVED:
         return 10 + solved.way

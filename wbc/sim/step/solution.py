@@ -34,7 +34,7 @@ from wbc.mechanics.newton import (
 from wbc.mechanics.rows import RowSystem, copied
 from wbc.sim.step.flanks import DAMPED, Rounds, lean_on_flanks, misses_flanks
 from wbc.sim.step.gears import rotor_brings
-from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.part_rows import PartRows, Solved, part_system
 from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
 
@@ -162,7 +162,7 @@ def settles(after: Row, last: OutRow) -> float:
 
 
 @compiled(inside=True)
-def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, work: float) -> Solved:
+def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> Solved:
     """Return how the rows of a part end, with every row, flank and coupling on its law.
 
     Rounds take flanks and compliant contacts as tangents, and coupling as it was in the last one,
@@ -170,12 +170,12 @@ def solve_part(plant: Opened, rows: PartRows, system: RowSystem, speed: Row, wor
 
     Args:
         plant: what moves.
-        rows: of the part.
-        system: of these rows; its laws and free speeds are those of the solution afterwards.
+        rows: of the part; laws and free velocity are those of the solution afterwards.
         speed: v (nv,) before.
         work: share of what `solve_system` may do in an impact.
     """
     size, n, m, gears = len(rows.start), len(speed), len(plant.gears.rows), plant.gears
+    system = part_system(rows, plant.obstacles.tangents)
     coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
     soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
     tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system

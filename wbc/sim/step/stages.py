@@ -90,7 +90,6 @@ class Stage:
         return np.asarray(self.end.pushes.reshape(-1, 3))
 
 
-@dataclass(frozen=True, eq=False)
 class Flow(Stage):
     """What happened in one smooth part."""
 
@@ -160,7 +159,6 @@ class Flow(Stage):
         )
 
 
-@dataclass(frozen=True, eq=False)
 class Impact(Stage):
     """One impact."""
 
