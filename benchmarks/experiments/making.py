@@ -108,10 +108,10 @@ def every_effect(robot: Robot) -> list[Effect]:
 def _left(found: Predictions, noise: np.ndarray, count: int) -> np.ndarray:
     """Return (i, j) half the square that cause j, refitted, leaves of cause i [nats]."""
     nothing = found.torque(())
-    torques = [((found.expected_torque(i) - nothing) / noise).ravel() for i in range(count)]
+    torques = [((found.expected_torques[i] - nothing) / noise).ravel() for i in range(count)]
     added, left = np.stack(torques, axis=1), np.full((count, count), np.inf)
     for j in range(count):
-        basis = np.linalg.qr(found.sensitivity(j))[0]
+        basis = np.linalg.qr(found.sensitivities[j])[0]
         apart = added - added[:, [j]]
         left[:, j] = 0.5 * np.sum((apart - basis @ (basis.T @ apart)) ** 2, axis=0)
     np.fill_diagonal(left, np.inf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import permutations
 
 import numpy as np
@@ -207,9 +208,6 @@ class Predictions:
     def __init__(self, rivals: Rivals, motion: Motion, links: FloatArray) -> None:
         """Keep the motion and `link_torque` of the robot without any rival along it."""
         self.rivals, self.motion, self.links = rivals, motion, links
-        self._torques: dict[int, FloatArray] = {}
-        self._slopes: dict[int, FloatArray] = {}
-        self._drawn: dict[int, FloatArray] = {}
         self.readable = ReadableRows(rivals.robot, motion, rivals.band)
 
     def torque(self, cause: Cause) -> FloatArray:
@@ -227,29 +225,29 @@ class Predictions:
         noise = self.rivals.noise.reshape(-1, *(1,) * (torque.ndim - 2))
         return self.readable.of(torque / noise)
 
-    def expected_torque(self, number: int) -> FloatArray:
-        """Return the torque (N, m) of a rival with its expected values."""
-        if number not in self._torques:
-            self._torques[number] = self.torque(self.rivals.causes[number])
-        return self._torques[number]
+    @cached_property
+    def expected_torques(self) -> list[FloatArray]:
+        """Torque (N, m) of every rival with its expected values."""
+        return [self.torque(cause) for cause in self.rivals.causes]
 
     def peak(self) -> FloatArray:
         """Return the largest torque (N, m) [N m] that any of the rivals asks for."""
-        every = [self.torque(()), *map(self.expected_torque, range(len(self.rivals.causes)))]
+        every = [self.torque(()), *self.expected_torques]
         return np.asarray(np.max(np.abs(every), axis=0))
 
-    def sensitivity(self, number: int) -> FloatArray:
-        """Return d torque / d parameter over noise, per typical size, (N m, p)."""
-        if number not in self._slopes:
-            cause, here, columns = self.rivals.causes[number], self.expected_torque(number), []
-            for row, (_, parameter) in enumerate(parameter_names(cause)):
-                values = cause_values(cause)
-                step = _STEP if values[row] + _STEP * parameter.scale <= parameter.high else -_STEP
-                values[row] += step * parameter.scale
-                columns.append((self.torque(with_cause_values(cause, values)) - here) / step)
-            read = self.in_noise(np.stack(columns, axis=2))
-            self._slopes[number] = read.reshape(-1, len(columns))
-        return self._slopes[number]
+    @cached_property
+    def sensitivities(self) -> list[FloatArray]:
+        """d torque / d parameter over noise, per typical size, (N m, p) of every rival."""
+        return list(map(self._sensitivity, self.rivals.causes, self.expected_torques))
+
+    def _sensitivity(self, cause: Cause, here: FloatArray) -> FloatArray:
+        columns = []
+        for row, (_, parameter) in enumerate(parameter_names(cause)):
+            values = cause_values(cause)
+            step = _STEP if values[row] + _STEP * parameter.scale <= parameter.high else -_STEP
+            values[row] += step * parameter.scale
+            columns.append((self.torque(with_cause_values(cause, values)) - here) / step)
+        return self.in_noise(np.stack(columns, axis=2)).reshape(-1, len(columns))
 
     def distance(self, pair: Pair) -> float:
         """Return the expected log-odds of one cause, if true, over another one that is refitted.
@@ -257,7 +255,7 @@ class Predictions:
         Half the squared misfit that is left [nats], each row in units of its noise.
         """
         true, other = pair
-        target, cause = self.expected_torque(true), self.rivals.causes[other]
+        target, cause = self.expected_torques[true], self.rivals.causes[other]
         scales, low, high = (cause_numbers(cause, of) for of in ("scale", "low", "high"))
         low, high = low / scales, high / scales
 
@@ -288,7 +286,7 @@ class Predictions:
         spread = self.rivals.open_part(pair[0])
         if spread is None:
             return float(0.5 * left @ left)
-        moved = self.unfitted(pair[1], self.sensitivity(pair[0]) @ spread)
+        moved = self.unfitted(pair[1], self.sensitivities[pair[0]] @ spread)
         gram, lever = moved.T @ moved, moved.T @ left
         least = left @ left - lever @ np.linalg.solve(4.0 * np.eye(len(gram)) + gram, lever)
         grown = np.linalg.slogdet(np.eye(len(gram)) + 0.25 * gram)[1]
@@ -297,14 +295,14 @@ class Predictions:
     def apart(self, pair: Pair) -> FloatArray:
         """Return the difference (N m,) of two rivals at their expected values, over noise."""
         true, other = pair
-        return self.in_noise(self.expected_torque(true) - self.expected_torque(other)).ravel()
+        return self.in_noise(self.expected_torques[true] - self.expected_torques[other]).ravel()
 
     def unfitted(self, number: int, torques: FloatArray) -> FloatArray:
         """Return what a cause, refitted, leaves of torques (N m, k) over noise.
 
         Where earlier logs know its values, there are p rows more: what it costs to leave these.
         """
-        spread, slopes = self.rivals.open_part(number), self.sensitivity(number)
+        spread, slopes = self.rivals.open_part(number), self.sensitivities[number]
         if spread is None:
             return np.asarray(torques - slopes @ np.linalg.lstsq(slopes, torques)[0])
         count = len(spread)
@@ -319,7 +317,7 @@ class Predictions:
         """
         apart = self.apart(pair)
         left = self.unfitted(pair[1], apart[:, None])[: len(apart), 0]
-        return np.asarray(left.reshape(self.expected_torque(pair[0]).shape))
+        return np.asarray(left.reshape(self.expected_torques[pair[0]].shape))
 
     def distances(self, pair: Pair) -> FloatArray:
         """Return `distance` (k,) at values of the true cause that earlier logs leave open.
@@ -329,14 +327,16 @@ class Predictions:
         true, other = pair
         if self.rivals.open_part(true) is None:
             return np.array([self.distance(pair)])
-        drawn = self._drawn_torques(true) - self.expected_torque(other)[..., None]
+        drawn = self._drawn_torques[true] - self.expected_torques[other][..., None]
         left = self.unfitted(other, self.in_noise(drawn).reshape(-1, drawn.shape[2]))
         return np.asarray(0.5 * np.sum(left**2, axis=0))
 
-    def _drawn_torques(self, number: int) -> FloatArray:
-        """Return torques (N, m, k) of a cause at values drawn from what is open."""
-        if number in self._drawn:
-            return self._drawn[number]
+    @cached_property
+    def _drawn_torques(self) -> list[FloatArray]:
+        """Torques (N, m, k) of every rival at values drawn from what is open."""
+        return [self._drawn(number) for number in range(len(self.rivals.causes))]
+
+    def _drawn(self, number: int) -> FloatArray:
         cause, spread = self.rivals.causes[number], self.rivals.open_part(number)
         scales, low, high = (cause_numbers(cause, of) for of in ("scale", "low", "high"))
         steps = np.random.default_rng(0).normal(size=(_DRAWS, len(scales)))
@@ -347,13 +347,11 @@ class Predictions:
                 torques.append(self.torque(with_cause_values(cause, values)))
             except EffectError:  # values that no robot can have
                 continue
-        torques = torques or [self.expected_torque(number)]
-        self._drawn[number] = np.stack(torques, axis=2)
-        return self._drawn[number]
+        return np.stack(torques or [self.expected_torques[number]], axis=2)
 
     def signal(self, number: int) -> float:
         """Return half the squared torque that a cause adds, each row in units of its noise."""
-        added = self.in_noise(self.expected_torque(number) - self.torque(()))
+        added = self.in_noise(self.expected_torques[number] - self.torque(()))
         return float(0.5 * np.sum(added**2))
 
     def information(self) -> float:
@@ -362,8 +360,7 @@ class Predictions:
         Beside what is known before: each parameter to one typical size. So a parameter that no
         motion shows costs a constant.
         """
-        parts = [self.sensitivity(number) for number in range(len(self.rivals.causes))]
-        columns = np.concatenate(parts, axis=1)
+        columns = np.concatenate(self.sensitivities, axis=1)
         return float(np.linalg.slogdet(np.eye(columns.shape[1]) + columns.T @ columns)[1])
 
     def widths(self, number: int) -> FloatArray:
@@ -372,7 +369,7 @@ class Predictions:
         From the noise and, as in `information`, what is known before. What the motion does not
         show keeps the width that it had.
         """
-        slopes = self.sensitivity(number)
+        slopes = self.sensitivities[number]
         scales = cause_numbers(self.rivals.causes[number], "scale")
         spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
         return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))
