@@ -85,7 +85,7 @@ def travel(way: float) -> Motion:
 def test_what_these_motions_can_show(
     leg: Robot, effect: Effect, motions: list[Motion], known: bool
 ) -> None:
-    assert effect.recognisable(leg, motions) is known
+    assert effect.search.recognisable(effect, leg, motions) is known
 
 
 def test_a_wave_of_the_rotor_is_more_certain_than_one_beside_it(leg: Robot) -> None:
@@ -96,7 +96,7 @@ def test_a_wave_of_the_rotor_is_more_certain_than_one_beside_it(leg: Robot) -> N
         (finding,) = diagnosis.findings
         assert finding.effect.values["order"] == pytest.approx(order, rel=0.01)
         certain[order] = finding.probability
-        remarks[order] = finding.effect.remarks(leg)
+        remarks[order] = finding.effect.search.remarks(finding.effect, leg)
     # With orders alike on any scale it was 0.80 and 0.77.
     assert certain[2.0 * RATIO] > certain[2.3 * RATIO] + 0.1
     assert remarks[2.0 * RATIO] == ("This is 2 per turn of the rotor.",)

@@ -103,7 +103,7 @@ def test_a_drawing_that_is_off_everywhere_is_one_cause() -> None:
 
 def test_a_tool_nine_times_as_heavy_as_its_link_is_within_reach_of_a_linear_screen() -> None:
     robot = load_robot("planar_leg_fixed")
-    (screen,) = LinkInertia.screens(robot, "shin", Evidence((), (), ()))
+    (screen,) = LinkInertia.search.screens(LinkInertia, robot, "shin", Evidence((), (), ()))
 
     def shin(values: Mapping[str, float]) -> FloatArray:
         return inertial_parameters(LinkInertia.at("shin", values).change(robot))[10:]
@@ -115,9 +115,9 @@ def test_a_tool_nine_times_as_heavy_as_its_link_is_within_reach_of_a_linear_scre
     assert reached == pytest.approx(tool.toDynamicParameters(), rel=1e-2, abs=1e-3)
     # Somebody mounts it: only what is drawn and is not there makes a drawing less likely.
     mounted = LinkInertia.at("shin", screen.combine(steps))
-    assert mounted.implausibility(robot, ()) == pytest.approx(0.0, abs=1e-6)
+    assert LinkInertia.search.implausibility(mounted, robot, ()) == pytest.approx(0.0, abs=1e-6)
     lost = {name: -value for name, value in mounted.values.items() if name == "alpha"}
-    assert LinkInertia.at("shin", lost).implausibility(robot, ()) > 3.0
+    assert LinkInertia.search.implausibility(LinkInertia.at("shin", lost), robot, ()) > 3.0
 
 
 def test_a_payload_stays_a_payload() -> None:

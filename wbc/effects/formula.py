@@ -13,7 +13,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError, require_known
-from wbc.robot import Evidence, Motion, Parameter, Robot, Screen
+from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
 QUANTITIES = ("q", "v", "a", "load", "gravity")
 SOFT_SPEED = 0.05
@@ -251,6 +251,8 @@ class CustomTorque(JointEffect):
         "Move only the joints in the formula, one at a time, over a wider range of position and "
         "speed than before, and see whether the formula still holds."
     )
+    # None: formulas are searched for on their own, not beside named causes.
+    search = SearchOffer(screens=lambda *_: ())
 
     def __post_init__(self) -> None:
         """Check the terms and give every coefficient its name."""
@@ -328,8 +330,3 @@ class CustomTorque(JointEffect):
         if not parts:
             return None
         return self.on_joint(robot, motion, np.maximum(np.sum(parts, axis=0), 0.0))
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return none: formulas are searched for on their own, not beside named causes."""
-        return ()

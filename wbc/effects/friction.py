@@ -12,7 +12,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
 from wbc.errors import EffectError, require_known
-from wbc.robot import Evidence, Motion, Robot, Screen, number
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 
 def viscous(v: FloatArray, coefficient: float) -> FloatArray:
@@ -37,7 +37,7 @@ class ViscousFriction(JointEffect):
         "Move the joint at several constant speeds in both directions, slow to fast: the "
         "extra torque lies on a straight line through zero."
     )
-    expected = 2.0
+    search = SearchOffer(expected=2.0)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -coefficient * v at the joint, (..., nv) [N m]."""
@@ -48,6 +48,14 @@ class ViscousFriction(JointEffect):
 def directional(v: FloatArray, positive: float, negative: float) -> FloatArray:
     """Return -positive * v (...) [N m] where v > 0 and -negative * v where v < 0."""
     return -(positive * np.maximum(v, 0.0) + negative * np.minimum(v, 0.0))
+
+
+def _directional_recognisable(
+    effect: DirectionalViscousFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the joint moved in both directions: in one alone this is viscous friction."""
+    speeds = np.concatenate([effect.joint_velocity(robot, motion) for motion in motions])
+    return bool(np.min(speeds) < 0.0 < np.max(speeds))
 
 
 @final
@@ -72,7 +80,10 @@ class DirectionalViscousFriction(JointEffect):
         "Move the joint at several constant speeds in both directions: the extra torque lies on "
         "two straight lines through zero, one per direction, of different slope."
     )
-    claims = 2  # friction, and that it differs by direction
+    search = SearchOffer(
+        claims=2,  # friction, and that it differs by direction
+        recognisable=_directional_recognisable,
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""
@@ -80,16 +91,27 @@ class DirectionalViscousFriction(JointEffect):
         drag = directional(v, self.positive_direction, self.negative_direction)
         return self.on_joint(robot, motion, drag)
 
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint moved in both directions: in one alone this is viscous friction."""
-        speeds = np.concatenate([self.joint_velocity(robot, motion) for motion in motions])
-        return bool(np.min(speeds) < 0.0 < np.max(speeds))
-
 
 _REFERENCE = 40.0  # [deg C], at which ISO 3448 gives the viscosity of lubricants
 # Oils and greases halve their viscosity every 12 to 45 K near 40 deg C (ASTM D341 for the
 # viscosity indices 0 to 200); a fit goes on between these.
 _RATES = (0.015, 0.03, 0.06)  # [1/K]
+
+
+def _thermal_screens(
+    kind: type[ThermalViscousFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per usual rate; none where no temperature was logged or it stayed."""
+    changed = _thermal_recognisable(kind.at(where), robot, evidence.motions)
+    return Screen.shapes("coefficient", "rate", _RATES if changed else ())
+
+
+def _thermal_recognisable(
+    effect: ThermalViscousFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the temperature changed: at one temperature this is viscous friction."""
+    coldest, warmest = range_of([motion.temperature for motion in motions], effect.gear(robot))
+    return warmest > coldest
 
 
 @final
@@ -113,7 +135,11 @@ class ThermalViscousFriction(JointEffect):
         "Repeat one motion at several speeds cold and warm, and log the motor's temperature: the "
         "slope of the torque over the speed falls with temperature."
     )
-    claims = 2  # friction, and that it falls with temperature
+    search = SearchOffer(
+        claims=2,  # friction, and that it falls with temperature
+        screens=_thermal_screens,
+        recognisable=_thermal_recognisable,
+    )
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the torque at the joint, (..., nv) [N m]."""
@@ -122,17 +148,6 @@ class ThermalViscousFriction(JointEffect):
             warm = motion.temperature[..., self.gear(robot)] - _REFERENCE
             drag = drag * np.exp(-self.rate * warm)
         return self.on_joint(robot, motion, -drag)
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per usual rate; none where no temperature was logged or it stayed."""
-        changed = cls.at(where).recognisable(robot, evidence.motions)
-        return Screen.shapes("coefficient", "rate", _RATES if changed else ())
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the temperature changed: at one temperature this is viscous friction."""
-        coldest, warmest = range_of([motion.temperature for motion in motions], self.gear(robot))
-        return warmest > coldest
 
 
 def quadratic(v: FloatArray, coefficient: float) -> FloatArray:
@@ -180,7 +195,7 @@ class CoulombFriction(JointEffect):
         "Move the joint slowly back and forth through the same positions: the torque of the "
         "two directions differs by a constant, whatever the load."
     )
-    expected = 2.0
+    search = SearchOffer(expected=2.0)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the joint, (..., nv) [N m]."""
@@ -190,6 +205,25 @@ class CoulombFriction(JointEffect):
 def stribeck_level(v: FloatArray, level: float, speed: float) -> FloatArray:
     """Return level * exp(-(v/speed)^2) (...) [N m]."""
     return level * np.exp(-((v / speed) ** 2))
+
+
+def _stribeck_screens(
+    kind: type[StribeckFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
+    row = robot.velocity_index(where)
+    seen = np.concatenate([np.abs(motion.velocity[:, row]) for motion in evidence.motions])
+    usual = float(np.sqrt(np.mean(seen**2)))
+    speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
+    return Screen.shapes("level", "speed", speeds if usual > 0.0 else ())
+
+
+def _stribeck_recognisable(
+    effect: StribeckFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the joint passed twice the Stribeck speed: below it this is Coulomb friction."""
+    fastest = max(np.abs(effect.joint_velocity(robot, motion)).max() for motion in motions)
+    return bool(2.0 * effect.speed < fastest)
 
 
 @final
@@ -212,26 +246,14 @@ class StribeckFriction(JointEffect):
         "Move the joint through standstill very slowly, then at growing speeds: the torque "
         "first falls with speed, then rises."
     )
-    near_rest = True
+    search = SearchOffer(
+        near_rest=True, screens=_stribeck_screens, recognisable=_stribeck_recognisable
+    )
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""
         speed = self.joint_velocity(robot, motion)
         return self.on_joint(robot, motion, stribeck_level(speed, self.level, self.speed))
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per Stribeck speed, from a tenth to half of the speeds seen."""
-        row = robot.velocity_index(where)
-        seen = np.concatenate([np.abs(motion.velocity[:, row]) for motion in evidence.motions])
-        usual = float(np.sqrt(np.mean(seen**2)))
-        speeds = np.clip(usual * np.geomspace(0.08, 0.8, 6), 0.001, 20.0)
-        return Screen.shapes("level", "speed", speeds if usual > 0.0 else ())
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint passed twice the Stribeck speed: below it this is Coulomb friction."""
-        fastest = max(np.abs(self.joint_velocity(robot, motion)).max() for motion in motions)
-        return bool(2.0 * self.speed < fastest)
 
 
 @dataclass(frozen=True)
@@ -284,7 +306,7 @@ class RotorViscousFriction(RotorFriction):
         "drags at the motor falls away. Else lift and lower weights at several speeds: friction "
         "behind the gear adds to the load that the gear loses a share of."
     )
-    expected = 2.0
+    search = SearchOffer(expected=2.0)
 
 
 @final
@@ -308,4 +330,4 @@ class RotorCoulombFriction(RotorFriction):
         "rubs at the motor falls away. Else lift and lower weights slowly: friction behind the "
         "gear adds to the load that the gear loses a share of."
     )
-    expected = 2.0
+    search = SearchOffer(expected=2.0)

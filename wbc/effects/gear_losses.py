@@ -11,12 +11,44 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect
-from wbc.robot import Evidence, Motion, Robot, Screen, Usual, number
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import Flanks, wedge_backward_efficiency
 
 # Gears lose from one per cent to half of the power, and some are self-locking, hardly beyond.
 _FORWARD, _BACKWARD = Usual(1.0, 1.0, 0.5, factor=True), Usual(1.0, 1.0, 0.7)
 _WEDGE = 0.02  # efficiencies this close to the wedge's relation are taken for it
+
+
+def _efficiency_screens(
+    kind: type[TransmissionEfficiency], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return two screens: the wedge's pair of efficiencies, and both of them free.
+
+    The torque a gear needs is linear in 1/eta_f and eta_b, so losses are the coefficients.
+    """
+    null = kind.null_values(robot, where)
+    forward, backward = null["forward_efficiency"], null["backward_efficiency"]
+    step = 1e-3
+
+    def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
+        inverse = 1.0 / forward + step * loss
+        return {
+            "forward_efficiency": min(1.0 / inverse, 1.0) if inverse > 0.0 else np.inf,
+            "backward_efficiency": min(backward - step * backward_loss, 1.0),
+        }
+
+    pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
+    free = Screen(
+        (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
+        lambda c: efficiencies(float(c[0]), float(c[1])),
+    )
+    return pair, free
+
+
+def _efficiency_freedom(effect: TransmissionEfficiency) -> int:
+    """One where the wedge's relation between the two efficiencies holds, else two."""
+    wedge = float(wedge_backward_efficiency(effect.forward_efficiency))
+    return 1 if abs(effect.backward_efficiency - wedge) < _WEDGE else 2
 
 
 @final
@@ -45,9 +77,13 @@ class TransmissionEfficiency(GearNumbers):
         "Lift and lower several known weights slowly: the lifting torque grows and the "
         "lowering torque shrinks in proportion to the weight."
     )
-    # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under load
-    # that were stated are true, at a mean probability of 0.99 with nothing expected.
-    expected = 1.0
+    search = SearchOffer(
+        # No gear is without losses. In 184 generated logs (seeds 23, 31, 32) all 41 losses under
+        # load that were stated are true, at a mean probability of 0.99 with nothing expected.
+        expected=1.0,
+        screens=_efficiency_screens,
+        freedom=_efficiency_freedom,
+    )
 
     def said(self, units: Mapping[str, str] | None = None) -> str:
         """Return what the gear loses either way."""
@@ -64,35 +100,6 @@ class TransmissionEfficiency(GearNumbers):
             TransmissionError: eta_f outside (0, 1].
         """
         return cls(where, forward_efficiency, float(wedge_backward_efficiency(forward_efficiency)))
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return two screens: the wedge's pair of efficiencies, and both of them free.
-
-        The torque a gear needs is linear in 1/eta_f and eta_b, so losses are the coefficients.
-        """
-        null = cls.null_values(robot, where)
-        forward, backward = null["forward_efficiency"], null["backward_efficiency"]
-        step = 1e-3
-
-        def efficiencies(loss: float, backward_loss: float) -> dict[str, float]:
-            inverse = 1.0 / forward + step * loss
-            return {
-                "forward_efficiency": min(1.0 / inverse, 1.0) if inverse > 0.0 else np.inf,
-                "backward_efficiency": min(backward - step * backward_loss, 1.0),
-            }
-
-        pair = Screen((efficiencies(1.0, 1.0),), lambda c: efficiencies(float(c[0]), float(c[0])))
-        free = Screen(
-            (efficiencies(1.0, 0.0), efficiencies(0.0, 1.0)),
-            lambda c: efficiencies(float(c[0]), float(c[1])),
-        )
-        return pair, free
-
-    def freedom(self) -> int:
-        """Return 1 where the wedge's relation between the two efficiencies holds, else 2."""
-        wedge = float(wedge_backward_efficiency(self.forward_efficiency))
-        return 1 if abs(self.backward_efficiency - wedge) < _WEDGE else 2
 
 
 @final
@@ -117,14 +124,16 @@ class LoadFriction(JointEffect):
         "Lift and lower several known weights slowly: the difference between lifting and "
         "lowering torque grows with the weight."
     )
-    expected = TransmissionEfficiency.expected
-    inseparable: ClassVar[Mapping[str, str]] = {
-        "transmission_efficiency": (
-            "Load friction c predicts the same as the efficiencies 1 - c (forward) and 1 / (1 + c) "
-            "(backward): if the fitted ones are these two, no run tells them apart, and you can "
-            "use either."
-        )
-    }
+    search = SearchOffer(
+        expected=TransmissionEfficiency.search.expected,
+        inseparable={
+            "transmission_efficiency": (
+                "Load friction c predicts the same as the efficiencies 1 - c (forward) and "
+                "1 / (1 + c) (backward): if the fitted ones are these two, no run tells them "
+                "apart, and you can use either."
+            )
+        },
+    )
 
     def change(self, robot: Robot) -> Robot:
         """Return the robot whose gear loses the share of the load as well."""
@@ -141,6 +150,26 @@ _MOST = 0.95
 def extra_share(w: FloatArray, coefficient: float, speed: float) -> FloatArray:
     """Return c(w) = coefficient * exp(-(w/speed)^2) (...) at speeds w of the output [rad/s]."""
     return coefficient * np.exp(-((w / speed) ** 2))
+
+
+def _load_screens(
+    kind: type[LoadStribeckFriction], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
+    gear = robot.transmission.index(where)
+    speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
+    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+    tried = np.clip(np.multiply(_SLOWNESS, usual), 0.001, 20.0) if usual > 0.0 else ()
+    return Screen.shapes("coefficient", "speed", tried, step=1e-3)
+
+
+def _load_recognisable(
+    effect: LoadStribeckFriction, robot: Robot, motions: Sequence[Motion]
+) -> bool:
+    """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
+    gear = effect.gear(robot)
+    fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
+    return bool(2.0 * effect.speed < fastest)
 
 
 @final
@@ -169,14 +198,18 @@ class LoadStribeckFriction(JointEffect):
         "Lift and lower several known weights, very slowly and fast: the difference between "
         "lifting and lowering torque grows with the weight and is larger at low speed."
     )
-    claims = 2  # friction that grows with the load, and that it falls with speed
-    near_rest = True
-    inseparable: ClassVar[Mapping[str, str]] = {
-        "stribeck_friction": (
-            "Where the gear carries one and the same load, friction near rest that grows with the "
-            "load is friction near rest: runs with other loads tell them apart."
-        )
-    }
+    search = SearchOffer(
+        claims=2,  # friction that grows with the load, and that it falls with speed
+        near_rest=True,
+        inseparable={
+            "stribeck_friction": (
+                "Where the gear carries one and the same load, friction near rest that grows with "
+                "the load is friction near rest: runs with other loads tell them apart."
+            )
+        },
+        screens=_load_screens,
+        recognisable=_load_recognisable,
+    )
 
     def gear_efficiencies(
         self, robot: Robot, motion: Motion, forward: FloatArray, backward: FloatArray
@@ -189,21 +222,6 @@ class LoadStribeckFriction(JointEffect):
         forward[..., gear] *= 1.0 - share
         backward[..., gear] /= 1.0 + share
         return forward, backward
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per Stribeck speed; the torque is nearly linear in the coefficient."""
-        gear = robot.transmission.index(where)
-        speeds = [_output_speed(robot, gear, motion) for motion in evidence.motions]
-        usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
-        tried = np.clip(np.multiply(_SLOWNESS, usual), 0.001, 20.0) if usual > 0.0 else ()
-        return Screen.shapes("coefficient", "speed", tried, step=1e-3)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the gear passed twice the Stribeck speed: below it this is load friction."""
-        gear = self.gear(robot)
-        fastest = max(np.abs(_output_speed(robot, gear, m)).max() for m in motions)
-        return bool(2.0 * self.speed < fastest)
 
 
 def _output_speed(robot: Robot, gear: int | IntArray, motion: Motion) -> FloatArray:
@@ -236,6 +254,8 @@ class YieldingGear(GearNumbers, ABC):
     friction_side: Side = field(default="either", kw_only=True)
 
     has_play: ClassVar[bool] = False
+    # None: which flanks are worth trying only simulated links tell.
+    search = SearchOffer(screens=lambda *_: ())
 
     @classmethod
     def having(cls, where: str, flanks: Flanks) -> Self:
@@ -247,11 +267,6 @@ class YieldingGear(GearNumbers, ABC):
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
         """Return the numbers of a gear that is all but rigid."""
         return {parameter.name: parameter.null for parameter in cls.parameters}
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return none: which flanks are worth trying only simulated links tell."""
-        return ()
 
     def with_friction_at(self, side: Side) -> Self:
         """Return the same gear with the joint's friction on that side."""
@@ -286,9 +301,10 @@ class JointCompliance(YieldingGear):
         "frequency, and sags while the motor does not."
     )
 
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether it gives and comes back: a gear that creeps writes down any slow drift."""
-        return self.damping < _CREEPS * self.stiffness
+    # A gear that gives and comes back: one that creeps writes down any slow drift.
+    search = replace(
+        YieldingGear.search, recognisable=lambda own, *_: own.damping < _CREEPS * own.stiffness
+    )
 
 
 _LEAST_PLAY = 1e-4  # [rad]
@@ -327,7 +343,5 @@ class Backlash(YieldingGear):
     )
 
     has_play: ClassVar[bool] = True
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether there is play: flanks without it are a spring."""
-        return self.width > _LEAST_PLAY
+    # Flanks without play are a spring.
+    search = replace(YieldingGear.search, recognisable=lambda own, *_: own.width > _LEAST_PLAY)

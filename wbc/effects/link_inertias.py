@@ -14,7 +14,8 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import EffectError, require_known, unknown_name
-from wbc.robot import Effect, Evidence, Motion, Parameter, Quantity, Robot, Screen
+from wbc.robot import Effect, Evidence, Motion, Parameter, Quantity, Robot, Screen, SearchOffer
+from wbc.robot.search import small_steps
 
 LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
 """The ten numbers, named as by Rucker and Wensing (2022)."""
@@ -160,15 +161,82 @@ def _length(robot: Robot, joint: int) -> float:
     return longest or max([float(np.linalg.norm(end)) for end in ends]) or 0.1
 
 
+def _screens(
+    kind: type[Effect], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return small steps of every number, put together as links need them: linearly."""
+
+    def combined(combine: _Combine) -> _Combine:
+        def combine_bodies(coefficients: FloatArray) -> dict[str, float]:
+            small = combine(coefficients)
+            each = np.reshape(list(small.values()), (-1, _COUNT))
+            return dict(zip(small, np.ravel([of_first_order(own) for own in each]), strict=True))
+
+        return combine_bodies
+
+    steps = small_steps(kind, robot, where, evidence)
+    return tuple(replace(screen, combine=combined(screen.combine)) for screen in steps)
+
+
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing
 _COUNT = len(LOG_CHOLESKY)
+
+
+def _departures(effect: RedrawnLinks) -> FloatArray:
+    """(10 n,) distances from the drawing, in units of how wrong drawings usually are."""
+    return np.concatenate([departures(numbers) for numbers in effect.drawn().values()])
+
+
+def _implausibility(effect: RedrawnLinks, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what a drawing costs that is worse than usual [nats], all links together.
+
+    The same people draw all links of a robot, so that one factor says how wrong the drawing is.
+    If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
+    """
+    return excess(_departures(effect))
+
+
+def _missing(effect: LinkInertia, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what one link costs of which more is missing than drawings usually have too much.
+
+    A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The divergence
+    of `departures` is a sum over them: those below 1 are what is drawn and is not there.
+    """
+    factor = lower(tuple(effect.values.values()))
+    below = np.minimum(np.linalg.eigvalsh(factor @ factor.T), 1.0)
+    distances = np.zeros(_COUNT)
+    distances[: below.size] = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
+    return excess(distances)
+
+
+def _quantities(effect: RedrawnLinks, robot: Robot) -> dict[str, Quantity]:
+    """Mass, centre of mass and moments of each link; `BODY.mass` and so on where it has many."""
+    changed, found = effect.change(robot), dict[str, Quantity]()
+    for body in effect.drawn():
+        own = "" if effect.parameters is PARAMETERS else f"{body}."
+        for name, one in link_quantities(changed, robot.body_joint(body)).items():
+            found[own + name] = replace(one, instead=one.instead and own + one.instead)
+    return found
+
+
+def _remarks(effect: LinkInertia, robot: Robot) -> tuple[str, ...]:
+    """Say where much of the mass that is drawn is not there."""
+    joint = robot.body_joint(effect.where)
+    drawn, mass = (one.model.inertias[joint].mass for one in (robot, effect.change(robot)))
+    return (mass_left(drawn - mass, drawn, effect.where),) if mass < _LEFT * drawn else ()
 
 
 @dataclass(frozen=True)
 class RedrawnLinks(Effect, ABC):
     """Base of the effects that replace the inertias of links by others near those drawn."""
 
-    claims = 3  # mass, centre of mass and inertia
+    search = SearchOffer(
+        claims=3,  # mass, centre of mass and inertia
+        departures=_departures,
+        implausibility=_implausibility,
+        quantities=_quantities,
+        screens=_screens,
+    )
 
     @abstractmethod
     def drawn(self) -> dict[str, tuple[float, ...]]:
@@ -180,42 +248,6 @@ class RedrawnLinks(Effect, ABC):
         return robot.with_inertias(
             {joint: DrawnInertia.of(robot, joint).changed(own) for joint, own in joints.items()}
         )
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return small steps of every number, put together as links need them: linearly."""
-
-        def combined(combine: _Combine) -> _Combine:
-            def combine_bodies(coefficients: FloatArray) -> dict[str, float]:
-                small = combine(coefficients)
-                each = np.reshape(list(small.values()), (-1, _COUNT))
-                return dict(zip(small, np.ravel([*map(of_first_order, each)]), strict=True))
-
-            return combine_bodies
-
-        steps = super().screens(robot, where, evidence)
-        return tuple(replace(screen, combine=combined(screen.combine)) for screen in steps)
-
-    def departures(self) -> FloatArray:
-        """Return (10 n,) distances from the drawing, over how wrong drawings usually are."""
-        return np.concatenate([departures(numbers) for numbers in self.drawn().values()])
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a drawing costs that is worse than usual [nats], all links together.
-
-        The same people draw all links of a robot, so that one factor says how wrong the drawing
-        is. If each link cost on its own, a link as wrong as usual would cost a quarter of a nat.
-        """
-        return excess(self.departures())
-
-    def quantities(self, robot: Robot) -> dict[str, Quantity]:
-        """Mass, centre of mass, moments of each link; `BODY.mass` and so on where it has many."""
-        changed, found = self.change(robot), dict[str, Quantity]()
-        for body in self.drawn():
-            own = "" if self.parameters is PARAMETERS else f"{body}."
-            for name, one in link_quantities(changed, robot.body_joint(body)).items():
-                found[own + name] = replace(one, instead=one.instead and own + one.instead)
-        return found
 
 
 @final
@@ -255,7 +287,7 @@ class LinkInertia(RedrawnLinks):
         "Move this joint and those before it fast in several poses, and hold still in many: weigh "
         "the link if it can be taken off."
     )
-    expected = 1.0
+    search = replace(RedrawnLinks.search, expected=1.0, implausibility=_missing, remarks=_remarks)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -265,25 +297,6 @@ class LinkInertia(RedrawnLinks):
     def drawn(self) -> dict[str, tuple[float, ...]]:
         """Return the numbers of its one body."""
         return {self.where: tuple(self.values.values())}
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a link costs of which more is missing than drawings usually have too much.
-
-        A body that somebody mounts raises the eigenvalues of Q = L L' and lowers none. The
-        divergence of `departures` is a sum over them: those below 1 are what is drawn and is not
-        there.
-        """
-        factor = lower(tuple(self.values.values()))
-        below = np.minimum(np.linalg.eigvalsh(factor @ factor.T), 1.0)
-        distances = np.zeros(_COUNT)
-        distances[: below.size] = np.sqrt(np.maximum(below - np.log(below) - 1.0, 0.0)) / USUAL
-        return excess(distances)
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Say where much of the mass that is drawn is not there."""
-        joint = robot.body_joint(self.where)
-        drawn, mass = (one.model.inertias[joint].mass for one in (robot, self.change(robot)))
-        return (mass_left(drawn - mass, drawn, self.where),) if mass < _LEFT * drawn else ()
 
 
 @final
@@ -310,7 +323,7 @@ class LinkInertias(RedrawnLinks):
         "the links are told from one another."
     )
     # As likely as friction: no machine weighs what its drawing says.
-    expected = 2.0
+    search = replace(RedrawnLinks.search, expected=2.0)
 
     def __post_init__(self) -> None:
         """Give every number its name and check it."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import final
@@ -13,7 +12,15 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.effects.link_inertias import USUAL, heavy_bodies, mass_left
 from wbc.errors import EffectError
-from wbc.robot import Effect, Motion, Robot, Usual, number
+from wbc.robot import Effect, Motion, Robot, SearchOffer, Usual, number
+
+
+def _payload_remarks(effect: PayloadMass, robot: Robot) -> tuple[str, ...]:
+    """Say of a negative mass that it is drawn and not there."""
+    if effect.mass >= 0.0:
+        return ()
+    joint, _ = effect._place(robot)
+    return (mass_left(-effect.mass, robot.model.inertias[joint].mass, effect.where),)
 
 
 @final
@@ -32,6 +39,7 @@ class PayloadMass(Effect):
         "Hold still in several poses, then move fast: the extra torque follows gravity and "
         "inertia together, at one place of the chain."
     )
+    search = SearchOffer(remarks=_payload_remarks)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -63,26 +71,25 @@ class PayloadMass(Effect):
         after = add_point_mass(before, self.mass, point)
         return robot.with_inertia(joint, require_physical(before, after, self.where))
 
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Say of a negative mass that it is drawn and not there."""
-        if self.mass >= 0.0:
-            return ()
-        joint, _ = self._place(robot)
-        return (mass_left(-self.mass, robot.model.inertias[joint].mass, self.where),)
+
+def _freedom(effect: Effect) -> int:
+    """The number of directions in which a centre of mass moved, or gravity leans."""
+    return max(1, sum(value != 0.0 for value in effect.values.values()))
 
 
-@dataclass(frozen=True)
-class Directed(Effect, ABC):
-    """Base of the effects whose numbers are the parts of a vector or of a rotation."""
+def _center_implausibility(effect: CenterOfMass, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what a centre costs that is shifted by much of the link's reach [nats].
 
-    def freedom(self) -> int:
-        """Return the number of directions in which a centre of mass moved, or gravity leans."""
-        return max(1, sum(value != 0.0 for value in self.values.values()))
+    Drawings are usually wrong by the share of it that `link_inertia` takes, too.
+    """
+    shift = float(np.linalg.norm([effect.x, effect.y, effect.z]))
+    size = reach(robot, robot.body_joint(effect.where))
+    return 0.5 * (shift / (USUAL * size)) ** 2 if size > 0.0 else 0.0
 
 
 @final
 @dataclass(frozen=True)
-class CenterOfMass(Directed):
+class CenterOfMass(Effect):
     """The centre of mass of a body is shifted; mass and inertia about it stay.
 
     Attributes:
@@ -103,6 +110,7 @@ class CenterOfMass(Directed):
         "Hold the body still at many angles: the extra gravity torque is a shifted sine of the "
         "angle, while the total weight on the ground is right."
     )
+    search = SearchOffer(freedom=_freedom, implausibility=_center_implausibility)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:
@@ -121,19 +129,10 @@ class CenterOfMass(Directed):
         after = pin.Inertia(before.mass, center, before.inertia)
         return robot.with_inertia(joint, require_physical(before, after, self.where))
 
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what a centre costs that is shifted by much of the link's reach [nats].
-
-        Drawings are usually wrong by the share of it that `link_inertia` takes, too.
-        """
-        shift = float(np.linalg.norm([self.x, self.y, self.z]))
-        size = reach(robot, robot.body_joint(self.where))
-        return 0.5 * (shift / (USUAL * size)) ** 2 if size > 0.0 else 0.0
-
 
 @final
 @dataclass(frozen=True)
-class GravityDirection(Directed):
+class GravityDirection(Effect):
     """Gravity leans against the model's: the base or the ground is tilted.
 
     Attributes:
@@ -146,6 +145,7 @@ class GravityDirection(Directed):
 
     explanation = "Mounting, ground or attitude sensor is tilted: gravity pulls sideways."
     experiment = "Use a spirit level; or hold mirrored poses: their gravity torques do not cancel."
+    search = SearchOffer(freedom=_freedom)
 
     @classmethod
     def places(cls, robot: Robot) -> tuple[str, ...]:

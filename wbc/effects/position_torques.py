@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import Evidence, Motion, Robot, Screen, number
+from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 _LEAST_TRAVEL = 5e-3  # [rad or m]
 
@@ -18,6 +18,26 @@ _LEAST_TRAVEL = 5e-3  # [rad or m]
 def spring(q: FloatArray, stiffness: float, rest: float) -> FloatArray:
     """Return -stiffness * (q - rest) (...) [N m]."""
     return -stiffness * (q - rest)
+
+
+def _spring_screens(
+    kind: type[JointSpring], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen: a spring about zero and one about 1 rad span every rest position."""
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        stiffness = float(np.sum(coefficients))
+        rest = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
+        return {"stiffness": stiffness, "rest": rest}
+
+    units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
+    return (Screen(units, combine),)
+
+
+def _spring_recognisable(effect: JointSpring, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the joint moved: at one place a spring is any constant."""
+    positions = np.concatenate([effect.joint_position(robot, motion) for motion in motions])
+    return float(np.ptp(positions)) > _LEAST_TRAVEL
 
 
 @final
@@ -38,28 +58,12 @@ class JointSpring(JointEffect):
         "Hold the joint at several positions over its range with the load taken off: the "
         "torque is a straight line over position."
     )
+    search = SearchOffer(screens=_spring_screens, recognisable=_spring_recognisable)
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return -stiffness * (q - rest) at the joint, (..., nv) [N m]."""
         q = self.joint_position(robot, motion)
         return self.on_joint(robot, motion, spring(q, self.stiffness, self.rest))
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen: a spring about zero and one about 1 rad span every rest position."""
-
-        def combine(coefficients: FloatArray) -> dict[str, float]:
-            stiffness = float(np.sum(coefficients))
-            rest = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
-            return {"stiffness": stiffness, "rest": rest}
-
-        units = ({"stiffness": 1.0, "rest": 0.0}, {"stiffness": 1.0, "rest": 1.0})
-        return (Screen(units, combine),)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint moved: at one place a spring is any constant."""
-        positions = np.concatenate([self.joint_position(robot, motion) for motion in motions])
-        return float(np.ptp(positions)) > _LEAST_TRAVEL
 
 
 _WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are taken for it
@@ -68,6 +72,68 @@ _WHOLE = 0.02  # waves per turn of the rotor this close to a whole number are ta
 def ripple(q: FloatArray, amplitude: float, order: float, phase: float) -> FloatArray:
     """Return amplitude * sin(order * q + phase) (...) [N m]."""
     return amplitude * np.sin(order * q + phase)
+
+
+def _ripple_screens(
+    kind: type[TorqueRipple], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per order at which the unexplained torque repeats with position."""
+    position, torque = robot.position_index(where), robot.velocity_index(where)
+    orders = strongest_orders(
+        [motion.position[:, position] for motion in evidence.motions],
+        [unexplained[:, torque] for unexplained in evidence.unexplained],
+    )
+
+    def screen(order: float) -> Screen:
+        units = tuple(
+            {"amplitude": 1.0, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
+        )
+
+        def combine(coefficients: FloatArray) -> dict[str, float]:
+            sine, cosine = (float(c) for c in coefficients)
+            return {
+                "amplitude": float(np.hypot(sine, cosine)),
+                "order": order,
+                "phase": float(np.arctan2(cosine, sine)),
+            }
+
+        return Screen(units, combine)
+
+    return tuple(screen(order) for order in orders)
+
+
+def _ripple_implausibility(effect: TorqueRipple, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return minus the log of the share of all orders that these motions take for this one.
+
+    A third each of what ripples was made anywhere in a gear, at its output, and at its rotor.
+    Anywhere, orders are as likely on any scale (teeth, slots, stages): the density is
+    1 / order. A turn of the output holds whole numbers of waves, and so does one of the rotor,
+    k = 1, 2, .. (an eccentric rotor, the two lobes of a strain wave, pole pairs); k is as
+    likely on any scale, too. Motions tell two waves apart that differ by a period over their
+    range: where that is more than a turn of the rotor, all three are one n-th for a wave that
+    passed n periods.
+    """
+    told = 2.0 * np.pi / effect._span(robot, motions)
+    anywhere = told / effect.order
+    shares = [
+        whole_number_share(effect.order / turns, told / turns) for turns in effect._turns(robot)
+    ]
+    return float(max(-np.log(np.mean([anywhere, *shares])), 0.0))
+
+
+def _ripple_remarks(effect: TorqueRipple, robot: Robot) -> tuple[str, ...]:
+    """Return how many waves there are in a turn of the rotor, if it is a whole number."""
+    _, rotor = effect._turns(robot)
+    waves = effect.order / rotor
+    whole = round(waves)
+    if rotor == 1.0 or whole < 1 or abs(waves - whole) > _WHOLE:
+        return ()
+    return (f"This is {whole} per turn of the rotor.",)
+
+
+def _ripple_recognisable(effect: TorqueRipple, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the joint passed a whole period, within a twentieth."""
+    return effect.order * effect._span(robot, motions) > 0.95 * 2.0 * np.pi * LEAST_PERIODS
 
 
 @final
@@ -91,6 +157,12 @@ class TorqueRipple(JointEffect):
         "Turn the joint very slowly and evenly over its range in both directions: the torque "
         "waves with position, the same both ways."
     )
+    search = SearchOffer(
+        screens=_ripple_screens,
+        implausibility=_ripple_implausibility,
+        remarks=_ripple_remarks,
+        recognisable=_ripple_recognisable,
+    )
 
     def _turns(self, robot: Robot) -> tuple[float, float]:
         """Return how often the joint and the rotor turn in a turn of the joint."""
@@ -105,62 +177,6 @@ class TorqueRipple(JointEffect):
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""
         q = self.joint_position(robot, motion)
         return self.on_joint(robot, motion, ripple(q, self.amplitude, self.order, self.phase))
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per order at which the unexplained torque repeats with position."""
-        position, torque = robot.position_index(where), robot.velocity_index(where)
-        orders = strongest_orders(
-            [motion.position[:, position] for motion in evidence.motions],
-            [unexplained[:, torque] for unexplained in evidence.unexplained],
-        )
-
-        def screen(order: float) -> Screen:
-            units = tuple(
-                {"amplitude": 1.0, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
-            )
-
-            def combine(coefficients: FloatArray) -> dict[str, float]:
-                sine, cosine = (float(c) for c in coefficients)
-                return {
-                    "amplitude": float(np.hypot(sine, cosine)),
-                    "order": order,
-                    "phase": float(np.arctan2(cosine, sine)),
-                }
-
-            return Screen(units, combine)
-
-        return tuple(screen(order) for order in orders)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the joint passed a whole period, within a twentieth."""
-        return self.order * self._span(robot, motions) > 0.95 * 2.0 * np.pi * LEAST_PERIODS
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return minus the log of the share of all orders that these motions take for this one.
-
-        A third each of what ripples was made anywhere in a gear, at its output, and at its rotor.
-        Anywhere, orders are as likely on any scale (teeth, slots, stages): the density is
-        1 / order. A turn of the output holds whole numbers of waves, and so does one of the rotor,
-        k = 1, 2, .. (an eccentric rotor, the two lobes of a strain wave, pole pairs); k is as
-        likely on any scale, too. Motions tell two waves apart that differ by a period over their
-        range: where that is more than a turn of the rotor, all three are one n-th for a wave that
-        passed n periods.
-        """
-        told = 2.0 * np.pi / self._span(robot, motions)
-        anywhere = told / self.order
-        turns = self._turns(robot)
-        shares = [whole_number_share(self.order / turn, told / turn) for turn in turns]
-        return float(max(-np.log(np.mean([anywhere, *shares])), 0.0))
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Return how many waves there are in a turn of the rotor, if it is a whole number."""
-        _, rotor = self._turns(robot)
-        waves = self.order / rotor
-        whole = round(waves)
-        if rotor == 1.0 or whole < 1 or abs(waves - whole) > _WHOLE:
-            return ()
-        return (f"This is {whole} per turn of the rotor.",)
 
 
 _BINS = 16384

@@ -18,7 +18,7 @@ from wbc.arrays import FloatArray
 from wbc.effects.gear_losses import TransmissionEfficiency
 from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError
-from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Robot, Screen, number
+from wbc.robot import Evidence, Memory, MemoryEnergy, Motion, Robot, Screen, SearchOffer, number
 
 # Of the travel; a fit goes on between them. With nothing below 0.004, dry frictions of an arm of
 # another simulator, which build up over 0.2 mrad, left four floors, and a plain fit with twenty
@@ -29,6 +29,26 @@ _SHARES = (0.0002, 0.001, 0.004, 0.012, 0.035, 0.1, 0.3)
 TRAVELS = 3.0
 # Of how steps change: a turn's way in three samples, of six that are a period of the filter.
 _TURN = 4.5
+
+
+def _screens(
+    kind: type[Presliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length, from a small share to a third of the travel."""
+    travel = travel_of(robot, where, evidence.motions)
+    tried = np.minimum(np.multiply(_SHARES, travel), 10.0) if travel > 0.0 else ()
+    return Screen.shapes("level", "length", tried)
+
+
+def _recognisable(effect: Bristles, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether z came close to its end (else it is a spring) and was seen on its way there.
+
+    A length that the joint passes in half a period of the filter, as it turns, is Coulomb friction.
+    """
+    changes = np.concatenate([np.diff(effect.joint_position(robot, m), 2) for m in motions])
+    turned = _TURN * float(np.sqrt(np.mean(changes**2)))
+    travel = travel_of(robot, effect.where, motions)
+    return bool(turned < effect.length < travel / TRAVELS)
 
 
 class Bristles(JointEffect, ABC):
@@ -86,17 +106,6 @@ class Bristles(JointEffect, ABC):
         bending = 0.5 * np.multiply(self.length, now) * (z**2 - before**2)
         lost = np.maximum(work - bending, 0.0)
         return MemoryEnergy(*(float(np.sum(e)) for e in (bending + reloaded, reloaded, lost)))
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether z came close to its end (else it is a spring) and was seen on its way there.
-
-        A length that the joint passes in half a period of the filter, as it turns, is Coulomb
-        friction.
-        """
-        changes = np.concatenate([np.diff(self.joint_position(robot, m), 2) for m in motions])
-        turned = _TURN * float(np.sqrt(np.mean(changes**2)))
-        travel = travel_of(robot, self.where, motions)
-        return bool(turned < self.length < travel / TRAVELS)
 
     def _is_log(self, motion: Motion) -> bool:
         """Whether z follows from a series; without a length the sign of the speed stands for it."""
@@ -160,7 +169,11 @@ class Presliding(Bristles):
         "Move the joint slowly back and forth over ranges from very small to large: the torque "
         "over the position is a loop whose corners are round, the same at every speed."
     )
-    claims = 2  # friction, and that it builds up
+    search = SearchOffer(
+        claims=2,  # friction, and that it builds up
+        screens=_screens,
+        recognisable=_recognisable,
+    )
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return z, (1,) or (1, k), of bristles that do not bend."""
@@ -181,13 +194,6 @@ class Presliding(Bristles):
         if motion.memory is not None or self._is_log(motion):
             return None
         return self.on_joint(robot, motion, self.level)
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per length, from a small share to a third of the travel."""
-        travel = travel_of(robot, where, evidence.motions)
-        tried = np.minimum(np.multiply(_SHARES, travel), 10.0) if travel > 0.0 else ()
-        return Screen.shapes("level", "length", tried)
 
     def _way(self, robot: Robot) -> FloatArray:
         return np.asarray(np.eye(robot.model.nv)[self.velocity_row(robot)])
@@ -210,6 +216,33 @@ def travel_of(robot: Robot, where: str, motions: Sequence[Motion]) -> float:
 
 _FORWARD, _BACKWARD = (p.usual for p in TransmissionEfficiency.parameters)
 _LOAD_SHARES = (0.012, 0.04, 0.13)  # of the travel; a fit goes on between them
+
+
+def _load_freedom(effect: LoadPresliding) -> int:
+    """The length, and the numbers that the efficiencies are."""
+    return 1 + TransmissionEfficiency.search.freedom(effect._efficiencies)
+
+
+def _load_screens(
+    kind: type[LoadPresliding], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
+    null = kind.null_values(robot, where)
+    travel = travel_of(robot, where, evidence.motions)
+    if travel == 0.0 or null["backward_efficiency"] <= 0.0:
+        return ()
+    _, free = TransmissionEfficiency.search.screens(TransmissionEfficiency, robot, where, evidence)
+    lengths = [min(share * travel, 10.0) for share in _LOAD_SHARES]
+
+    def screen(length: float) -> Screen:
+        units = tuple({**unit, "length": length} for unit in free.units)
+        return Screen(units, lambda c: {**free.combine(c), "length": length})
+
+    found = [screen(length) for length in lengths]
+    if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
+        bent = [{**null, "length": length} for length in lengths]
+        found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
+    return tuple(found)
 
 
 @final
@@ -246,7 +279,12 @@ class LoadPresliding(Bristles):
         "Move the joint slowly back and forth over small and large ranges with two known weights: "
         "the loops of torque over position have round corners and grow with the weight."
     )
-    claims = 2  # losses, and that they build up
+    search = SearchOffer(
+        claims=2,  # losses, and that they build up
+        freedom=_load_freedom,
+        screens=_load_screens,
+        recognisable=_recognisable,
+    )
 
     @classmethod
     def null_values(cls, robot: Robot, where: str) -> dict[str, float]:
@@ -279,30 +317,6 @@ class LoadPresliding(Bristles):
         loss = self._rubbing(robot, motion, self._bent(robot, motion, motion.memory))
         ratio = robot.transmission.gear_ratio[self.gear(robot)]
         return self.on_rotor(robot, motion, -loss / ratio)
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per length; the torque is linear in 1/eta_f and eta_b."""
-        null = cls.null_values(robot, where)
-        travel = travel_of(robot, where, evidence.motions)
-        if travel == 0.0 or null["backward_efficiency"] <= 0.0:
-            return ()
-        _, free = TransmissionEfficiency.screens(robot, where, evidence)
-        lengths = [min(share * travel, 10.0) for share in _LOAD_SHARES]
-
-        def screen(length: float) -> Screen:
-            units = tuple({**unit, "length": length} for unit in free.units)
-            return Screen(units, lambda c: {**free.combine(c), "length": length})
-
-        found = [screen(length) for length in lengths]
-        if null["forward_efficiency"] < 1.0 or null["backward_efficiency"] < 1.0:
-            bent = [{**null, "length": length} for length in lengths]
-            found += [Screen((values,), lambda _, values=values: values) for values in bent]  # type: ignore[misc]
-        return tuple(found)
-
-    def freedom(self) -> int:
-        """Return how many numbers the efficiencies are, and one for the length."""
-        return 1 + self._efficiencies.freedom()
 
     @property
     def _efficiencies(self) -> TransmissionEfficiency:

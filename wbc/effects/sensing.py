@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, final
+from typing import final
 
 import numpy as np
 
 from wbc.effects.joint_effect import JointEffect
-from wbc.robot import ContactForces, Effect, Motion, Robot, Usual, number
+from wbc.robot import ContactForces, Effect, Motion, Robot, SearchOffer, Usual, number
 
 
 @final
@@ -32,18 +31,20 @@ class PositionOffset(JointEffect):
         "Hold still in many poses, some on both sides of hanging straight: the error follows "
         "the slope of the gravity torque and vanishes where that is flat."
     )
-    inseparable: ClassVar[Mapping[str, str]] = {
-        "center_of_mass": (
-            "No run tells a wrong zero of a robot's last joint from a centre of mass turned by the "
-            "same angle: compare the zero with a mechanical stop or a spirit level, or balance the "
-            "link off the robot."
-        ),
-        "gravity_direction": (
-            "No run of a robot on a fixed base tells a wrong zero of its first joint from a base "
-            "tilted about that joint's axis: put a spirit level on the base, or mount it at "
-            "another known angle."
-        ),
-    }
+    search = SearchOffer(
+        inseparable={
+            "center_of_mass": (
+                "No run tells a wrong zero of a robot's last joint from a centre of mass turned by "
+                "the same angle: compare the zero with a mechanical stop or a spirit level, or "
+                "balance the link off the robot."
+            ),
+            "gravity_direction": (
+                "No run of a robot on a fixed base tells a wrong zero of its first joint from a "
+                "base tilted about that joint's axis: put a spirit level on the base, or mount it "
+                "at another known angle."
+            ),
+        }
+    )
 
     def measured(self, robot: Robot, motion: Motion) -> Motion:
         """Return the motion with the offset added to this joint's position."""

@@ -8,9 +8,10 @@ from typing import final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, IntArray
+from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import ScaledDrive, range_of
-from wbc.robot import Effect, Evidence, Motion, Robot, Screen, Usual, number
+from wbc.robot import Effect, Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
+from wbc.robot.search import usual_cost
 
 _SAG_LEAVES = 0.1  # share of the torque that is left, however much power is drawn
 
@@ -83,9 +84,34 @@ _FOLLOWS = Usual(0.0, 1.0, 0.1)
 _LEAST = 0.05  # share of the torque that is always left
 
 
-def _voltages(gear: int | IntArray, motions: Sequence[Motion]) -> tuple[float, float]:
+def _voltage_screens(
+    kind: type[VoltageScaling], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return the screens of nominal voltages; none where the voltage stayed or was not logged.
+
+    The torque is linear in 1 - share and share / nominal, so two screens span them all: one
+    at the middle of what was logged, and one at the robot's own voltage.
+    """
+    if not _voltage_recognisable(kind.at(where), robot, evidence.motions):
+        return ()
+    lowest, highest = _voltages(robot, where, evidence.motions)
+    described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
+    nominals = [0.5 * (lowest + highest), highest]
+    if np.isfinite(described):
+        nominals.append(described)
+    tried = np.clip(list(dict.fromkeys(nominals)), 1.0, 1000.0)
+    return Screen.shapes("share", "nominal", tried, step=1e-2)
+
+
+def _voltage_recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the voltage changed: at one voltage this is a wrong torque constant."""
+    lowest, highest = _voltages(robot, effect.where, motions)
+    return bool(0.0 < lowest < highest < np.inf)
+
+
+def _voltages(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
     """Return the lowest and highest voltage [V] at a drive."""
-    return range_of([motion.supply_voltage for motion in motions], gear)
+    return range_of([motion.supply_voltage for motion in motions], robot.transmission.index(where))
 
 
 @final
@@ -112,7 +138,11 @@ class VoltageScaling(ScaledDrive):
         "Repeat one motion at two supply voltages, such as a full and a nearly empty battery, and "
         "log the voltage: the torque is off by the ratio of the two."
     )
-    claims = 2  # a torque that is off, and that it follows the supply
+    search = SearchOffer(
+        claims=2,  # a torque that is off, and that it follows the supply
+        screens=_voltage_screens,
+        recognisable=_voltage_recognisable,
+    )
 
     def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the share of the torque that is left, (...)."""
@@ -123,29 +153,6 @@ class VoltageScaling(ScaledDrive):
         known = np.where(np.isfinite(voltage), voltage, self.nominal)
         return np.maximum(1.0 + self.share * (known / self.nominal - 1.0), _LEAST)
 
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the screens of nominal voltages; none where it stayed or was not logged.
-
-        The torque is linear in 1 - share and share / nominal, so two screens span them all: one
-        at the middle of what was logged, and one at the robot's own voltage.
-        """
-        gear = robot.transmission.index(where)
-        lowest, highest = _voltages(gear, evidence.motions)
-        if not 0.0 < lowest < highest < np.inf:
-            return ()
-        described = float(robot.transmission.supply_voltage[gear])
-        nominals = [0.5 * (lowest + highest), highest]
-        if np.isfinite(described):
-            nominals.append(described)
-        tried = np.clip(list(dict.fromkeys(nominals)), 1.0, 1000.0)
-        return Screen.shapes("share", "nominal", tried, step=1e-2)
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether the voltage changed: at one voltage this is a wrong torque constant."""
-        lowest, highest = _voltages(self.gear(robot), motions)
-        return bool(0.0 < lowest < highest < np.inf)
-
 
 # Windings of motors from a finger's to an arm's size warm up in 2 to 60 s, their housings in
 # minutes to an hour (makers' data sheets); a longer time is a steady drift.
@@ -153,6 +160,24 @@ _WARMS_UP_IN = Usual(5.0, 1e5, 0.4, factor=True)  # [s]
 # Magnets lose 0.1 (rare earths) to 0.2 % (ferrite) of their torque per kelvin; windings of a motor
 # that is fed a voltage lose 0.4 %. A motor that was warm and cools down gains some of it back.
 _LOST = Usual(0.0, 0.2, 0.15)
+
+
+def _drift_screens(
+    kind: type[ThermalDrift], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per time constant, from a tenth of the log's length to ten times."""
+    times = [motion.time for motion in evidence.motions if motion.time is not None]
+    if not times:
+        return ()
+    length = max(float(time[-1] - time[0]) for time in times)
+    tried = np.clip(np.multiply((0.1, 0.4, 2.0, 10.0), length), 1.0, 1e5)
+    return Screen.shapes("rate", "time_constant", tried, step=1e-5)
+
+
+def _drift_implausibility(effect: ThermalDrift, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what the time constant costs, and the torque lost at the end of the logs."""
+    lost = max((effect.rate * float(np.max(effect._warm(m, 0.5))) for m in motions), key=_LOST.cost)
+    return usual_cost(effect) + _LOST.cost(lost)
 
 
 @final
@@ -179,6 +204,7 @@ class ThermalDrift(ScaledDrive):
         "Repeat one loaded motion for several minutes and log the motor's temperature: the "
         "torque drifts with it and comes back after a pause."
     )
+    search = SearchOffer(screens=_drift_screens, implausibility=_drift_implausibility)
 
     def first_memory(self, robot: Robot) -> FloatArray:
         """Return how warm the motors are, as the drift's warm seconds (k,): cold."""
@@ -191,21 +217,6 @@ class ThermalDrift(ScaledDrive):
     def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the share of the torque that is left, (...)."""
         return np.maximum(1.0 - self.rate * self._warm(motion, 0.5), _LEAST)
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return one screen per time constant, from a tenth of the log's length to ten times."""
-        times = [motion.time for motion in evidence.motions if motion.time is not None]
-        if not times:
-            return ()
-        length = max(float(time[-1] - time[0]) for time in times)
-        tried = np.clip(np.multiply((0.1, 0.4, 2.0, 10.0), length), 1.0, 1e5)
-        return Screen.shapes("rate", "time_constant", tried, step=1e-5)
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what the time constant costs, and the torque lost at the end of the logs."""
-        lost = max((self.rate * float(np.max(self._warm(m, 0.5))) for m in motions), key=_LOST.cost)
-        return super().implausibility(robot, motions) + _LOST.cost(lost)
 
     def _warm(self, motion: Motion, share: float) -> FloatArray:
         """Return w, dw/dt = 1 - w/tau, from w = 0: along a log, or `share` of a step onward."""

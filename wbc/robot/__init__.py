@@ -9,12 +9,15 @@ from wbc.robot.effect import (
     Memory,
     MemoryEnergy,
     Motion,
+    Parameter,
+    Usual,
+    number,
 )
 from wbc.robot.joint_map import BaseState, JointMap
 from wbc.robot.library import robot_names, robots_directory
 from wbc.robot.model import BodySurface, ContactPoint, FreeBody, LinkSolid
 from wbc.robot.robot import Robot
-from wbc.robot.search import Evidence, Parameter, Quantity, Screen, Usual, number
+from wbc.robot.search import Evidence, Quantity, Screen, SearchOffer
 
 __all__ = [
     "BaseState",
@@ -34,6 +37,7 @@ __all__ = [
     "Quantity",
     "Robot",
     "Screen",
+    "SearchOffer",
     "Usual",
     "bare_robot",
     "body_surfaces",

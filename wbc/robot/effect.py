@@ -4,19 +4,83 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, fields, replace
 from functools import cached_property
 from math import isfinite
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
-from wbc.arrays import FloatArray, frozen
+import numpy as np
+
+from wbc.arrays import FloatArray
 from wbc.errors import EffectError, require_known
-from wbc.robot.search import Evidence, Parameter, Quantity, Screen
+from wbc.robot.search import SearchOffer
 
 if TYPE_CHECKING:
     from wbc.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Usual:
+    """How the numbers of machines spread: a density that is flat and falls off at both ends.
+
+    Attributes:
+        low, high: range that machines usually have.
+        spread: standard deviation of what lies outside it, of the logarithm if `factor`.
+        factor: whether numbers are compared by their ratio.
+    """
+
+    low: float
+    high: float
+    spread: float
+    factor: bool = False
+
+    def departure(self, value: float) -> float:
+        """Return how many standard deviations a number lies outside the range."""
+        nearest = min(max(value, self.low), self.high)
+        off = float(np.log(value / nearest)) if self.factor else value - nearest
+        return off / self.spread
+
+    def cost(self, value: float) -> float:
+        """Return by how much less likely a number is than one in the range [nats]."""
+        return 0.5 * self.departure(value) ** 2
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: attribute of the effect that holds it.
+        unit: SI unit, "1" for a pure number.
+        null: value at which the effect is not there.
+        low, high: bounds that physics allows and a fit searches.
+        scale: a typical size, also the step of finite differences times 1e-4.
+        shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
+        doubt: share of the number that its model is off by, however long the logs are.
+        usual: what machines have of it, None where any size is as likely.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    scale: float
+    shape: bool = False
+    doubt: float = 0.0
+    usual: Usual | None = None
+
+
+def number(
+    unit: str, null: float, low: float, high: float, scale: float, **more: Any
+) -> Mapping[str, Any]:
+    """Return what makes a field of an effect one of its parameters: `field(metadata=number(...))`.
+
+    Arguments as of `Parameter`, whose name is the field's.
+    """
+    given = {"unit": unit, "null": null, "low": low, "high": high, "scale": scale, **more}
+    return {"parameter": given}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,22 +183,12 @@ class Effect(ABC):
     with one sample and identification with a whole log. A hook that is not overridden costs
     nothing: `None` means "no such torque".
 
-    Apart from the physics, a search for causes in logs asks how likely an effect is, where to
-    start, and what its numbers cost: the last methods, from `screens` on, and these attributes.
-    The defaults do for most kinds.
-
     Attributes:
         where: name of the joint, body or contact it sits at; "robot" when it has no place.
         name: of the kind in logs, files and reports; that of the class unless it gives another one
             (`viscous_friction` of `ViscousFriction`).
+        search: what a search for causes in logs asks of it.
         acts_by: the hooks that its class overrides: what it may act on. Nobody writes it down.
-        expected: log prior odds [nats], beside other effects, that a real machine has it where its
-            model has not: robots come with models without friction, and friction is in all.
-        claims: how many things it says of a machine at once; each costs as much as a name of its
-            own before the logs speak, so that an effect that says less is named where it suffices.
-        near_rest: whether the effect is gone where the joint moves at its usual speed.
-        inseparable: name of another effect -> from where on no run of a robot tells the two apart,
-            and what does instead, in words.
     """
 
     where: str
@@ -143,12 +197,8 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     explanation: ClassVar[str]
     experiment: ClassVar[str]
+    search: ClassVar[SearchOffer] = SearchOffer()
     acts_by: ClassVar[frozenset[Hook]] = frozenset()
-
-    expected: ClassVar[float] = 0.0
-    claims: ClassVar[int] = 1
-    near_rest: ClassVar[bool] = False
-    inseparable: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         """Note the class's name, which hooks it overrides, and which fields are parameters."""
@@ -356,76 +406,3 @@ class Effect(ABC):
     def true_forces(self, robot: Robot, forces: ContactForces) -> ContactForces:
         """Return the true forces behind what their sensors report, each (..., 3) [N]."""
         return forces
-
-    @classmethod
-    def screens(cls, robot: Robot, where: str, evidence: Evidence) -> tuple[Screen, ...]:
-        """Return the linear ways in which the effect may explain a residual.
-
-        By default one: a small step of every parameter that is no shape parameter, away from where
-        the effect is not there. With a nonlinear shape parameter one per shape worth trying.
-
-        Args:
-            robot: on which it may sit.
-            where: its place there.
-            evidence: what the logs say.
-        """
-        null = cls.null_values(robot, where)
-        steps: dict[str, float] = {}
-        for parameter in cls.at(where, null).parameters:
-            if not parameter.shape:
-                step = 1e-3 * parameter.scale
-                inside = null[parameter.name] + step <= parameter.high
-                steps[parameter.name] = step if inside else -step
-
-        def combine(coefficients: FloatArray) -> dict[str, float]:
-            changes = zip(steps.items(), coefficients, strict=True)
-            return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
-
-        units = tuple({**null, name: null[name] + step} for name, step in steps.items())
-        return (Screen(units, combine),) if units else ()
-
-    def recognisable(self, robot: Robot, motions: Sequence[Motion]) -> bool:
-        """Whether motions could show the effect for what it is, with these parameters.
-
-        A wave of which less than one period was passed is any bend: a diagnosis must not name it.
-        """
-        return True
-
-    def implausibility(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        """Return what its numbers cost that no machine is likely to have [nats].
-
-        By default the sum over the parameters of what is `usual`.
-
-        Args:
-            robot: with the effect.
-            motions: of the logs.
-        """
-        values = self.values
-        return sum(p.usual.cost(values[p.name]) for p in self.parameters if p.usual is not None)
-
-    def departures(self) -> FloatArray:
-        """Return (k,) how far its numbers lie from what is usual, in standard deviations.
-
-        A fit counts half their squares beside what the logs say [nats]: what logs do not tell
-        stays usual. Zero where the effect is not there.
-        """
-        return _NONE
-
-    def freedom(self) -> int:
-        """Return how many numbers had to be chosen; fewer are believed more easily."""
-        return len(self.parameters)
-
-    def quantities(self, robot: Robot) -> Mapping[str, Quantity]:
-        """Return the numbers that a person can check, where the parameters are not them.
-
-        Args:
-            robot: without the effect.
-        """
-        return {}
-
-    def remarks(self, robot: Robot) -> tuple[str, ...]:
-        """Return sentences on what its numbers mean on a robot without it."""
-        return ()
-
-
-_NONE = frozen(())

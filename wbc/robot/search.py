@@ -1,9 +1,9 @@
-"""What effects and a search for causes tell each other: numbers, logs, and how these depend."""
+"""What an effect offers a search for causes in logs, apart from its physics."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,70 +11,8 @@ import numpy as np
 from wbc.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
-    from wbc.robot.effect import Motion
-
-
-@dataclass(frozen=True)
-class Usual:
-    """How the numbers of machines spread: a density that is flat and falls off at both ends.
-
-    Attributes:
-        low, high: range that machines usually have.
-        spread: standard deviation of what lies outside it, of the logarithm if `factor`.
-        factor: whether numbers are compared by their ratio.
-    """
-
-    low: float
-    high: float
-    spread: float
-    factor: bool = False
-
-    def departure(self, value: float) -> float:
-        """Return how many standard deviations a number lies outside the range."""
-        nearest = min(max(value, self.low), self.high)
-        off = float(np.log(value / nearest)) if self.factor else value - nearest
-        return off / self.spread
-
-    def cost(self, value: float) -> float:
-        """Return by how much less likely a number is than one in the range [nats]."""
-        return 0.5 * self.departure(value) ** 2
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect.
-
-    Attributes:
-        name: attribute of the effect that holds it.
-        unit: SI unit, "1" for a pure number.
-        null: value at which the effect is not there.
-        low, high: bounds that physics allows and a fit searches.
-        scale: a typical size, also the step of finite differences times 1e-4.
-        shape: True if it only shapes the effect (a frequency, a rest angle) and has no null.
-        doubt: share of the number that its model is off by, however long the logs are.
-        usual: what machines have of it, None where any size is as likely.
-    """
-
-    name: str
-    unit: str
-    null: float
-    low: float
-    high: float
-    scale: float
-    shape: bool = False
-    doubt: float = 0.0
-    usual: Usual | None = None
-
-
-def number(
-    unit: str, null: float, low: float, high: float, scale: float, **more: Any
-) -> Mapping[str, Any]:
-    """Return what makes a field of an effect one of its parameters: `field(metadata=number(...))`.
-
-    Arguments as of `Parameter`, whose name is the field's.
-    """
-    given = {"unit": unit, "null": null, "low": low, "high": high, "scale": scale, **more}
-    return {"parameter": given}
+    from wbc.robot.effect import Effect, Motion
+    from wbc.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,3 +98,92 @@ class Quantity:
     value: float
     unit: str
     instead: str = ""
+
+
+def small_steps(
+    kind: type[Effect], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return the screen of a small step of every parameter that is no shape, none without any.
+
+    Args:
+        kind: class of the effect.
+        robot: on which it may sit.
+        where: its place there.
+        evidence: what the logs say.
+    """
+    null = kind.null_values(robot, where)
+    steps: dict[str, float] = {}
+    for parameter in kind.at(where, null).parameters:
+        if not parameter.shape:
+            step = 1e-3 * parameter.scale
+            inside = null[parameter.name] + step <= parameter.high
+            steps[parameter.name] = step if inside else -step
+
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        changes = zip(steps.items(), coefficients, strict=True)
+        return {**null, **{name: null[name] + float(c) * step for (name, step), c in changes}}
+
+    units = tuple({**null, name: null[name] + step} for name, step in steps.items())
+    return (Screen(units, combine),) if units else ()
+
+
+def usual_cost(effect: Effect) -> float:
+    """Return what the numbers of an effect cost that no machine is likely to have [nats].
+
+    The sum over the parameters of what is `usual`.
+    """
+    values = effect.values
+    return sum(p.usual.cost(values[p.name]) for p in effect.parameters if p.usual is not None)
+
+
+_NONE = np.zeros(0)
+_NONE.flags.writeable = False
+
+
+@dataclass(frozen=True, eq=False)
+class SearchOffer:
+    """What a search for causes asks of a kind of effect; the defaults do for most kinds.
+
+    An effect's file gives its own as the class attribute `search`. Every function takes the effect
+    first, `screens` its class.
+
+    Attributes:
+        expected: log prior odds [nats], beside other effects, that a real machine has it where its
+            model has not: robots come with models without friction, and friction is in all.
+        claims: how many things it says of a machine at once; each costs as much as a name of its
+            own before the logs speak, so that an effect that says less is named where it suffices.
+        near_rest: whether the effect is gone where the joint moves at its usual speed.
+        inseparable: name of another effect -> from where on no run of a robot tells the two apart,
+            and what does instead, in words.
+        screens: (kind, robot, where, evidence) -> the linear ways in which it may explain a
+            residual. By default one: a small step of every parameter that is no shape parameter,
+            away from where the effect is not there. With a nonlinear shape parameter one per shape
+            worth trying; `evidence` tells which those are.
+        recognisable: (effect, robot, motions) -> whether these motions could show the effect for
+            what it is, with these parameters. A wave of which less than one period was passed is
+            any bend: a diagnosis must not name it.
+        implausibility: (effect, robot with it, motions of the logs) -> what its numbers cost that
+            no machine is likely to have [nats]; by default `usual_cost`.
+        departures: (effect) -> (k,) how far its numbers lie from what is usual, in standard
+            deviations (default: none). A fit counts half their squares beside what the logs say
+            [nats]: what logs do not tell stays usual. Zero where the effect is not there.
+        freedom: (effect) -> how many numbers had to be chosen to describe it; fewer are believed
+            more easily.
+        quantities: (effect, robot without it) -> the numbers that a person can check, where the
+            parameters are not them.
+        remarks: (effect, robot without it) -> sentences on what these numbers mean on the robot.
+    """
+
+    expected: float = 0.0
+    claims: int = 1
+    near_rest: bool = False
+    inseparable: Mapping[str, str] = field(default_factory=dict)
+    screens: Callable[[Any, Robot, str, Evidence], tuple[Screen, ...]] = small_steps
+    recognisable: Callable[[Any, Robot, Sequence[Motion]], bool] = lambda effect, robot, seen: True
+    implausibility: Callable[[Any, Robot, Sequence[Motion]], float] = lambda effect, robot, seen: (
+        usual_cost(effect)
+    )
+    departures: Callable[[Any], FloatArray] = lambda effect: _NONE
+    freedom: Callable[[Any], int] = lambda effect: len(effect.parameters)
+    quantities: Callable[[Any, Robot], Mapping[str, Quantity]] = lambda effect, robot: {}
+    remarks: Callable[[Any, Robot], tuple[str, ...]] = lambda effect, robot: ()

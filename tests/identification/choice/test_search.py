@@ -113,8 +113,8 @@ def test_a_drawing_costs_by_how_wrong_it_is_over_all_its_links() -> None:
     one = LinkInertias.at("robot", {f"shin.{name}": value for name, value in own.items()})
     null = LinkInertias.null_values(LEG, "robot")
     every = LinkInertias.at("robot", {name: own[name.rpartition(".")[2]] for name in null})
-    cost = one.implausibility(LEG, ())
-    assert every.implausibility(LEG, ()) == pytest.approx(cost)
+    cost = one.search.implausibility(one, LEG, ())
+    assert every.search.implausibility(every, LEG, ()) == pytest.approx(cost)
     assert cost > 1.0
 
 
@@ -140,12 +140,12 @@ def test_a_point_mass_that_grew_reaches_as_far_as_its_point() -> None:
     """Of a recorded servo's pendulum: its moments about the centre are zero, or -2e-18 kg m^2."""
     given = load_robot("xl330_pendulum")
     shift = CenterOfMass("arm", 0.0, 0.0, 0.01)
-    asked = shift.implausibility(given, ())
+    asked = shift.search.implausibility(shift, given, ())
     for added in np.linspace(0.01, 0.3, 30):
         heavier = add_point_mass(given.model.inertias[1], float(added), np.array([0.0, 0.0, -0.1]))
         robot = given.with_inertias({1: heavier})
         with np.errstate(invalid="raise"):
-            assert shift.implausibility(robot, ()) == pytest.approx(asked)
+            assert shift.search.implausibility(shift, robot, ()) == pytest.approx(asked)
 
 
 @pytest.mark.parametrize(("order", "believed"), [(1.5, False), (9.0, True)])

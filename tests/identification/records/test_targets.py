@@ -233,7 +233,8 @@ def test_a_measured_current_is_within_any_limit() -> None:
         columns = {f"{joint}.{channel}": np.cos(9.0 * time) for joint in JOINTS}
         columns |= {f"{j}.position": np.sin(r * time) for j, r in zip(JOINTS, (3, 5), strict=True)}
         shown = evidence(robot, prepare(robot, [Log(time, columns)]))
-        assert [bool(CurrentLimit.screens(robot, j, shown)) for j in JOINTS] == [offered] * 2
+        screens = CurrentLimit.search.screens
+        assert [bool(screens(CurrentLimit, robot, j, shown)) for j in JOINTS] == [offered] * 2
 
 
 def test_only_the_target_comes_late() -> None:

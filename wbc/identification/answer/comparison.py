@@ -328,7 +328,7 @@ def _beside(
         error=float(np.sqrt(own.mean())),
         difference=difference,
         deviation=deviation,
-        parameters=sum(effect.freedom() for effect in robot.effects),
+        parameters=sum(effect.search.freedom(effect) for effect in robot.effects),
         standing=standing,
         warnings=at_bound,
     )

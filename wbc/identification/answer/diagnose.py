@@ -389,4 +389,8 @@ def _what_no_run_tells(finding: Finding, classes: Mapping[str, type[Effect]]) ->
     names = dict.fromkeys([finding.effect.name, *(a.effect for a in finding.alternatives)])
     rivals = [classes[name] for name in names if name in classes]
     pairs = permutations(rivals, 2)
-    return [one.inseparable[other.name] for one, other in pairs if other.name in one.inseparable]
+    return [
+        one.search.inseparable[other.name]
+        for one, other in pairs
+        if other.name in one.search.inseparable
+    ]

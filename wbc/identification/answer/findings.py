@@ -93,7 +93,7 @@ def _believed(trials: Trials, answer: Answer) -> dict[Key, Finding]:
         quantities, about = quantities_of(problem, fit, k, distortion)
         # Where quantities are told, nobody checks the parameters.
         warnings = [*(about or _vague(effect, estimates))]
-        warnings += [*effect.remarks(problem.robot)]
+        warnings += [*effect.search.remarks(effect, problem.robot)]
         warnings += [*_motor_side(effect, problem, fit), *related[k], *stray[k]]
         rivals = tuple(Alternative(*rival) for rival in answer.rivals[effect.key])
         own = answer.support[effect.key]
@@ -168,7 +168,7 @@ def _moving_together(fit: Fit, correlation: Correlation) -> list[list[str]]:
     for one, other in zip(*np.nonzero(np.triu(np.abs(matrix), 1) > _CORRELATED), strict=True):
         k, parameter = fit.parameters[one]
         partner, shared = fit.parameters[other]
-        drawn = any(e.departures().size for e in (fit.effects[k], fit.effects[partner]))
+        drawn = any(e.search.departures(e).size for e in (fit.effects[k], fit.effects[partner]))
         if k != partner and not drawn:
             effect = fit.effects[partner]
             found[k].append(
@@ -193,15 +193,15 @@ def quantities_of(
         distortion: (p,) by how much parameters are off, see `EstimationProblem.distortion`.
     """
     effect = fit.effects[k]
-    found = effect.quantities(problem.robot)
+    found = effect.search.quantities(effect, problem.robot)
     if not found:
         return {}, []
     given = effect.with_values(effect.null_values(problem.robot, effect.where))
-    before = given.quantities(problem.robot)
+    before = given.search.quantities(given, problem.robot)
     rows = [row for row, (owner, _) in enumerate(fit.parameters) if owner == k]
 
     def told(effect: Effect) -> FloatArray:
-        numbers = effect.quantities(problem.robot)
+        numbers = effect.search.quantities(effect, problem.robot)
         return np.array([quantity.value for quantity in numbers.values()])
 
     now = told(effect)

@@ -153,11 +153,12 @@ def _columns(
 
 def _usual(robot: Robot, effect: type[Effect], where: str, screen: Screen) -> FloatArray:
     """Return (r, r) how fast units depart from what is usual; zero for most effects."""
-    first = effect.at(where, screen.units[0]).departures()
+    departures = effect.search.departures
+    first = departures(effect.at(where, screen.units[0]))
     if not first.size:
         return np.zeros((len(screen.units), len(screen.units)))
-    null = effect.at(where, effect.null_values(robot, where)).departures()
-    slopes = [effect.at(where, unit).departures() - null for unit in screen.units]
+    null = departures(effect.at(where, effect.null_values(robot, where)))
+    slopes = [departures(effect.at(where, unit)) - null for unit in screen.units]
     return np.array([[one @ other for other in slopes] for one in slopes])
 
 
@@ -171,7 +172,7 @@ def _offers(
         return [
             (effect, where, screen)
             for where in effect.places(robot)
-            for screen in effect.screens(robot, where, known)
+            for screen in effect.search.screens(effect, robot, where, known)
         ]
     except Exception as error:  # whatever one effect does, the others are still offered
         _count(failures, effect, error)

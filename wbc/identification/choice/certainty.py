@@ -181,7 +181,7 @@ def _supports(
             remainder=_remainder(share, left / first),
             coverage=(places - 1) * places / len(trials.problem.judged_joints),
             explained=explained and not small,
-            expected=effect.expected,
+            expected=effect.search.expected,
             implausible=implausible,
             untimely=untimely,
         )

@@ -188,7 +188,7 @@ def look_closer(
         classes: effects that may be used.
         report: called with a line of text as the work proceeds.
     """
-    slow = tuple(c for c in classes if c.near_rest)
+    slow = tuple(c for c in classes if c.search.near_rest)
     explained = found.final.error < ONLY_NOISE + UNEXPLAINED_SHARE**2 * found.trials.nothing.error
     # Where a link that is simulated strikes or swings through, it is simulated worst.
     if not slow or not explained or found.final.swings or found.stopped:
@@ -208,7 +208,7 @@ def _closer(
     classes: Sequence[type[Effect]],
     report: Callable[[str], None],
 ) -> SearchResult:
-    slow = tuple(c for c in classes if c.near_rest)
+    slow = tuple(c for c in classes if c.search.near_rest)
     near = Trials(problem, found.trials.until)
     start = near.of(found.final.effects)
     if start is None:
@@ -220,7 +220,7 @@ def _closer(
     whole = replace(first, proposer=Proposer(near, tuple(c for c in classes if not deflects(c))))
     final = whole.climb(begun)
     known, seen = set(found.final.keys), set(final.keys)
-    slowly = any(e.near_rest for e in final.effects if e.key not in known)
+    slowly = any(e.search.near_rest for e in final.effects if e.key not in known)
     if not slowly or not known <= seen:
         return found
     return SearchResult(near, final)

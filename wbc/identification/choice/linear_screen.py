@@ -279,5 +279,5 @@ def screen_in_shares(
 
 def _drawn_twice(fit: Fit, regressor: Regressor) -> bool:
     """Whether a drawing would be wrong once as a whole and once in one of its links."""
-    places = {effect.where for effect in fit.effects if effect.departures().size}
+    places = {effect.where for effect in fit.effects if effect.search.departures(effect).size}
     return bool(places and regressor.usual.any()) and _WHOLE in {*places, regressor.where}

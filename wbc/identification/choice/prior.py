@@ -35,8 +35,8 @@ def asked(effects: Sequence[Effect], untold: float = 0.0) -> float:
         effects: the causes.
         untold: how many of their numbers what is usual tells, not the logs.
     """
-    names = {effect.name: effect.claims for effect in effects}
-    numbers = sum(effect.freedom() for effect in effects) - untold
+    names = {effect.name: effect.search.claims for effect in effects}
+    numbers = sum(effect.search.freedom(effect) for effect in effects) - untold
     return _NAME * sum(names.values()) + _PLACE * len(effects) + _NUMBER * numbers
 
 
@@ -53,8 +53,10 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
     costs = _ends(problem, fit)
     motions = [record.motion for record in problem.records]
     for k, effect in enumerate(fit.effects):
-        costs[k] += effect.implausibility(fit.robot, motions)
-        if not effect.recognisable(fit.robot, motions) or not _plays(problem, fit, effect):
+        costs[k] += effect.search.implausibility(effect, fit.robot, motions)
+        if not effect.search.recognisable(effect, fit.robot, motions) or not _plays(
+            problem, fit, effect
+        ):
             costs[k] += _NOT_SHOWN
         costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
     return tuple(costs)

@@ -199,7 +199,7 @@ class Search:
         held: Counter[str] = Counter()
         shorter = False
         for _ in range(_MOST_MOVES):
-            drawn = any(effect.departures().size for effect in current.effects)
+            drawn = any(effect.search.departures(effect).size for effect in current.effects)
             doubted = doubted_names(self.proposer.trials, current) if drawn else ()
             held = Counter({name: held[name] + (not shorter) for name in doubted})
             lasting = [name for name, count in held.items() if count >= _CHANCES]

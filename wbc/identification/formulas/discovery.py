@@ -232,7 +232,7 @@ class Attempt:
     @property
     def freedom(self) -> int:
         """How many numbers had to be chosen."""
-        return sum(effect.freedom() for effect in self.fit.effects)
+        return sum(effect.search.freedom(effect) for effect in self.fit.effects)
 
 
 def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:

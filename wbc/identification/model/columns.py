@@ -597,7 +597,7 @@ def _step(at: Evaluation, k: int, parameter: Parameter, way: float) -> Change | 
 
 def drawn(effect: Effect) -> bool:
     """Whether an effect's numbers are drawn to what is usual before the logs speak."""
-    return bool(effect.departures().size)
+    return bool(effect.search.departures(effect).size)
 
 
 def only_inertial(robot: Robot, effect: Effect) -> bool:

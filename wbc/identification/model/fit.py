@@ -159,7 +159,7 @@ def _departures(effect: Effect) -> FloatArray:
     """
     values = effect.values
     own = [p.usual.departure(values[p.name]) for p in effect.parameters if p.usual is not None]
-    return np.concatenate([effect.departures(), own])
+    return np.concatenate([effect.search.departures(effect), own])
 
 
 def slope_of(
@@ -487,7 +487,7 @@ def _shared(near: Fit, effects: Sequence[Effect], slots: Slots) -> dict[int, Flo
 
 
 def _usual(at: Evaluation, slots: Slots, samples: FloatArray) -> UsualRows:
-    if not any(effect.departures().size for effect in at.effects):
+    if not any(effect.search.departures(effect).size for effect in at.effects):
         return UsualRows.none(at.residual.shape[1], len(slots))
     variance = np.maximum(np.mean(at.residual**2, axis=0), 1.0)
     return UsualRows.of(at.effects, slots, variance / samples, samples)
