@@ -11,17 +11,8 @@ from wbc.cli.outputs import Options
 from wbc.effects import load_robot
 from wbc.errors import LogError
 from wbc.identification.readings import with_machine
-from wbc.measurement import (
-    Log,
-    LogFinding,
-    load_logs,
-    merged,
-    parse_column_map,
-    read_table,
-    together,
-    write_map,
-)
-from wbc.measurement.column_map import SECTIONS, ColumnMap
+from wbc.measurement import Log, LogFinding, load_logs, write_map
+from wbc.measurement.column_map import SECTIONS, merged, parse_column_map, read_table, together
 from wbc.robot import Robot
 
 
@@ -65,25 +56,23 @@ def read_logs(paths: Sequence[str], columns: str | None, robot: Robot) -> tuple[
         file, own, patch = _with_own(path)
         if own is not None and robot.source is not None and robot.source.lossless:
             own = own.lossless()
-        table: str | ColumnMap | None = columns
-        if patch:
-            table = parse_column_map(merged(read_table(columns), read_table(patch)), patch, ratios)
-        found = load_logs([file], table, gear_ratios=ratios)
+        table = merged(read_table(columns), read_table(patch))
+        found = load_logs([file], parse_column_map(table, patch or columns or "", ratios))
         logs += [log if own is None else with_machine(log, robot, own) for log in found]
     return tuple(logs)
 
 
-def _with_own(path: str) -> tuple[str, Robot | None, str]:
+def _with_own(path: str) -> tuple[str, Robot | None, str | None]:
     """Return (LOG, robot, map) of `LOG@ROBOT` or `LOG@MAP.toml`, which changes the map of all.
 
     A file whose own name holds an @ stays a file.
     """
     file, mark, name = str(path).rpartition("@")
     if not mark or Path(str(path).partition("#")[0]).exists():
-        return str(path), None, ""
+        return str(path), None, None
     if name.endswith(".toml") and Path(name).is_file() and set(read_table(name)) <= set(SECTIONS):
         return file, None, name
-    return file, load_robot(name), ""
+    return file, load_robot(name), None
 
 
 def write_fix(options: Options, findings: Sequence[LogFinding], console: Console) -> None:
