@@ -243,7 +243,8 @@ class Level:
             start = place_above(tasks, lock.above, start)
         x, self._passing = above.part(PART.x), None
         # a guess leaves torque limits out
-        limited = bool(above.found.solution.z[program.torque].any())
+        found = above.found.solution
+        limited = found is not NOTHING and bool(found.z[program.torque].any())
         if limited:
             self._place(above.found.decided, above.row(GEAR.output))
         self._passing = x
