@@ -8,8 +8,8 @@
    `place_torques` takes the solution through the gears. That is the end of a usual tick.
 5. Where a guess finds no solution, or a torque beyond its limit, `level.search` looks for the
    directions of power, with the mesh law in the rows of `place_torque_limits`. What it cannot guess
-   either is left to daqp by `DirectionSearch._in_turn`, where limits of joints and distances give
-   way that cannot all be kept.
+   either is left to daqp by `Level._in_turn`, where limits of joints and distances give way that
+   cannot all be kept.
 6. `_accepted` remembers what the next tick starts from; without a solution `Fallback` commands.
 
 Rows that no state changes, friction cones and normal forces, stand in a `Program` since it was laid
