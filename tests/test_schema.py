@@ -4,11 +4,12 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.conftest import Told
 from wbc import load_robot, save_robot
-from wbc.design.experiment import tied_causes
+from wbc.design.experiment import tied_rivals
 from wbc.effects import CoulombFriction
 from wbc.errors import DesignError, LogError, RobotError
 from wbc.files import SCHEMA
@@ -78,8 +79,8 @@ def test_a_diagnosis_of_0_1_is_read_and_a_newer_one_is_refused(tmp_path: Path, t
     assert json.loads(told("list", "effects", "--json", "-"))["schema"] == SCHEMA
     robot, path = load_robot("planar_leg_fixed").lossless(), tmp_path / "found.json"
     path.write_text(json.dumps(ANSWER))
-    causes = tied_causes(path, robot)
+    causes = tied_rivals(path, robot, np.full(2, 0.1)).causes
     assert [effect.name for (effect,) in causes] == ["transmission_efficiency", "load_friction"]
     path.write_text(json.dumps({"schema": 99, **ANSWER}))
     with pytest.raises(DesignError, match=rf"newer wbc.*write schema = {SCHEMA} to read it"):
-        tied_causes(path, robot)
+        tied_rivals(path, robot, np.full(2, 0.1))
