@@ -29,14 +29,7 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Row, Vector, compiled, view
 from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
-from wbc.control.inputs import (
-    TOO_LARGE,
-    InputCheck,
-    Reference,
-    State,
-    TickInputError,
-    size_complaint,
-)
+from wbc.control.inputs import InputCheck, Reference, State, TickInputError, size_complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.level import Answer, Level
 from wbc.control.qp.levels import Levels
@@ -147,18 +140,17 @@ class Ticker(ABC):
         It is the answer above where that leaves nothing to decide.
         """
         start, program, memory = perf_counter(), level.program, level.program.memory
-        found, block = level.unsearched, np.empty(program.size)
+        block = np.empty(program.size)
         if not write(memory, motion.position, motion.velocity, self._last, dt):
-            return Answer(level, block, dt, found._replace(verdict=TOO_LARGE), 0.0, 0)
+            return Answer(level, block, dt, level.too_large, 0.0, 0)
         if program.repeats:
             program.place_basis()
         if above is not None and level.hold(above) == 0 and not program.has_efforts:
             return above
         ended = guess(memory, block) if level.guesses else UNSOLVED
         if ended == DONE:
-            return Answer(
-                level, block, dt, found, perf_counter() - start, memory.counts[COUNT.hard]
-            )
+            spent, hard = perf_counter() - start, memory.counts[COUNT.hard]
+            return Answer(level, block, dt, level.unsearched, spent, hard)
         found = level.search(above, block if ended == LIMITED_TORQUE else self._last)
         if found.verdict[0].usable:
             block[program.at[PART.x]] = found.solution.x
@@ -193,7 +185,7 @@ class Ticker(ABC):
     ) -> Command:
         """Return the safe command of a tick that has no usable solution."""
         complaint = refusal.found.verdict
-        if complaint is TOO_LARGE:
+        if complaint[0] is Status.NOT_FINITE:
             complaint = size_complaint(references)
         else:
             for stack in self._parts.stacks:

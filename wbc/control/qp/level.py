@@ -10,7 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.control.command import Refused, Status, consistent
-from wbc.control.inputs import Complaint
+from wbc.control.inputs import TOO_LARGE, Complaint
 from wbc.control.memory import COUNT, GEAR, PART
 from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, let_pass, place_above, place_lock
@@ -205,7 +205,7 @@ class Level:
     Attributes:
         program: of the level.
         guesses: whether a solution without torque limits is worth a try.
-        unsearched: what a guess comes to.
+        unsearched, too_large: what a guess comes to, and numbers that nothing can be solved with.
         output: T (m,) of the last solution, which the next one overwrites.
         rounds, iterations, spent: programs solved in a tick, their work, and [s] in the solvers.
     """
@@ -225,6 +225,7 @@ class Level:
         self._written = self.output, np.empty(m), self._beyond
         self._daqp = Daqp()
         self.unsearched = DirectedSolution(NOTHING, np.zeros(m, np.int_), 1, 0)
+        self.too_large = self.unsearched._replace(verdict=TOO_LARGE)
         self.forget()
 
     def forget(self) -> None:
