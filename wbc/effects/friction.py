@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of
+from wbc.effects.joint_effect import GearNumbers, JointEffect, range_of, stribeck
 from wbc.errors import EffectError, require_known
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
@@ -202,11 +202,6 @@ class CoulombFriction(JointEffect):
         return self.on_joint(robot, motion, self.level)
 
 
-def stribeck_level(v: FloatArray, level: float, speed: float) -> FloatArray:
-    """Return level * exp(-(v/speed)^2) (...) [N m]."""
-    return level * np.exp(-((v / speed) ** 2))
-
-
 def _stribeck_screens(
     kind: type[StribeckFriction], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
@@ -253,7 +248,7 @@ class StribeckFriction(JointEffect):
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the level at the present speed, (..., nv) [N m]."""
         speed = self.joint_velocity(robot, motion)
-        return self.on_joint(robot, motion, stribeck_level(speed, self.level, self.speed))
+        return self.on_joint(robot, motion, stribeck(speed, self.level, self.speed))
 
 
 @dataclass(frozen=True)

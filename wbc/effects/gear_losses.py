@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, Self, final, get_args
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect
+from wbc.effects.joint_effect import GearNumbers, JointEffect, stribeck
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.transmission import Flanks, wedge_backward_efficiency
 
@@ -147,11 +147,6 @@ _SLOWNESS = (0.1, 0.25, 0.6)  # of the usual speed; a fit goes on between them
 _MOST = 0.95
 
 
-def extra_share(w: FloatArray, coefficient: float, speed: float) -> FloatArray:
-    """Return c(w) = coefficient * exp(-(w/speed)^2) (...) at speeds w of the output [rad/s]."""
-    return coefficient * np.exp(-((w / speed) ** 2))
-
-
 def _load_screens(
     kind: type[LoadStribeckFriction], robot: Robot, where: str, evidence: Evidence
 ) -> tuple[Screen, ...]:
@@ -216,7 +211,7 @@ class LoadStribeckFriction(JointEffect):
     ) -> tuple[FloatArray, FloatArray]:
         """Return eta_f and eta_b (..., m) with this gear's at the present speed."""
         gear = self.gear(robot)
-        share = extra_share(_output_speed(robot, gear, motion), self.coefficient, self.speed)
+        share = stribeck(_output_speed(robot, gear, motion), self.coefficient, self.speed)
         shape = (*motion.velocity.shape[:-1], robot.transmission.size)
         forward, backward = (np.array(np.broadcast_to(eta, shape)) for eta in (forward, backward))
         forward[..., gear] *= 1.0 - share

@@ -32,8 +32,8 @@ from wbc.compiled import Dense, Number, OutRow, Row, Table, compiled
 from wbc.effects import friction
 from wbc.effects.catalogue import EFFECTS
 from wbc.effects.drive import CurrentLimit, TorqueConstant, TorqueOffset
-from wbc.effects.gear_losses import LoadStribeckFriction, extra_share
-from wbc.effects.joint_effect import JointEffect, Rows
+from wbc.effects.gear_losses import LoadStribeckFriction
+from wbc.effects.joint_effect import JointEffect, Rows, stribeck
 from wbc.effects.position_torques import JointSpring, TorqueRipple, ripple, spring
 from wbc.robot import Effect, Motion, Robot
 
@@ -265,8 +265,7 @@ _directional = compiled(Number, Number, Number, Number)(friction.directional)
 _quadratic = compiled(Number, Number, Number)(friction.quadratic)
 _spring = compiled(Number, Number, Number, Number)(spring)
 _ripple = compiled(Number, Number, Number, Number, Number)(ripple)
-_stribeck = compiled(Number, Number, Number, Number)(friction.stribeck_level)
-lost_share: Any = compiled(Number, Number, Number, Number)(extra_share)
+near_rest: Any = compiled(Number, Number, Number, Number)(stribeck)
 
 
 @compiled(counted=False)
@@ -293,7 +292,7 @@ def fill_joint_torques(
         elif law == COULOMB:
             dry[row] += a
         elif law == STRIBECK:
-            dry[row] += _stribeck(v, a, b)
+            dry[row] += near_rest(v, a, b)
         elif law == DIRECTIONAL:
             smooth[row] += _directional(v, a, b)
         elif law == QUADRATIC:
@@ -338,6 +337,6 @@ def fill_efficiencies(
         now_forward, now_backward: (m,), to write.
     """
     for i in range(len(gears)):
-        share = lost_share(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
+        share = near_rest(turning[i], gears[i, COEFFICIENT], gears[i, SPEED])
         now_forward[i] = forward[i] * (1.0 - share)
         now_backward[i] = backward[i] / (1.0 + share)

@@ -6,7 +6,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.compiled import OutDense, OutRow, Row, inner
-from wbc.effects.tables import lost_share
+from wbc.effects.tables import near_rest
 from wbc.mechanics.linear import dot
 from wbc.robot import Robot
 from wbc.sim.state import SimState
@@ -95,7 +95,7 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         law[3], law[4], law[5], law[6] = forces.inverse[i], forces.backward[i], 0.0, 0.0
         rest, slowness = forces.gears[i, 0], forces.gears[i, 1]
         if rest > 0.0:
-            share = lost_share(dot(plant.end.speed, gears.rows[i]), rest, slowness)
+            share = near_rest(dot(plant.end.speed, gears.rows[i]), rest, slowness)
             law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
         if gears.direct and gears.backward[i] >= 0.0:
             law[5] = step * forces.friction[gears.row[i]]
