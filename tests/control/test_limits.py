@@ -57,11 +57,11 @@ def test_a_knee_stops_with_its_motors_own_torque(knows):
 def test_limits_that_the_model_states_hold_by_default():
     """A knee that is sent beyond its stop stops there; told the torque limits alone it goes on."""
     stop, torques = float(ARM.model.upperPositionLimit[1]), RotorTorqueLimit()
-    left_out, stated, alone = (
+    left_out, short, stated, alone = (
         driven_beyond(ARM, limits, stop, stop - 0.2, stop + 1.0, 1500)
-        for limits in (None, [torques, JointLimit.of(ARM)], [torques])
+        for limits in (None, [torques, JointLimit()], [torques, JointLimit.of(ARM)], [torques])
     )
-    assert left_out == stated
+    assert left_out == short == stated
     assert -0.02 < left_out[2] <= 1e-6 < alone[2]
 
 

@@ -13,7 +13,7 @@ from tests.sim.random_robots import geared
 from wbc import control, load_robot
 from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp import level
-from wbc.control.qp.level import Answer
+from wbc.control.qp.level import LevelAnswer
 from wbc.control.qp.solvers import solve
 from wbc.control.tick import Ticker
 from wbc.robot import Motion
@@ -176,7 +176,7 @@ def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypa
     alone, both = overdetermined(robot)
     second, solve = both._levels.of(None, 1e-3)[0][1], Ticker._solve
     found = second.unsearched._replace(verdict=(Status.FAILED, "the solver gave up."))
-    gave_up = Answer(second, np.zeros(0), 1e-3, found, 0.0, 0)
+    gave_up = LevelAnswer(second, np.zeros(0), 1e-3, found, 0.0, 0)
     monkeypatch.setattr(
         Ticker, "_solve", lambda t, at, *a: gave_up if at is second else solve(t, at, *a)
     )

@@ -65,7 +65,7 @@ class Command:
         position, velocity: of the driven joints (m,) [rad], [rad/s] one tick later, as the expected
             acceleration leads there: targets of drives with a loop of their own. A tick without a
             solution asks them to stay where they are; NaN where no state was ever known.
-        prospect: the `Answer` that fields are read from which are not given; None where all
+        prospect: the `LevelAnswer` that fields are read from which are not given; None where all
             are.
         refused: the program where it has no usable solution, for `explain`; None elsewhere.
         passed: limit of a joint or distance -> by how much [rad/s^2, m/s^2] the acceleration is

@@ -76,7 +76,7 @@ class Controller(Ticker):
         self.settings = settings = ControllerSettings() if settings is None else settings
         names = _distinct("task", [task.name for task in self.tasks])
         _distinct("contact", [contact.name for contact in contacts])
-        limits = (RotorTorqueLimit(), JointLimit.of(robot)) if limits is None else limits
+        limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
         self._contacts = {contact.name: contact.bind(robot) for contact in contacts}
         frames = [frame for contact in self._contacts.values() for frame in contact.frames]
         kinematics = Kinematics(robot, frames)
@@ -84,7 +84,9 @@ class Controller(Ticker):
         efforts = [task for task in self.tasks if isinstance(task, Effort)]
         weights = [effort.weights(robot) for effort in efforts]
         apart = _single(CollisionLimit, limits)
-        stops = _single(JointLimit, limits) or JointLimit.of(robot, ())
+        stops = _single(JointLimit, limits)
+        if stops is None or not stops.joints:
+            stops = JointLimit.of(robot, () if stops is None else None)
         self._parts = Recipe(
             robot=robot,
             drivetrain=drivetrain,

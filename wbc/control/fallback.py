@@ -12,7 +12,7 @@ from wbc.compiled import Dense, OutDense, OutRow, Places, Row, compiled
 from wbc.control.command import Command, Status
 from wbc.control.inputs import Complaint, is_step
 from wbc.control.memory import GEAR, PART
-from wbc.control.qp.level import NOTHING, Answer
+from wbc.control.qp.level import NOTHING, LevelAnswer
 from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.qp.program import Recipe
 from wbc.control.rows.contacts import ContactSet
@@ -52,7 +52,7 @@ class Fallback:
         self._nameplate = np.abs(gears.gear_ratio) * gears.torque_limit
         self.remember(None)
 
-    def remember(self, answer: Answer | None) -> None:
+    def remember(self, answer: LevelAnswer | None) -> None:
         """Take a tick with a solution as the last good one; None for none."""
         self._last, self._ticks, self._time = answer, 0, 0.0
 
@@ -76,7 +76,7 @@ class Fallback:
         complaint: Complaint,
         dt: float,
         start: float,
-        refusal: Answer | None = None,
+        refusal: LevelAnswer | None = None,
     ) -> Command:
         """Return the safe command; never raises.
 
@@ -104,7 +104,7 @@ class Fallback:
         motion: Motion | None,
         complaint: Complaint,
         start: float,
-        refusal: Answer | None,
+        refusal: LevelAnswer | None,
     ) -> Command:
         place, unknown = self._place(motion), np.full(self._size, np.nan)
         asked = None if refusal is None or refusal.found.solution is NOTHING else refusal

@@ -31,7 +31,7 @@ from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
 from wbc.control.inputs import InputCheck, Reference, State, TickInputError, size_complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.level import Answer, Level
+from wbc.control.qp.level import Level, LevelAnswer
 from wbc.control.qp.levels import Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
@@ -59,7 +59,7 @@ class Ticker(ABC):
     _fallback: Fallback
     _free: Lock  # held by the thread that is in `step`
     _last: FloatArray  # block of results of the last tick with a solution, see `PART`
-    _answer: Answer | None  # of the last tick that asked a level
+    _answer: LevelAnswer | None  # of the last tick that asked a level
 
     def step(
         self,
@@ -134,7 +134,9 @@ class Ticker(ABC):
             if parts.collision is not None:
                 parts.collision.fill(parts.kinematics)
 
-    def _solve(self, level: Level, motion: Motion, dt: float, above: Answer | None) -> Answer:
+    def _solve(
+        self, level: Level, motion: Motion, dt: float, above: LevelAnswer | None
+    ) -> LevelAnswer:
         """Return what a level comes to below what is decided above.
 
         It is the answer above where that leaves nothing to decide.
@@ -142,7 +144,7 @@ class Ticker(ABC):
         start, program, memory = perf_counter(), level.program, level.program.memory
         block = np.empty(program.size)
         if not write(memory, motion.position, motion.velocity, self._last, dt):
-            return Answer(level, block, dt, level.too_large, 0.0, 0)
+            return LevelAnswer(level, block, dt, level.too_large, 0.0, 0)
         if program.repeats:
             program.place_basis()
         if above is not None and level.hold(above) == 0 and not program.has_efforts:
@@ -150,14 +152,14 @@ class Ticker(ABC):
         ended = guess(memory, block) if level.guesses else UNSOLVED
         if ended == DONE:
             spent, hard = perf_counter() - start, memory.counts[COUNT.hard]
-            return Answer(level, block, dt, level.unsearched, spent, hard)
+            return LevelAnswer(level, block, dt, level.unsearched, spent, hard)
         found = level.search(above, block if ended == LIMITED_TORQUE else self._last)
         if found.verdict[0].usable:
             block[program.at[PART.x]] = found.solution.x
             place_torques(memory, block)
-        return Answer(level, block, dt, found, level.spent, 0)
+        return LevelAnswer(level, block, dt, found, level.spent, 0)
 
-    def _accepted(self, answer: Answer, motion: Motion, start: float) -> Command:
+    def _accepted(self, answer: LevelAnswer, motion: Motion, start: float) -> Command:
         """Return the command of a tick with a solution; take what the next one starts from."""
         self._last, gears = answer.block, self._parts.drivetrain
         for stack in self._parts.stacks:
@@ -177,7 +179,7 @@ class Ticker(ABC):
 
     def _refused(
         self,
-        refusal: Answer,
+        refusal: LevelAnswer,
         references: Mapping[str, Reference],
         motion: Motion,
         dt: float,

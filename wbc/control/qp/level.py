@@ -68,7 +68,7 @@ class DirectedSolution(NamedTuple):
     excess: FloatArray | None = None
 
 
-class Answer(NamedTuple):
+class LevelAnswer(NamedTuple):
     """What a level came to, and where it is usable the torques of that: fields of `Command`.
 
     Attributes:
@@ -106,7 +106,7 @@ class Answer(NamedTuple):
         program = self.level.program
         return None if self.usable else Refused(program.dense(), program)
 
-    def followed_by(self, deeper: Answer) -> Answer:
+    def followed_by(self, deeper: LevelAnswer) -> LevelAnswer:
         """Return the answer with the next level, which passes what this one has to.
 
         A level that finds nothing leaves it at those above.
@@ -145,7 +145,7 @@ class Answer(NamedTuple):
         """Return a field of `Command`."""
         if name in _ROWS:
             return self.row(_ROWS[name])
-        return getattr(self if name in vars(Answer) else self.found, name)
+        return getattr(self if name in vars(LevelAnswer) else self.found, name)
 
     @property
     def consistent(self) -> bool:
@@ -233,7 +233,7 @@ class Level:
         self.guesses = self._may_guess
         self.program.memory.solver.taken[:] = 0
 
-    def hold(self, above: Answer) -> int:
+    def hold(self, above: LevelAnswer) -> int:
         """Hold what the level above has decided, with the rows of torque limits that bound it.
 
         Returns:
@@ -255,7 +255,7 @@ class Level:
             left = int(place_lock(memory, lock, x, len(x)))
         return left
 
-    def search(self, above: Answer | None, last: FloatArray) -> DirectedSolution:
+    def search(self, above: LevelAnswer | None, last: FloatArray) -> DirectedSolution:
         """Return the best solution over all directions, or the best within the work.
 
         Args:

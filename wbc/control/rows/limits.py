@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Any, final, get_type_hints
 
 import numpy as np
@@ -16,6 +17,7 @@ from wbc.structures import Structure
 
 _SHARE = 0.8  # of a motor's torque limit that braking counts on; the load changes until it rests
 _ENDLESS = 1e8  # [rad, rad/s] stated in place of none
+_none = partial(frozen, ())
 
 
 @final
@@ -92,6 +94,9 @@ class JointLimit:
     Where motors share joints (T = D' tau), a torque on one joint alone is what the weakest of its
     motors holds, and the rotors of all of them have to stop.
 
+    `JointLimit()` stands for `JointLimit.of(robot)`, whatever robot the controller has, and is what
+    a controller has by default.
+
     Attributes:
         joints: names, in the order of the arrays.
         rows: velocity rows (k,) of the joints.
@@ -103,15 +108,15 @@ class JointLimit:
         reflected: (k,) inertia of the rotors then.
     """
 
-    joints: tuple[str, ...]
-    rows: Places
-    position_rows: Places
-    lower: Row
-    upper: Row
-    speed: Row
-    acceleration: Row
-    torque: Row
-    reflected: Row
+    joints: tuple[str, ...] = ()
+    rows: Places = field(default_factory=_none)
+    position_rows: Places = field(default_factory=_none)
+    lower: Row = field(default_factory=_none)
+    upper: Row = field(default_factory=_none)
+    speed: Row = field(default_factory=_none)
+    acceleration: Row = field(default_factory=_none)
+    torque: Row = field(default_factory=_none)
+    reflected: Row = field(default_factory=_none)
 
     @classmethod
     def of(
