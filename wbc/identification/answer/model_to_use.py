@@ -5,7 +5,7 @@ The model may hold causes whose names are doubted: their torque predicts all the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -141,14 +141,14 @@ def model_to_use(found: SearchResult, classes: Sequence[type[Effect]]) -> Answer
     trials, names = found.trials, believed(found)
     if not classes:
         return names
-    used = _best(trials, dict.fromkeys((names.hypothesis, found.final)), classes)
+    used = _best(trials, (names.hypothesis, found.final), classes)
     if used is names.hypothesis:
         return names
     return _doubting(trials, judged(trials, used, set()), names)
 
 
 def _best(
-    trials: Trials, found: Iterable[Hypothesis], classes: Sequence[type[Effect]]
+    trials: Trials, found: Sequence[Hypothesis], classes: Sequence[type[Effect]]
 ) -> Hypothesis:
     """Return the first model that no other is better than; else the one least behind.
 
@@ -156,13 +156,15 @@ def _best(
     plain fits. Last come the plain fits beside what was found, where that is behind them. Links
     that swing are simulated: beside them no plain fit is tried.
     """
-    problem, plain = trials.problem, plain_fits(trials, classes)
+    problem, first, last = trials.problem, found[0], found[-1]
+    if first.only_noise(problem):
+        return first
+    plain = plain_fits(trials, classes)
     rivals = [*found, trials.nothing, *plain]
 
     def most_behind(one: Hypothesis) -> float:
         return max(_behind(problem, one, other) for other in rivals)
 
-    *_, last = found
     ahead = [own for own in plain if _behind(problem, last, own) > _AS_GOOD]
     joined = () if last.swings else (_joined(problem, last, own) for own in ahead)
     longer = (effects for effects in joined if len(effects) > len(last.effects))

@@ -103,6 +103,10 @@ class Hypothesis:
         own = {effect.key: effect for effect in self.effects}
         return tuple(own.get(effect.key, effect) for effect in effects)
 
+    def only_noise(self, problem: EstimationProblem) -> bool:
+        """Whether no output is left with more than what no two models are told apart by."""
+        return bool(np.all(self.squares.mean(axis=0) <= problem.indistinct))
+
     @property
     def swings(self) -> bool:
         """Whether links were simulated behind their gears."""

@@ -73,11 +73,12 @@ def find_causes(
         # without any time.
         plain_fits(trials, at_once, links=False)
         trials.until = until
-        every = plain_fits(trials, at_once)
         ends = [direct.climb(trials.nothing)]
         # What is left beside a wrong drawing is imitated; where all that is plain together does
         # better than what was found, it is the better start.
-        if plain := direct.best(every, ends[0]):
+        noise = ends[0].only_noise(problem)
+        plain = None if noise else direct.best(plain_fits(trials, at_once), ends[0])
+        if plain is not None:
             direct.path.append(plain)
             ends.append(direct.climb(plain))
         if gears := tuple(kind for kind in classes if deflects(kind)):

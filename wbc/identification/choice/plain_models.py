@@ -80,7 +80,7 @@ def plain_fits(
             ahead = [trials.of((*last.effects, *more), last)] if last else []
             if tried := [h for h in (trials.of(start), *ahead) if h is not None]:
                 fits.append(without_idle(trials, min(tried, key=lambda h: h.error)))
-                if np.all(fits[-1].squares.mean(axis=0) <= problem.indistinct):
+                if fits[-1].only_noise(problem):
                     break
     return fits
 
