@@ -45,7 +45,7 @@ class Fallback:
             contacts: that carry the robot until a good tick says which do.
         """
         self._robot, self._motors = parts.robot, parts.drivetrain
-        self._kinematics, self._weight = parts.kinematics, parts.weight
+        self._kinematics, self._weight = parts.kinematics, parts.robot.weight
         self._all = contacts
         self._policy, self._time_step = parts.settings.safety, parts.settings.time_step
         gears, self._size = parts.robot.transmission, parts.robot.transmission.size

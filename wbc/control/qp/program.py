@@ -77,14 +77,9 @@ class Recipe:
         return not alone or self.collision is not None
 
     @property
-    def weight(self) -> float:
-        """The robot's weight [N]."""
-        return self.kinematics.mass * self.kinematics.gravity
-
-    @property
     def load(self) -> float:
         """What forces are measured by [N]: the weight, 1 kN where nothing weighs."""
-        return self.weight if self.weight > 0.0 else 1e3
+        return self.robot.weight if self.robot.weight > 0.0 else 1e3
 
 
 @inner
@@ -259,7 +254,7 @@ class Program:
         tolerance, regular = settings.tolerance, settings.acceleration_weight
         sizes = {"k": size, "n": n, "r": bounds}
         solver = SOLVER.of(sizes, tolerance=np.array([tolerance]))
-        shared = contacts.load_share * recipe.weight / self.force_scale
+        shared = contacts.load_share * recipe.robot.weight / self.force_scale
         solver.diagonal[:nv], solver.diagonal[nv:] = regular, settings.force_weight
         solver.pull[nv:] = settings.force_weight * shared
         solver.C[self.cone, nv:], solver.C[self.normal, nv:] = contacts.cone, contacts.normals
