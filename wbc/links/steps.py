@@ -209,9 +209,10 @@ def next_rates(
     Returns:
         the flanks that `gain` is for then.
     """
-    new, rough = own.new, False
+    new, rough, bent = own.new, False, False
     for a in range(len(new)):
         new[a], rough = rate[a], rough or own.held[a] > 0.0 or rubs[a] != 0.0
+        bent = bent or gears[a, HALF] > 0.0
     pattern, _ = lean(gears, own, place, rate, h, False)
     for turn in range(1, _ROUNDS + 1):
         if pattern < 0 or pattern != known:
@@ -225,6 +226,8 @@ def next_rates(
                 new[b] += own.gain[a, b] * right
         if rough:
             rub(own, rubs, h)
+        if not bent:  # springs are straight: what they pass is what they were taken to pass
+            break
         pattern, met = lean(gears, own, place, rate, h, turn >= _NEWTON)
         if met:
             break

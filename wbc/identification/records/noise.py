@@ -296,8 +296,11 @@ def _links_torque(
     Positions enter through gravity, accelerations through inertia; speeds matter little.
     """
     measured, at_rest = record.motion.position, np.zeros(position.shape)
-    rows = zip(measured, position, strict=True)
-    shifted = np.array([pin.integrate(record.robot.model, q, error) for q, error in rows])
+    own, rows = record.robot.model, zip(measured, position, strict=True)
+    if own.nq == own.nv:  # coordinates are plain numbers
+        shifted = measured + position
+    else:
+        shifted = np.array([pin.integrate(own, q, error) for q, error in rows])
 
     def torque(model: pin.Model) -> FloatArray:
         there = inverse_dynamics(model, shifted, at_rest, acceleration)
