@@ -10,6 +10,8 @@ caches and cores stretch processor time as well. A peer that is not there is nam
 `--peers` leaves out all but the dissipative controller and its peers: seconds instead of minutes.
 With `--flight` the robot falls without contacts. "foot up" is the median of the ticks without all.
 
+"Change" is the slowest tick of those from which on other contacts are active.
+
 Every contestant keeps torque limits, and stops and speeds of joints, and knows a Coulomb friction
 of 0.1 N m at every joint; peers, which have none, add it to their torques.
 
@@ -31,6 +33,7 @@ import sys
 import tempfile
 import time
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -58,13 +61,15 @@ def main():
     names = given[1:] or ROBOTS
     console, messages = Console(width=110), set()
     console.print(machine())
-    titles = "robot", "contestant", "median us", "p99", "p99/median", "wall p99", "ratio", "foot up"
-    times = Table(*titles, "ratio")
+    titles = "robot", "contestant", "median us", "p99", "wall p99", "ratio", "foot up", "ratio"
+    times = Table(*titles, "change")
     for name in names:
         robot, states = scene(name, TICKS, flies=flies)
         feet = max(len(tick.contacts or ()) for tick in states)
         up = [tick.contacts is not None and len(tick.contacts) < feet for tick in states]
         up = np.array(up) if any(up) else np.ones(TICKS, dtype=bool)
+        pairs = enumerate(pairwise(states), 1)
+        changes = [k for k, (one, other) in pairs if active(one) != active(other)]
         found = compare(robot, states, rounds, messages, only_peers)
         base, least = (np.median(found["dissipative"][rows, 0]) for rows in (slice(None), up))
         for contestant, taken in found.items():
@@ -74,16 +79,21 @@ def main():
                 contestant,
                 f"{middle:.0f}",
                 f"{high:.0f}",
-                f"{high / middle:.1f}",
                 f"{np.percentile(taken[:, 1], 99):.0f}",
                 f"{middle / base:.2f}",
                 f"{np.median(taken[up, 0]):.0f}",
                 f"{np.median(taken[up, 0]) / least:.2f}",
+                f"{taken[changes, 0].max():.0f}" if changes else "",
             )
         times.add_section()
     console.print(times)
     for message in sorted(messages):
         console.print(message)
+
+
+def active(tick):
+    """Return the names of the contacts that may carry any force; None for all."""
+    return None if tick.contacts is None else {n for n, most in tick.contacts.items() if most > 0.0}
 
 
 def machine(*more):
