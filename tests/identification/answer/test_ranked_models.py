@@ -3,6 +3,8 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from wbc.effects import (
 )
 from wbc.errors import IdentificationError
 from wbc.identification import Ranked, compare, diagnose, rank_robots
+from wbc.identification.answer import model_to_use
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import judged
 from wbc.identification.choice.trials import Trials
@@ -176,3 +179,40 @@ def test_a_robot_without_its_effects_is_the_one_before_them() -> None:
     # What is changed in code after effects were added has no robot before them to go back to.
     moon = robot.with_gravity((0.0, 0.0, -1.62))
     assert moon.without_effects().model.gravity.linear[2] == -1.62
+
+
+@pytest.mark.parametrize(
+    ("evidence", "doubtful", "gone"),
+    [
+        ({"losses": -19.0, "limit": 0.0, "friction": 4.0}, {"friction": ["limit"]}, "limit"),
+        ({"losses": 1.0, "limit": 0.0, "friction": 4.0}, {"friction": ["limit"]}, "losses"),
+        ({"losses": -19.0, "limit": 0.0}, {"losses": ["limit"], "limit": ["losses"]}, "losses"),
+    ],
+    ids=["missed least", "missed less", "all are doubted still: the least believed"],
+)
+def test_of_doubted_causes_that_goes_without_which_all_is_believed(
+    evidence: dict[str, float],
+    doubtful: dict[str, list[str]],
+    gone: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The losses of a calf went, friction and a current limit stayed: 19 nats less probable."""
+    keys = [(name, "calf") for name in evidence]
+
+    def left(_: Any, __: Any, doubted: set[tuple[str, str]]) -> Any:
+        (key,) = doubted
+        return SimpleNamespace(gone=key[0])
+
+    def judge(_: Any, rest: Any, __: Any) -> Any:
+        return SimpleNamespace(hypothesis=rest, doubted=doubtful.get(rest.gone, []))
+
+    monkeypatch.setattr(model_to_use, "best_without", left)
+    monkeypatch.setattr(model_to_use, "judged", judge)
+    monkeypatch.setattr(
+        model_to_use, "weigh", lambda _, rests: np.array([evidence[rest.gone] for rest in rests])
+    )
+    doubted: set[tuple[str, str]] = set()
+    answer = SimpleNamespace(hypothesis=None, doubted=keys)
+    found = model_to_use._without_one(SimpleNamespace(problem=None), answer, doubted)
+    assert doubted == {(gone, "calf")}
+    assert found.hypothesis.gone == gone

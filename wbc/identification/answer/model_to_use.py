@@ -24,7 +24,7 @@ from wbc.identification.choice.certainty import (
     unexplained,
 )
 from wbc.identification.choice.drop_screen import losses
-from wbc.identification.choice.evidence import Hypothesis, Key
+from wbc.identification.choice.evidence import Hypothesis, Key, weigh
 from wbc.identification.choice.find_causes import SearchResult
 from wbc.identification.choice.plain_models import plain_fits, without_idle
 from wbc.identification.choice.trials import Trials
@@ -61,9 +61,10 @@ class Answer:
     named: Hypothesis
 
     @property
-    def doubted(self) -> Key | None:
-        """The least believed cause, None where every one is more probable than not."""
-        return least_believed({key: s.belief for key, s in self.support.items()})
+    def doubted(self) -> list[Key]:
+        """The causes that are not more probable than not, the least believed first."""
+        beliefs = {key: s.belief for key, s in self.support.items() if s.belief < BELIEVED}
+        return sorted(beliefs, key=beliefs.__getitem__)
 
 
 def believed(found: SearchResult) -> Answer:
@@ -71,9 +72,8 @@ def believed(found: SearchResult) -> Answer:
 
     It is that with the most evidence where all of it is believed, else the end of the search where
     all of that is: on a recorded double pendulum the first held a wrong drawing (0.46), and the
-    search had taken it back. Else the least believed cause goes first, and the others are judged
-    again without it: two that share what they explain may both be doubted while one of them alone
-    is not.
+    search had taken it back. Else one cause goes after the other, and the rest is judged again:
+    two that share what they explain may both be doubted while one of them alone is not.
     """
     trials, end = found.trials, found.final
     doubted: set[Key] = set()
@@ -86,13 +86,30 @@ def believed(found: SearchResult) -> Answer:
     if answer.doubted and best is not end:
         other = judged(trials, end, doubted)
         answer = answer if other.doubted else other
-    while least := answer.doubted:
-        doubted.add(least)
-        answer = judged(trials, best_without(trials, answer.hypothesis, doubted), doubted)
+    while answer.doubted:
+        answer = _without_one(trials, answer, doubted)
     # Where something was found and nothing of it is believed, something else is there, unless the
     # logs hardly speak against the robot as given.
     missing = not answer.hypothesis.effects and 1.0 - odds_of(trials).nothing >= BELIEVED
     return replace(answer, more=answer.more or missing)
+
+
+def _without_one(trials: Trials, answer: Answer, doubted: set[Key]) -> Answer:
+    """Return an answer without one of its doubted causes, which joins those that are `doubted`.
+
+    Of those without which everything is believed it is the one that is missed least, else the
+    least believed: losses of a gear, friction and a current limit that made up for each other were
+    all doubted together, and the losses alone explained the calf of a generated leg.
+    """
+    each = [
+        judged(trials, best_without(trials, answer.hypothesis, {*doubted, key}), {*doubted, key})
+        for key in answer.doubted
+    ]
+    whole = [k for k, one in enumerate(each) if not one.doubted] or [0]
+    evidence = weigh(trials.problem, [each[k].hypothesis for k in whole])
+    gone = whole[int(evidence.argmax())]
+    doubted.add(answer.doubted[gone])
+    return each[gone]
 
 
 def judged(trials: Trials, h: Hypothesis, doubted: set[Key]) -> Answer:
