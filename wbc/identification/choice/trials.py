@@ -244,7 +244,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
         raise FloatingPointError("what is left is not finite.")
     rows = np.unique(problem.folds, return_counts=True)[1].astype(float)
     untold = fit.untold()
-    quieter = problem.quieter(fit)
+    quieter, lacks = problem.quieter(fit)
     units = np.linalg.inv(np.delete(problem.whitening, problem.floor.aside, axis=0))
     both = [
         np.stack([problem.block_means(own**2) for own in (left @ units).T], axis=1)
@@ -253,7 +253,7 @@ def hypothesis_of(problem: EstimationProblem, fit: Fit, *, whole: bool = True) -
     return Hypothesis(
         effects=fit.effects,
         folds=fold_means(problem.folds, squares) + quieter,
-        beside=fold_means(problem.folds, beside) + quieter,
+        beside=fold_means(problem.folds, beside) + quieter + lacks,
         open=cost,
         blocks=problem.block_means(squares.mean(axis=1)),
         samples=problem.independent_samples(fit.residual),

@@ -33,7 +33,7 @@ from wbc.identification.records.noise import (
     drawn_noise,
     noise_floor,
     noise_of_links,
-    synthetic_noise,
+    reported_noise,
     with_even_noise,
 )
 from wbc.identification.records.not_judged import (
@@ -68,6 +68,8 @@ ONLY_NOISE = 1.3  # mean square in floors up to which a residual is taken for no
 # third too small, a fit on its side leaves 276 floors^2 after two steps, 253 after three, 3.1 after
 # five and 0.88 at its end; on the wrong side 185.
 _TRIED = 5
+_DRAWS = 8  # of the noise that a drive takes away, whose spread is then known to a quarter
+_ROUNDING = 1e-9  # of a floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,23 +257,33 @@ class EstimationProblem:
         made = zip(self._links_noise, self.records, strict=True)
         return self._squares([noise(record.model_of(robot)) for noise, record in made])
 
-    @cached_property
-    def _reported_noise(self) -> list[FloatArray]:
-        return [synthetic_noise(record)[0] for record in self.records]
+    def _drawn(self, seed: int) -> list[FloatArray]:
+        random = np.random.default_rng(seed)
+        return [reported_noise(record, random) for record in self.records]
 
-    def _torque_noise_of(self, robot: Robot, size: FloatArray) -> FloatArray:
-        """Return (outputs,) the noise of the torques that a robot's drives pass on, in floors^2.
+    @cached_property
+    def _first_drawn(self) -> list[list[FloatArray]]:
+        return [self._drawn(0), self._drawn(1)]
+
+    def _noise_taken(
+        self, robot: Robot, size: FloatArray, two: Sequence[list[FloatArray]]
+    ) -> FloatArray:
+        """Return (outputs,) how much of a robot's noise of torques its drives keep, in floors^2.
 
         Args:
             robot: with its drives.
             size: (m + b,) of the noise beside that of the sensors.
+            two: draws of this noise in each record: they differ by twice its square.
         """
-        drives, parts = slice(robot.transmission.size), []
-        for record, drawn in zip(self.records, self._reported_noise, strict=True):
-            noise = drawn * size
-            noise[:, drives] = passed_on(robot, record, noise[:, drives])
-            parts.append(record.condense(noise))
-        return self._squares(parts)
+        drives, given, left = slice(robot.transmission.size), [], []
+        for record, one, other in zip(self.records, *two, strict=True):
+            noise = (one - other) * size
+            given.append(record.condense(noise))
+            noise[:, drives] = passed_on(
+                robot, record, *((own * size)[:, drives] for own in (one, other))
+            )
+            left.append(record.condense(noise))
+        return 0.5 * (self._squares(given) - self._squares(left))
 
     def _squares(self, parts: Sequence[FloatArray]) -> FloatArray:
         return np.asarray(np.mean((np.concatenate(parts) @ self.whitening) ** 2, axis=0))
@@ -280,26 +292,35 @@ class EstimationProblem:
     def _given_noise(self) -> FloatArray:
         return self._noise_of(self.robot)
 
-    def quieter(self, fit: Fit) -> FloatArray:
+    def quieter(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
         """Return (outputs,) mean squares in floors, by which the robot of a fit has less noise.
+
+        With it what its evidence lacks besides, because that differs from draw to draw.
 
         Lighter links make less of the accelerations' noise, and a drive that clips its torque none
         of that of its report. What they leave less for that reason alone says nothing of the links
         or the drive: least squares makes whatever it multiplies with noise too small (Janot,
         Vandanjon & Gautier, IEEE TCST 2014). Noise of torques is as large as what is left and
-        forgets itself as fast.
+        forgets itself as fast. What is clipped of it has a standard deviation s: with n samples the
+        evidence lacks n s^2 / 4v, with v what is left, so that the odds of such a drive, in the
+        mean over draws, stay what they were before.
         """
-        robot, less = fit.robot, np.zeros(self.whitening.shape[1])
+        robot, (less, lacks) = fit.robot, np.zeros((2, self.whitening.shape[1]))
         if robot.model is not self.robot.model:
             less += np.maximum(self._given_noise - self._noise_of(robot), 0.0)
         if any("drive" in effect.acts_by for effect in fit.effects):
-            white = np.minimum(self.independent_samples(fit.residual) / self.white_samples, 1.0)
-            size = np.ones(len(self.whitening))
-            left = np.mean(fit.residual**2, axis=0)
+            samples = self.independent_samples(fit.residual)
+            white = np.minimum(samples / self.white_samples, 1.0)
+            size, left = np.ones(len(self.whitening)), np.mean(fit.residual**2, axis=0)
             size[self.floor.judged] = np.sqrt(np.maximum(white * left, 1.0))
-            given, now = (self._torque_noise_of(r, size) for r in (self.robot, robot))
-            less += np.maximum(given - now, 0.0)
-        return less
+            taken = self._noise_taken(robot, size, self._first_drawn)
+            if np.any(taken > _ROUNDING):
+                more = ([self._drawn(k), self._drawn(k + 1)] for k in range(2, 2 * _DRAWS, 2))
+                draws = [taken, *(self._noise_taken(robot, size, own) for own in more)]
+                count = len(fit.residual) * samples / np.maximum(left, 1.0)
+                taken, lacks = np.mean(draws, axis=0), 0.25 * count * np.var(draws, axis=0, ddof=1)
+            less += np.maximum(taken, 0.0)
+        return less, lacks
 
     def distorted(self, share: float) -> FloatArray:
         """Return (outputs,) mean squares in floors that no model is told by.

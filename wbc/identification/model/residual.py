@@ -319,32 +319,40 @@ def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
     return np.asarray(np.mean([_delivered(robot, r.motion, r.torque)[1] for r in records], axis=0))
 
 
-def passed_on(robot: Robot, record: Record, noise: FloatArray) -> FloatArray:
-    """Return what drives pass on of noise (N, m) of reported torques, both at the motor outputs.
+def passed_on(robot: Robot, record: Record, noise: FloatArray, other: FloatArray) -> FloatArray:
+    """Return by how much two noises (N, m) of reported torques differ behind the drives.
 
-    A drive that clips its torque passes no noise on while it does.
+    Noises and result at the motor outputs. A drive that clips its torque passes no noise on while
+    it does: where what the motion needs, with the noise, is beyond the limit. A report will not do
+    in place of the need: it is beyond the limit most where its noise is large.
     """
     ratio = np.abs(robot.transmission.gear_ratio)
-    smooth = low_pass(record.torque, record.bandwidth.residual, record.rate)
-    plain, _ = _delivered(robot, record.motion, smooth)
-    noisy, slope = _delivered(robot, record.motion, smooth + noise / ratio)
-    return np.asarray((noisy - plain) * (ratio / np.maximum(slope, _LEAST_GAIN)))
+    need = low_pass(_needed(robot, record), record.bandwidth.residual, record.rate)
+    one, slope = _delivered(robot, record.motion, need + noise / ratio)
+    two, _ = _delivered(robot, record.motion, need + other / ratio)
+    return np.asarray((one - two) * (ratio / np.maximum(slope, _LEAST_GAIN)))
+
+
+def _needed(robot: Robot, record: Record) -> FloatArray:
+    """Return the torque (N, m) that a motion needs of the drives."""
+    motion, links, contacts = _loads(robot, record, None)
+    delivered, _ = _delivered(robot, motion, record.torque)
+    return delivered - _rows(robot, record.along(motion), links, contacts, delivered)[0]
 
 
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
-    missing, needed = [], []
-    size = robot.transmission.size
+    others = np.zeros(output_count(robot) - robot.transmission.size)
+    left, right = list[FloatArray](), list[FloatArray]()
     for record in records:
-        motion, links, contacts = _loads(robot, record, None)
-        delivered, _ = _delivered(robot, motion, record.torque)
-        lacking, _, _ = _rows(robot, record.along(motion), links, contacts, delivered)
-        nothing = np.zeros((len(lacking), output_count(robot) - size))
-        missing.append(record.condense(np.concatenate([lacking, nothing], axis=1)))
-        need = delivered - lacking
-        needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
-    left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
-    return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))
+        need = _needed(robot, record)
+        missing = _delivered(robot, record.motion_of(robot), record.torque)[0] - need
+        for squares, values in ((left, missing), (right, need)):
+            beside = np.broadcast_to(others, (len(values), len(others)))
+            squares.append(record.condense(np.concatenate([values, beside], axis=1)))
+    size = robot.transmission.size
+    missed, needed = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (left, right))
+    return np.asarray(np.sqrt(missed / np.maximum(needed, 1e-300)))
 
 
 def _without_drives(robot: Robot) -> Robot:

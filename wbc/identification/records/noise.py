@@ -254,13 +254,19 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
     forces = {name: _white(record, random, level) for name, level in noise.forces.items()}
     torque -= contact_torque(robot, record.motion.position, forces)
     sensed = _white(record, random, noise.sensed)
-    gears = robot.transmission
-    reported = np.zeros((len(torque), output_count(robot)))
-    reported[:, : gears.size] = _white(record, random, noise.torque)
-    if record.balance is not None:
-        sign = np.sign(gears.gear_ratio)
-        reported[:, : gears.size] = sign * record.balance.seen(sign * reported[:, : gears.size])
+    reported = reported_noise(record, random)
     return reported, _needed(record, torque, acceleration, sensed)
+
+
+def reported_noise(record: Record, random: np.random.Generator) -> FloatArray:
+    """Return drawn noise (N, m + b + s) of the reported torque."""
+    gears, balance = record.robot.transmission, record.balance
+    reported = np.zeros((len(record.motion.velocity), output_count(record.robot)))
+    reported[:, : gears.size] = _white(record, random, record.noise.torque)
+    if balance is not None:
+        sign = np.sign(gears.gear_ratio)
+        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
+    return reported
 
 
 def noise_of_links(record: Record) -> Callable[[pin.Model], FloatArray]:
