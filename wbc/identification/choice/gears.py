@@ -46,7 +46,8 @@ _KNOWN = 0.0016  # ... this share at most
 _HOPELESS = 0.9
 _FOLLOWED = 3  # of a grid, that are followed fully
 _OFFERS = 6  # gears that are fitted for one addition
-_SCREENED = 5.0  # [s] of a log on which they are ranked
+# [s] of a log on which they are ranked: 5 s led a recorded arm into a soft gear, and into minutes.
+_SCREENED = 10.0
 _ROUGHLY = 5.0  # times what the best of them leaves, from which on one cannot catch up
 _SOFTEST = next(p.low for p in JointCompliance.parameters if p.name == "stiffness")
 _COUNT = 2  # gears offered per joint, kind and side of friction
