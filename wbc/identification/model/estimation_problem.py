@@ -23,7 +23,7 @@ from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
-from wbc.identification.model.residual import condensed_residual, passed_on
+from wbc.identification.model.residual import condensed_residual, needed_of_drives, passed_on
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
@@ -56,7 +56,7 @@ from wbc.identification.records.record import (
     rows_per_sample,
     time_blocks,
 )
-from wbc.measurement import Log, align_velocity, cut_at_gaps
+from wbc.measurement import Log, align_velocity, cut_at_gaps, low_pass
 from wbc.measurement.checks import resting_joints
 from wbc.measurement.filters import late_velocities
 from wbc.robot import Effect, Motion, Robot
@@ -266,22 +266,25 @@ class EstimationProblem:
         return [self._drawn(0), self._drawn(1)]
 
     def _noise_taken(
-        self, robot: Robot, size: FloatArray, two: Sequence[list[FloatArray]]
+        self,
+        robot: Robot,
+        needs: Sequence[FloatArray],
+        size: FloatArray,
+        two: Sequence[list[FloatArray]],
     ) -> FloatArray:
         """Return (outputs,) how much of a robot's noise of torques its drives keep, in floors^2.
 
         Args:
             robot: with its drives.
+            needs: (N, m) of them in each record.
             size: (m + b,) of the noise beside that of the sensors.
             two: draws of this noise in each record: they differ by twice its square.
         """
         drives, given, left = slice(robot.transmission.size), [], []
-        for record, one, other in zip(self.records, *two, strict=True):
-            noise = (one - other) * size
+        for record, need, one, other in zip(self.records, needs, *two, strict=True):
+            noise, both = (one - other) * size, ((own * size)[:, drives] for own in (one, other))
             given.append(record.condense(noise))
-            noise[:, drives] = passed_on(
-                robot, record, *((own * size)[:, drives] for own in (one, other))
-            )
+            noise[:, drives] = passed_on(robot, record, need, *both)
             left.append(record.condense(noise))
         return 0.5 * (self._squares(given) - self._squares(left))
 
@@ -313,10 +316,14 @@ class EstimationProblem:
             white = np.minimum(samples / self.white_samples, 1.0)
             size, left = np.ones(len(self.whitening)), np.mean(fit.residual**2, axis=0)
             size[self.floor.judged] = np.sqrt(np.maximum(white * left, 1.0))
-            taken = self._noise_taken(robot, size, self._first_drawn)
+            needs = [
+                low_pass(needed_of_drives(robot, record), record.bandwidth.residual, record.rate)
+                for record in self.records
+            ]
+            taken = self._noise_taken(robot, needs, size, self._first_drawn)
             if np.any(taken > _ROUNDING):
                 more = ([self._drawn(k), self._drawn(k + 1)] for k in range(2, 2 * _DRAWS, 2))
-                draws = [taken, *(self._noise_taken(robot, size, own) for own in more)]
+                draws = [taken, *(self._noise_taken(robot, needs, size, own) for own in more)]
                 count = len(fit.residual) * samples / np.maximum(left, 1.0)
                 taken, lacks = np.mean(draws, axis=0), 0.25 * count * np.var(draws, axis=0, ddof=1)
             less += np.maximum(taken, 0.0)

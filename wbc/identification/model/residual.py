@@ -14,7 +14,6 @@ from wbc.errors import DynamicsError, EffectError, TransmissionError
 from wbc.identification.model.yielding import LinkSide, LinkSwing, deflects, some_deflect, swing
 from wbc.identification.records.record import Record, output_count
 from wbc.links import Deflections, LinkResponse
-from wbc.measurement import low_pass
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 _STEP = 1e-7  # of the largest load, by which loads are varied
@@ -319,22 +318,23 @@ def drive_gains(robot: Robot, records: Sequence[Record]) -> FloatArray:
     return np.asarray(np.mean([_delivered(robot, r.motion, r.torque)[1] for r in records], axis=0))
 
 
-def passed_on(robot: Robot, record: Record, noise: FloatArray, other: FloatArray) -> FloatArray:
+def passed_on(
+    robot: Robot, record: Record, need: FloatArray, noise: FloatArray, other: FloatArray
+) -> FloatArray:
     """Return by how much two noises (N, m) of reported torques differ behind the drives.
 
     Noises and result at the motor outputs. A drive that clips its torque passes no noise on while
     it does: where what the motion needs, with the noise, is beyond the limit. A report will not do
-    in place of the need: it is beyond the limit most where its noise is large.
+    in place of the need (N, m): it is beyond the limit most where its noise is large.
     """
     ratio = np.abs(robot.transmission.gear_ratio)
-    need = low_pass(_needed(robot, record), record.bandwidth.residual, record.rate)
     one, slope = _delivered(robot, record.motion, need + noise / ratio)
     two, _ = _delivered(robot, record.motion, need + other / ratio)
     return np.asarray((one - two) * (ratio / np.maximum(slope, _LEAST_GAIN)))
 
 
-def _needed(robot: Robot, record: Record) -> FloatArray:
-    """Return the torque (N, m) that a motion needs of the drives."""
+def needed_of_drives(robot: Robot, record: Record) -> FloatArray:
+    """Return the torque (N, m) that a motion needs on the rotors."""
     motion, links, contacts = _loads(robot, record, None)
     delivered, _ = _delivered(robot, motion, record.torque)
     return delivered - _rows(robot, record.along(motion), links, contacts, delivered)[0]
@@ -345,7 +345,7 @@ def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     others = np.zeros(output_count(robot) - robot.transmission.size)
     left, right = list[FloatArray](), list[FloatArray]()
     for record in records:
-        need = _needed(robot, record)
+        need = needed_of_drives(robot, record)
         missing = _delivered(robot, record.motion_of(robot), record.torque)[0] - need
         for squares, values in ((left, missing), (right, need)):
             beside = np.broadcast_to(others, (len(values), len(others)))
