@@ -66,6 +66,13 @@ class TickInputError(ControlError):
         self.status = status
 
 
+def complaint_of(cause: Exception) -> Complaint:
+    """Return status and message of a tick in which something was raised."""
+    if isinstance(cause, TickInputError):
+        return cause.status, str(cause)
+    return Status.FAILED, f"{type(cause).__name__}: {cause}"
+
+
 _FLOAT = np.dtype(np.float64)  # numpy keeps one of it, and comparing types takes 0.2 us
 LONGEST = 0.1
 """[s] longest time step: 1 / sqrt(k) with the default stiffness k = 100 of a task.

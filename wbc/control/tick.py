@@ -29,7 +29,7 @@ from wbc.arrays import FloatArray
 from wbc.compiled import Row, Vector, compiled, view
 from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
-from wbc.control.inputs import InputCheck, Reference, State, TickInputError, size_complaint
+from wbc.control.inputs import InputCheck, Reference, State, complaint_of, size_complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.level import Level, LevelAnswer
 from wbc.control.qp.levels import Levels
@@ -112,12 +112,9 @@ class Ticker(ABC):
             self._answer = answer
             if answer.usable:
                 return self._accepted(answer, motion, start)
-            return self._refused(answer, references, motion, dt, start)
-        except TickInputError as cause:
-            return self._fallback.command(motion, (cause.status, str(cause)), dt, start)
-        except Exception as cause:  # what a hook, a task or an effect of the user's own may raise
-            complaint = Status.FAILED, f"{type(cause).__name__}: {cause}"
-            return self._fallback.command(motion, complaint, dt, start)
+            return self._refused(answer, references, motion, start)
+        except Exception as cause:  # wrong inputs, or what a hook, a task or an effect may raise
+            return self._fallback.command(motion, complaint_of(cause), dt, start)
         finally:
             self._free.release()
 
@@ -173,27 +170,21 @@ class Ticker(ABC):
             drive = gears.to_drive(motion, answer.row(GEAR.torque))
         status, took = answer.found.verdict[0], perf_counter() - start
         command = Command(rotor_torque=drive, status=status, tick_time=took, prospect=answer)
-        if self.settings.deadline is not None and took > self.settings.deadline:
-            command.be_late(self.settings.deadline)
+        command.keep_deadline(self.settings.deadline)
         return command
 
     def _refused(
-        self,
-        refusal: LevelAnswer,
-        references: Mapping[str, Reference],
-        motion: Motion,
-        dt: float,
-        start: float,
+        self, answer: LevelAnswer, references: Mapping[str, Reference], motion: Motion, start: float
     ) -> Command:
         """Return the safe command of a tick that has no usable solution."""
-        complaint = refusal.found.verdict
+        complaint = answer.found.verdict
         if complaint[0] is Status.NOT_FINITE:
             complaint = size_complaint(references)
         else:
             for stack in self._parts.stacks:
                 stack.remember()
-        self._last = refusal.level.expecting(self._last)
-        return self._fallback.command(motion, complaint, dt, start, refusal)
+        self._last = answer.level.expecting(self._last)
+        return self._fallback.command(motion, complaint, answer.dt, start, answer)
 
 
 @compiled
