@@ -22,8 +22,8 @@ from wbc.effects import effect_class
 from wbc.identification.model.estimation_problem import EstimationProblem
 
 SENSORS = Sensors(rate=250.0, position=1e-5, bits=18, velocity=1e-3, torque=0.002, force=0.2)
-# A tilted arm, a body in flight with a torque offset, friction and an offset that a
-# loss of the backward power alone hides.
+# A tilted arm; a body in flight with a torque offset, friction and an offset that a loss of the
+# backward power alone hides.
 QUICK = (24, 430)
 
 

@@ -18,7 +18,7 @@ from wbc.identification.choice.certainty import (
     Odds,
     Support,
     beliefs,
-    least_believed,
+    not_believed,
     odds_of,
     support_of,
     unexplained,
@@ -62,9 +62,8 @@ class Answer:
 
     @property
     def doubted(self) -> list[Key]:
-        """The causes that are not more probable than not, the least believed first."""
-        beliefs = {key: s.belief for key, s in self.support.items() if s.belief < BELIEVED}
-        return sorted(beliefs, key=beliefs.__getitem__)
+        """The causes that are not believed, the least believed first."""
+        return not_believed({key: s.belief for key, s in self.support.items()})
 
 
 def believed(found: SearchResult) -> Answer:
@@ -78,8 +77,8 @@ def believed(found: SearchResult) -> Answer:
     trials, end = found.trials, found.final
     doubted: set[Key] = set()
     # What the derivatives doubt goes first: a fit without each cause takes longer.
-    while least := least_believed(beliefs(trials, end)):
-        doubted.add(least)
+    while doubtful := not_believed(beliefs(trials, end)):
+        doubted.add(doubtful[0])
         end = best_without(trials, end, doubted)
     best = best_without(trials, end, doubted)
     answer = judged(trials, best, doubted)

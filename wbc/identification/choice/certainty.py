@@ -244,10 +244,10 @@ def doubted_names(trials: Trials, h: Hypothesis) -> tuple[str, ...]:
     return tuple(name for name, chance in best.items() if chance < BELIEVED)
 
 
-def least_believed(chances: Mapping[Key, float]) -> Key | None:
-    """Return the least believed cause, None where every one is more probable than not."""
-    least = min(chances, key=chances.__getitem__, default=None)
-    return None if least is None or chances[least] >= BELIEVED else least
+def not_believed(chances: Mapping[Key, float]) -> list[Key]:
+    """Return the causes that are not twice as probable as not, the least believed first."""
+    doubted = [key for key, chance in chances.items() if chance < BELIEVED]
+    return sorted(doubted, key=chances.__getitem__)
 
 
 def _remainder(share: FloatArray, left: FloatArray) -> float:

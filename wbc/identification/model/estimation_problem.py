@@ -23,7 +23,7 @@ from wbc.identification.model.columns import Columns
 from wbc.identification.model.fit import ITERATIONS, Fit, refine
 from wbc.identification.model.held_contacts import HeldContacts
 from wbc.identification.model.intervals import DISTORTED, TAIL, alike_shifts
-from wbc.identification.model.residual import condensed_residual, needed_of_drives, passed_on
+from wbc.identification.model.residual import condensed_residual, passed_on, torque_of_drives
 from wbc.identification.model.yielding import rubbing_effects
 from wbc.identification.readings import find_repeats, suspicions
 from wbc.identification.readings.checks import require_readable, require_robot_and_logs
@@ -317,8 +317,8 @@ class EstimationProblem:
             size, left = np.ones(len(self.whitening)), np.mean(fit.residual**2, axis=0)
             size[self.floor.judged] = np.sqrt(np.maximum(white * left, 1.0))
             needs = [
-                low_pass(needed_of_drives(robot, record), record.bandwidth.residual, record.rate)
-                for record in self.records
+                low_pass(torque_of_drives(robot, r)[1], r.bandwidth.residual, r.rate)
+                for r in self.records
             ]
             taken = self._noise_taken(robot, needs, size, self._first_drawn)
             if np.any(taken > _ROUNDING):

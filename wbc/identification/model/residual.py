@@ -333,26 +333,25 @@ def passed_on(
     return np.asarray((one - two) * (ratio / np.maximum(slope, _LEAST_GAIN)))
 
 
-def needed_of_drives(robot: Robot, record: Record) -> FloatArray:
-    """Return the torque (N, m) that a motion needs on the rotors."""
+def torque_of_drives(robot: Robot, record: Record) -> tuple[FloatArray, FloatArray]:
+    """Return the torque (N, m) on the rotors that drives deliver, and what the motion needs."""
     motion, links, contacts = _loads(robot, record, None)
     delivered, _ = _delivered(robot, motion, record.torque)
-    return delivered - _rows(robot, record.along(motion), links, contacts, delivered)[0]
+    lacking, _, _ = _rows(robot, record.along(motion), links, contacts, delivered)
+    return delivered, delivered - lacking
 
 
 def drive_misses(robot: Robot, records: Sequence[Record]) -> FloatArray:
     """Return (m,) rms of delivered minus needed torque, as a share of the needed torque's."""
-    others = np.zeros(output_count(robot) - robot.transmission.size)
-    left, right = list[FloatArray](), list[FloatArray]()
-    for record in records:
-        need = needed_of_drives(robot, record)
-        missing = _delivered(robot, record.motion_of(robot), record.torque)[0] - need
-        for squares, values in ((left, missing), (right, need)):
-            beside = np.broadcast_to(others, (len(values), len(others)))
-            squares.append(record.condense(np.concatenate([values, beside], axis=1)))
+    missing, needed = [], []
     size = robot.transmission.size
-    missed, needed = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (left, right))
-    return np.asarray(np.sqrt(missed / np.maximum(needed, 1e-300)))
+    for record in records:
+        delivered, need = torque_of_drives(robot, record)
+        nothing = np.zeros((len(need), output_count(robot) - size))
+        missing.append(record.condense(np.concatenate([delivered - need, nothing], axis=1)))
+        needed.append(record.condense(np.concatenate([need, nothing], axis=1)))
+    left, right = (np.mean(np.concatenate(p)[:, :size] ** 2, axis=0) for p in (missing, needed))
+    return np.asarray(np.sqrt(left / np.maximum(right, 1e-300)))
 
 
 def _without_drives(robot: Robot) -> Robot:
