@@ -24,7 +24,9 @@ from itertools import product
 import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
-from wbc.effects.drive import ActuationDelay
+from wbc.dynamics import inertial_parameters
+from wbc.effects.drive import ActuationDelay, RotorInertia
+from wbc.effects.friction import RotorViscousFriction, ViscousFriction
 from wbc.identification.model.columns import inertial_columns
 from wbc.identification.model.fit import beside_others, scaled
 from wbc.identification.model.residual import condensed_residual
@@ -34,7 +36,7 @@ from wbc.identification.records.record import Record, correlated_rows, rows_per_
 from wbc.measurement import Log, derivative
 from wbc.measurement.filters import turned
 from wbc.measurement.schema import REPORTED
-from wbc.robot import Robot
+from wbc.robot import Effect, Robot
 from wbc.transmission import DRIVE_TIMES
 
 _PRICE = 10.0  # [nats] for what stands for a time at one joint: name, place, number
@@ -43,6 +45,8 @@ _TIMES = len(DRIVE_TIMES)
 # Share of what the times explain (rms) that they may miss. On two arms of another simulator, with
 # held targets and filtered velocities, rotor inertias of 1.5 and 5 % of it were left.
 MISSED = 0.05
+# They may be what the shared times of drives are, and stay out where these are estimated anew.
+_STAND_INS = (ActuationDelay, RotorInertia, ViscousFriction, RotorViscousFriction)
 _LATE, _WHOLE, _LAG, _VISCOUS, _INERTIA, _DRY = range(6)  # of a joint's columns
 _OWN = tuple(
     (*late, *few)
@@ -65,8 +69,12 @@ _LINEARISED = 8
 _REPEATS = 3e-3  # share of the times by which an estimate may differ from the last
 
 
-def prepared_with_times(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, tuple[Record, ...]]:
+def prepared_with_times(
+    robot: Robot, logs: Sequence[Log], found: Sequence[Effect] = ()
+) -> tuple[Robot, tuple[Record, ...], bool]:
     """Return a robot whose drives have the times that logs of targets show, and its records.
+
+    Last comes whether the times repeat where they are estimated anew.
 
     Drives that report a torque stay as they are, and so does a robot that states such a time. A
     late target is, to first order, friction at every joint in proportion to its gain: which of the
@@ -75,23 +83,62 @@ def prepared_with_times(robot: Robot, logs: Sequence[Log]) -> tuple[Robot, tuple
     Args:
         robot: the robot that the user believes in.
         logs: made ready for it as its links alone, see `prepare` for errors.
+        found: causes beside the times, if any are known. Of one that changes one link the ten
+            numbers of that link are free: they were fitted beside other times.
     """
     records = prepare(robot.without_effects().lossless(), logs)
     followed = np.any([_follows(record) for record in records], axis=0)
     if _states_times(robot) or not followed.any():
-        return robot, records
+        return robot, records, True
     has = np.tile(followed[:, None], (1, _TIMES))
     has[:, _LAG] &= np.nan_to_num(robot.transmission.velocity_gain) > 0.0
     several = [[k for k in range(_TIMES) if n >> k & 1] for n in range(2**_TIMES)]
     chosen = [free for free in several if has[:, free].any(axis=0).all()]
     ways = [[free for free in chosen if (_LATE in free) == late] for late in (False, True)]
-    ends = [_repeated(robot, logs, records, has, way) for way in ways]
+    known, loaded = _acting(robot, found)
+    ends = [_repeated(robot, logs, records, has, way, known, loaded) for way in ways]
     way = min(range(len(ways)), key=lambda k: ends[k][0])
-    _, robot, records = ends[way]
-    loaded = _loaded(records, followed, ways[way])
-    if loaded is None:
-        return robot, records
-    return _repeated(robot, logs, records, has, ways[way], loaded)[1:]
+    _, robot, records, settled = ends[way]
+    if found or not (loaded := _loaded(records, followed, ways[way])):
+        return robot, records, settled
+    return _repeated(robot, logs, records, has, ways[way], known, loaded)[1:]
+
+
+def _acting(robot: Robot, found: Sequence[Effect]) -> tuple[list[Effect], list[int]]:
+    """Return those causes that act as they were found, and the links that others change."""
+    acting, links = [], set[int]()
+    for effect in found:
+        change = inertial_parameters(effect.change(robot)) - inertial_parameters(robot)
+        changed = np.flatnonzero(change.reshape(-1, 10).any(axis=1)).tolist()
+        if len(changed) == 1:
+            links.update(changed)
+        elif not isinstance(effect, _STAND_INS):
+            acting.append(effect)
+    return acting, sorted(links)
+
+
+def differing_times(
+    given: Robot, robot: Robot, logs: Sequence[Log], found: Sequence[Effect]
+) -> Robot | None:
+    """Return the robot with the times that logs show beside causes; None where these stay.
+
+    Before anything was found, other causes moved them: beside a lossy gear and a heavy link of an
+    arm the filter of its velocities was twice as long, and a rotor inertia at each joint made up
+    for that.
+
+    Args:
+        given: the robot as the user describes it.
+        robot: with the times that were estimated without these causes.
+        logs: as above.
+        found: the causes.
+    """
+    kept = [effect for effect in found if not isinstance(effect, _STAND_INS)]
+    if not kept or _states_times(given) or not np.any(_times_of(robot)):
+        return None
+    other, _, settled = prepared_with_times(given, logs, kept)
+    before, after = _times_of(robot), _times_of(other)
+    moved = np.max(np.abs(after - before)) > MISSED * np.max(before)
+    return other if settled and moved else None
 
 
 def _repeated(
@@ -100,54 +147,58 @@ def _repeated(
     records: tuple[Record, ...],
     has: BoolArray,
     chosen: Sequence[Sequence[int]],
-    loaded: int | None = None,
-) -> tuple[float, Robot, tuple[Record, ...]]:
-    """Return the cost of times that repeat [nats], the robot with them, and its records.
+    known: Sequence[Effect],
+    loaded: Sequence[int],
+) -> tuple[float, Robot, tuple[Record, ...], bool]:
+    """Return the cost of times [nats], the robot with them, its records, and if they repeat.
 
     Args:
         robot, logs: as above.
         records: of the robot as it is.
         has: (m, 3) which drives have which times.
         chosen: the sets of times that may be other than zero.
-        loaded: link that is not as drawn, None where all are.
+        known: causes that act.
+        loaded: links that are not as drawn.
     """
     times, followed = np.zeros(_TIMES), np.any(has, axis=1)
     for _ in range(_LINEARISED):
-        before, link = times, _of_link(records, loaded)
-        squares, _ = _normal_equations(records, followed, link)
+        before, links = times, _of_links(records, loaded)
+        squares, _ = _normal_equations(records, followed, links, known)
         cost, times = _cheapest(*squares, chosen)
         target, seen, lag = np.where(has, times, np.nan).T
         each = target + seen, seen, lag
         robot = robot.with_drive_times(dict(zip(DRIVE_TIMES, each, strict=True)))
-        if np.max(np.abs(times - before)) <= _REPEATS * np.max(times):
+        step = np.max(np.abs(times - before)) / np.max(times) if times.any() else 0.0
+        if step <= _REPEATS:
             break
         records = prepare(robot.without_effects().lossless(), logs)
-    return cost, robot, records
+    return cost, robot, records, bool(step <= MISSED)
 
 
 def _loaded(
     records: Sequence[Record], followed: BoolArray, chosen: Sequence[Sequence[int]]
-) -> int | None:
-    """Return the link that is likely not to be as drawn, None where the drawing does.
+) -> list[int]:
+    """Return the link that is likely not to be as drawn, none where the drawing does.
 
     What a tool needs is to a part the derivative of torques and of positions: left out, a payload
     of 1.4 kg moved the times of an arm's drives by half of them, and rotor inertias of all joints
     stood for that.
     """
-    links: list[int | None] = [None, *range(len(records[0].robot.model.inertias) - 1)]
+    each = [[], *([k] for k in range(len(records[0].robot.model.inertias) - 1))]
     costs = []
-    for link in links:
-        squares, level = _normal_equations(records, followed, _of_link(records, link))
-        costs.append(level + _cheapest(*squares, chosen)[0] + (0.0 if link is None else _LINK))
-    return links[int(np.argmin(costs))]
+    for links in each:
+        squares, level = _normal_equations(records, followed, _of_links(records, links))
+        costs.append(level + _cheapest(*squares, chosen)[0] + _LINK * len(links))
+    return each[int(np.argmin(costs))]
 
 
-def _of_link(records: Sequence[Record], link: int | None) -> FloatArray:
-    """Return (rows, m + b, 10) what the numbers of a link add to the condensed residual."""
+def _of_links(records: Sequence[Record], links: Sequence[int]) -> FloatArray:
+    """Return (rows, m + b, 10 n) what the numbers of n links add to the condensed residual."""
     robot = records[0].robot
-    if link is None:  # most logs need no regressor of the links here, which takes long
+    if not links:  # most logs need no regressor of the links here, which takes long
         return np.zeros((sum(record.rows for record in records), records[0].weight.shape[1], 0))
-    own = np.eye(10 * (len(robot.model.inertias) - 1))[:, 10 * link : 10 * link + 10]
+    own = np.eye(10 * (len(robot.model.inertias) - 1))
+    own = np.concatenate([own[:, 10 * k : 10 * k + 10] for k in links], axis=1)
     return inertial_columns(robot, records, [None] * len(records), own)
 
 
@@ -174,7 +225,7 @@ def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
             return list(logs), []
         missed = condensed_residual(links, records)[:, : told.size][:, told]
         left.append(np.mean(missed**2, axis=0) + 1e-300)
-        squares, _ = _normal_equations(records, told, _of_link(records, None))
+        squares, _ = _normal_equations(records, told, _of_links(records, []))
         alone, together = (_cheapest(*squares, [free], -np.inf) for free in ([], [_WHOLE]))
         if not lag and alone[0] <= together[0]:
             return list(logs), []
@@ -288,7 +339,10 @@ def _cheapest(
 
 
 def _normal_equations(
-    records: Sequence[Record], followed: BoolArray, links: FloatArray
+    records: Sequence[Record],
+    followed: BoolArray,
+    links: FloatArray,
+    known: Sequence[Effect] = (),
 ) -> tuple[tuple[FloatArray, FloatArray], float]:
     """Return what every joint leaves with every choice of its own numbers.
 
@@ -296,6 +350,7 @@ def _normal_equations(
         records: of the links alone.
         followed: (m,) the joints.
         links: (rows, m + b, n) columns of links that need not be as drawn.
+        known: causes that act.
 
     Returns:
         (joints, choices, 4 + n, 4 + n) squares of what is left and of the columns that all joints
@@ -304,7 +359,7 @@ def _normal_equations(
         (joints, choices, 4 + n) the viscous friction that each of these takes. Then half the
         logarithms of the variances, times samples [nats].
     """
-    robot = records[0].robot
+    robot = records[0].robot.with_effects(*known)
     size = robot.transmission.size
     left = [condensed_residual(robot, [record])[:, :size] for record in records]
     columns = [_columns(record) for record in records]
@@ -312,9 +367,7 @@ def _normal_equations(
     residual, column, need = map(np.concatenate, (left, columns, needed))
     for k, times in enumerate(_times_of(robot).T):
         residual += times * column[:, :, k]
-    column = np.concatenate(
-        [column, need[..., None], (np.abs(need) * column[:, :, _DRY])[..., None]], axis=2
-    )
+    column = np.concatenate([column, need[..., None]], axis=2)
     ends = np.cumsum([len(part) for part in left])[:-1]
     sums, friction, level = [], [], 0.0
     shared = 1 + _TIMES + links.shape[2]
@@ -339,8 +392,9 @@ def _normal_equations(
 
 
 def _columns(record: Record) -> FloatArray:
-    """Return (rows, m, 10) condensed columns of the times, of friction, inertia and offset.
+    """Return (rows, m, 11) condensed columns of the times, friction, inertia, load and offset.
 
+    What a gear loses is a share of what its links need: what the rotor needs does not pass it.
     Friction that builds up after a reversal is late by itself: on a generated arm it stood for a
     delay of 54 ms that all torques share, and six delays stood for what that took out.
     """
@@ -357,7 +411,8 @@ def _columns(record: Record) -> FloatArray:
     acceleration = derivative(velocity, record.rate)
     braking = -np.nan_to_num(gears.velocity_gain) * acceleration
     angle = motion.position[:, robot.actuated_position] @ gears.motor_from_joint.T
-    dry = np.sign(velocity), *memories(angle), np.ones_like(velocity)
+    load, side = record.load[:, robot.actuated] @ gears.topology, np.sign(velocity)
+    dry = side, *memories(angle), np.ones_like(velocity), np.abs(load) * side
     each = late, whole, braking, velocity, acceleration, *dry
     wide = np.zeros((*record.weight.shape, len(each)))
     wide[:, : gears.size] = np.stack(each, axis=2)

@@ -20,6 +20,7 @@ from wbc.effects import (
     CurrentLimit,
     PayloadMass,
     RotorInertia,
+    TransmissionEfficiency,
     ViscousFriction,
     load_robot,
 )
@@ -180,6 +181,20 @@ def test_a_payload_is_no_time_of_the_drives(body: str, mass: float) -> None:
     np.testing.assert_allclose(known.velocity_lag, 0.0026, atol=2e-4)
     np.testing.assert_allclose(known.target_delay, 0.0035, atol=2e-4)
     np.testing.assert_allclose(known.feedback_delay, 0.0015, atol=2e-4)
+
+
+@pytest.mark.parametrize(("body", "mass", "joint"), [("shin", 0.3, "hip"), ("thigh", 0.6, "knee")])
+def test_a_lossy_gear_and_a_payload_are_no_times(body: str, mass: float, joint: str) -> None:
+    """Both moved the filter of the velocities, and rotor inertias made up for it."""
+    robot = with_gains()
+    hidden = robot.with_effects(TransmissionEfficiency(joint, 0.85, 0.8))
+    log = late_log(PayloadMass(body, mass).change(hidden), 0.0035, 0.0015, 0.0026, 0.0)
+    found = diagnose(robot, [log])
+    assert {e.key for e in found.robot.effects} == {
+        ("transmission_efficiency", joint),
+        ("payload_mass", body),
+    }
+    np.testing.assert_allclose(found.robot.transmission.velocity_lag, 0.0026, atol=2e-4)
 
 
 def test_times_of_a_drive_make_viscous_friction_but_neither_dry_nor_inertia() -> None:

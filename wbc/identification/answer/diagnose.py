@@ -103,21 +103,25 @@ def diagnose(
     still = problem.still
     nothing_moves = len(still) == robot.transmission.size
     all_silent = bool(problem.silent) and set(problem.judged_joints) <= set(problem.silent)
-    warnings += [
-        *problem.warnings,
-        *about_silent(problem.silent, every=all_silent),
-        *map(_STILL.format, still),
-    ]
     # A robot at rest shows one torque per joint, which anything explains. So does what is no torque
     # of the motion: on a recorded pendulum a soft gear that its other logs contradict was certain.
     wanted = EFFECTS.values() if candidates is None else candidates
     classes = () if nothing_moves or all_silent else tuple(wanted)
-    found = find_causes(problem, classes, progress, begun + _SEARCH * budget)
+    until = begun + _SEARCH * budget
+    found = find_causes(problem, classes, progress, until)
+    if not found.stopped and (retimed := problem.retimed(robot, found.final.effects)):
+        progress("searching again: beside what was found, the drives have other times")
+        found = find_causes(retimed, classes, progress, until)
     found = look_closer(found, classes, progress)
     answer, found = _answered(found, classes, begun + budget)
-    warnings += _about_the_search(found)
     trials = found.trials
     problem, first = trials.problem, trials.nothing
+    warnings += [
+        *problem.warnings,
+        *about_silent(problem.silent, every=all_silent),
+        *map(_STILL.format, still),
+        *_about_the_search(found),
+    ]
     final, odds, support = answer.hypothesis, answer.odds, answer.support
     verdict = verdict_of(problem, first, final, support, answer.more)
     fit = trials.fit(final)

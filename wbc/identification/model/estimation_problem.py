@@ -14,6 +14,7 @@ from wbc.effects.gear_losses import Side, YieldingGear
 from wbc.identification.drive_times import (
     MISSED,
     about_drive_times,
+    differing_times,
     made_by_own_times,
     missed_by_times,
     on_time,
@@ -116,7 +117,7 @@ class EstimationProblem:
         for piece in pieces:
             require_readable(robot, piece)
         pieces, late = _on_one_clock(robot, pieces)
-        robot, prepared = prepared_with_times(robot, pieces)
+        robot, prepared, _ = prepared_with_times(robot, pieces)
         warnings += [*late, *about_drive_times(robot)]
         warnings += unmeasured_forces(prepared, output_names(robot))
         warnings += [*standing_joints(prepared), *low_passed_torques(prepared)]
@@ -130,6 +131,22 @@ class EstimationProblem:
         """
         prepared = prepare(self.robot.without_effects().lossless(), self.logs, reversal)
         return self._of(self.robot, self.logs, prepared, self.warnings)
+
+    def retimed(self, given: Robot, found: Sequence[Effect]) -> EstimationProblem | None:
+        """Return the problem with the times of drives beside causes; None where they stay.
+
+        Args:
+            given: the robot as the user describes it.
+            found: the causes.
+        """
+        given = given.with_torque_sensors(self.robot.torque_sensors)
+        robot = differing_times(given, self.robot, self.logs, found)
+        if robot is None:
+            return None
+        prepared = prepare(robot.without_effects().lossless(), self.logs)
+        old = about_drive_times(self.robot)
+        said = [*(text for text in self.warnings if text not in old), *about_drive_times(robot)]
+        return self._of(robot, self.logs, prepared, said)
 
     @classmethod
     def _of(
