@@ -87,7 +87,7 @@ def prepared_with_times(
             numbers of that link are free: they were fitted beside other times.
     """
     records = prepare(robot.without_effects().lossless(), logs)
-    followed = np.any([_follows(record) for record in records], axis=0)
+    followed = np.any([record.followed for record in records], axis=0)
     if _states_times(robot) or not followed.any():
         return robot, records, True
     has = np.tile(followed[:, None], (1, _TIMES))
@@ -219,7 +219,7 @@ def on_time(robot: Robot, logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
     for _ in range(_LINEARISED):
         records = prepare(links, moved)
         told = np.all([record.reported for record in records], axis=0)
-        told &= ~np.any([_follows(record) for record in records], axis=0)
+        told &= ~np.any([record.followed for record in records], axis=0)
         told &= ~np.isin(robot.transmission.joints, delays)
         if np.count_nonzero(told) < _AGREEING:
             return list(logs), []
@@ -312,14 +312,6 @@ def _states_times(robot: Robot) -> bool:
     """Return whether a robot says how late any of its drives is."""
     stated = any(np.isfinite(getattr(robot.transmission, name)).any() for name in DRIVE_TIMES)
     return stated or any(e.name == ActuationDelay.name for e in robot.effects)
-
-
-def _follows(record: Record) -> BoolArray:
-    """Return (m,) whether the torque of a drive is made of a target."""
-    feedback = record.motion.feedback_torque
-    if feedback is None:
-        return np.zeros(record.torque.shape[1], dtype=bool)
-    return np.asarray(feedback.any(axis=0))
 
 
 def _cheapest(

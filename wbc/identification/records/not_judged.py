@@ -27,11 +27,11 @@ def low_passed_torques(records: Sequence[Record]) -> list[str]:
     """Return a warning where a low-pass took the noise of torques away, empty where none did."""
     joints = np.array(records[0].robot.transmission.joints)
     passed = np.array([record.noise.passed for record in records])
-    filtered = np.isfinite(passed).any(axis=0)
+    filtered = np.isfinite(passed).any(axis=0) & ~np.any([r.followed for r in records], axis=0)
     if not filtered.any():
         return []
     named = "all joints" if filtered.all() else ", ".join(joints[filtered])
-    most = np.max(passed[np.isfinite(passed)])
+    most = np.nanmax(np.where(np.isfinite(passed), passed, np.nan)[:, filtered])
     return [
         f"the torques of {named} hold nothing faster than {most:.2g} Hz: a low-pass took their "
         "noise away. The noise floor is what they hold there, which may be more than noise. Logs "

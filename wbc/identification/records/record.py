@@ -159,6 +159,14 @@ class Record:
         """Time since the start of the log of every condensed row, (rows,) [s]."""
         return self.thinned(np.arange(len(self.torque)) / self.rate)
 
+    @property
+    def followed(self) -> BoolArray:
+        """(m,) whether the torque of a drive is made of a target."""
+        feedback = self.motion.feedback_torque
+        if feedback is None:
+            return np.zeros(self.torque.shape[1], dtype=bool)
+        return np.asarray(feedback.any(axis=0))
+
     def narrowed(self, factor: float) -> Record:
         """Return the same record with the residual's band narrowed by `factor`."""
         band = replace(self.bandwidth, residual=factor * self.bandwidth.residual)
