@@ -10,9 +10,11 @@ from wbc.effects import (
     CenterOfMass,
     CoulombFriction,
     JointCompliance,
+    JointSpring,
     LinkInertia,
     LinkInertias,
     LoadFriction,
+    PayloadMass,
     StribeckFriction,
     SupplySag,
     ThermalDrift,
@@ -34,7 +36,7 @@ from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect
+from wbc.robot import Effect, Evidence, Motion
 from wbc.sim.excitation import record_with
 
 AT_ONCE = tuple(kind for kind in EFFECTS.values() if not deflects(kind))
@@ -66,6 +68,25 @@ def test_a_plain_fit_holds_friction_that_falls_over_all_speeds() -> None:
     *_, before, falling = plain_fits(Trials(problem), tuple(EFFECTS.values()))
     assert falling.error < 1.1
     assert before.error > 2.0 * falling.error
+
+
+def test_springs_of_a_screen_differ_where_the_joint_moves() -> None:
+    """About zero and one they were alike at 3 rad: an arm's spring was a centre of mass."""
+    position = np.stack([np.zeros(50), np.linspace(2.7, 3.3, 50)], axis=1)
+    motion = Motion(position, np.zeros((50, 2)), np.zeros((50, 2)))
+    (screen,) = JointSpring.search.screens(JointSpring, LEG, "knee", Evidence((motion,), (), ()))
+    made = [JointSpring.at("knee", unit).joint_torque(LEG, motion)[:, 1] for unit in screen.units]
+    assert np.corrcoef(*made)[0, 1] == pytest.approx(1.0)
+    assert abs(made[0] @ made[1]) < 0.5 * np.linalg.norm(made[0]) * np.linalg.norm(made[1])
+    both = JointSpring.at("knee", screen.combine(np.array([2.0, 0.5])))
+    np.testing.assert_allclose(both.joint_torque(LEG, motion)[:, 1], 2.0 * made[0] + 0.5 * made[1])
+
+
+def test_a_rotor_inertia_is_no_tonne_beside_the_axis() -> None:
+    """It was tied with 400 kg at the first link of an arm."""
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [], duration=2.0)[:1])
+    heavy = PayloadMass("thigh", 20.0 * sum(inertia.mass for inertia in LEG.model.inertias))
+    assert sum(implausible(problem, problem.fit([heavy], 0))) > 6.0
 
 
 HIDDEN: dict[str, list[Effect]] = {

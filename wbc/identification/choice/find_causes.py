@@ -97,7 +97,7 @@ def find_causes(
 def _fit_nearest_rivals(proposer: Proposer, final: Hypothesis) -> None:
     """Fit what comes nearest in the place of the causes: an answer says by how much it is worse."""
     if not final.swings:
-        offers = proposer.exchanges(final, 1, hopeless=True)
+        offers = proposer.exchanges(final, RIVALS, hopeless=True)
         proposer.trials.rivals_of(final, offers[:RIVALS])
 
 

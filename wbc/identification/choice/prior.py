@@ -19,7 +19,8 @@ LEAST_ASKED = _PLACE + _NUMBER
 """What one cause more costs at least [nats]."""
 _GAIN = 0.5  # standard deviation of the logarithm of delivered over reported torque
 _FOLLOWED = 0.3  # share of the needed torque (rms) that such a drive may miss at most
-_LOST = 0.5  # ... of the logarithm of the share of a link's mass that is left
+_LOST = 0.5  # ... of the logarithms of the share of a link's mass that is left, and of what a robot
+# weighs over twice its own mass, if more: machines seldom carry more than themselves
 _NOT_SHOWN = 15.0  # [nats] for an effect that these motions cannot show for what it is
 
 
@@ -44,7 +45,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
     """Return what each effect's numbers cost that no machine is likely to have [nats].
 
     Numbers at the end of what physics allows, effects that these motions cannot show, masses that
-    leave a link, drives that deliver something else than they report.
+    leave a link or are more than it carries, drives that deliver something else than they report.
 
     Args:
         problem: the logs.
@@ -58,7 +59,7 @@ def implausible(problem: EstimationProblem, fit: Fit) -> tuple[float, ...]:
             problem, fit, effect
         ):
             costs[k] += _NOT_SHOWN
-        costs[k] += _lost_mass(problem, effect) + _wrong_drive(problem, fit, effect)
+        costs[k] += _wrong_mass(problem, effect) + _wrong_drive(problem, fit, effect)
     return tuple(costs)
 
 
@@ -95,8 +96,11 @@ def _plays(problem: EstimationProblem, fit: Fit, effect: Effect) -> bool:
     return plays(gear, max(float(np.max(np.abs(load))) for load in loads))
 
 
-def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
-    """Return what masses that leave a link cost."""
+def _wrong_mass(problem: EstimationProblem, effect: Effect) -> float:
+    """Return what masses cost that leave a link, or that a robot can hardly carry.
+
+    A rotor inertia at the first joint of an arm was tied with 400 kg beside its axis.
+    """
     if "change" not in effect.acts_by:
         return 0.0
     try:
@@ -110,7 +114,8 @@ def _lost_mass(problem: EstimationProblem, effect: Effect) -> float:
     )
     heavy = before > 0.0
     left = np.log(np.maximum(after[heavy], 1e-300) / before[heavy])
-    return float(0.5 * np.sum((np.minimum(left, 0.0) / _LOST) ** 2))
+    carried = np.log(np.maximum(after.sum() / (2.0 * before.sum()), 1.0))
+    return float(0.5 * (np.sum(np.minimum(left, 0.0) ** 2) + carried**2) / _LOST**2)
 
 
 def _wrong_drive(problem: EstimationProblem, fit: Fit, effect: Effect) -> float:
