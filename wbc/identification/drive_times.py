@@ -112,15 +112,17 @@ def _acting(robot: Robot, found: Sequence[Effect]) -> tuple[list[Effect], list[i
         changed = np.flatnonzero(change.reshape(-1, 10).any(axis=1)).tolist()
         if len(changed) == 1:
             links.update(changed)
-        elif not isinstance(effect, _STAND_INS):
+        else:
             acting.append(effect)
     return acting, sorted(links)
 
 
 def differing_times(
     given: Robot, robot: Robot, logs: Sequence[Log], found: Sequence[Effect]
-) -> Robot | None:
-    """Return the robot with the times that logs show beside causes; None where these stay.
+) -> tuple[Robot, tuple[Record, ...]] | None:
+    """Return a robot with the times that logs show beside causes, and its records.
+
+    None where the times stay.
 
     Before anything was found, other causes moved them: beside a lossy gear and a heavy link of an
     arm the filter of its velocities was twice as long, and a rotor inertia at each joint made up
@@ -135,10 +137,10 @@ def differing_times(
     kept = [effect for effect in found if not isinstance(effect, _STAND_INS)]
     if not kept or _states_times(given) or not np.any(_times_of(robot)):
         return None
-    other, _, settled = prepared_with_times(given, logs, kept)
+    other, records, settled = prepared_with_times(given, logs, kept)
     before, after = _times_of(robot), _times_of(other)
     moved = np.max(np.abs(after - before)) > MISSED * np.max(before)
-    return other if settled and moved else None
+    return (other, records) if settled and moved else None
 
 
 def _repeated(

@@ -140,10 +140,10 @@ class EstimationProblem:
             found: the causes.
         """
         given = given.with_torque_sensors(self.robot.torque_sensors)
-        robot = differing_times(given, self.robot, self.logs, found)
-        if robot is None:
+        differing = differing_times(given, self.robot, self.logs, found)
+        if differing is None:
             return None
-        prepared = prepare(robot.without_effects().lossless(), self.logs)
+        robot, prepared = differing
         old = about_drive_times(self.robot)
         said = [*(text for text in self.warnings if text not in old), *about_drive_times(robot)]
         return self._of(robot, self.logs, prepared, said)
