@@ -199,8 +199,8 @@ def _of_links(records: Sequence[Record], links: Sequence[int]) -> FloatArray:
     robot = records[0].robot
     if not links:  # most logs need no regressor of the links here, which takes long
         return np.zeros((sum(record.rows for record in records), records[0].weight.shape[1], 0))
-    own = np.eye(10 * (len(robot.model.inertias) - 1))
-    own = np.concatenate([own[:, 10 * k : 10 * k + 10] for k in links], axis=1)
+    places = np.add.outer(10 * np.array(links), np.arange(10)).ravel()
+    own = np.eye(10 * (len(robot.model.inertias) - 1))[:, places]
     return inertial_columns(robot, records, [None] * len(records), own)
 
 

@@ -216,8 +216,9 @@ def loaded(model: pin.Model, inertia: FloatArray | None) -> pin.Model:
         return model
     result = model.copy()
     for k, more in enumerate(inertia.reshape(-1, 10), start=1):
-        total = model.inertias[k].toDynamicParameters() + more
-        result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
+        if more.any():
+            total = model.inertias[k].toDynamicParameters() + more
+            result.inertias[k] = pin.Inertia.FromDynamicParameters(total)
     return result
 
 

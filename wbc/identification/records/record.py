@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
-from wbc.dynamics.batch import point_jacobians
+from wbc.dynamics.batch import inverse_dynamics, point_jacobians
 from wbc.identification.records.channels import loaded
 from wbc.identification.records.contacts import ContactBalance
 from wbc.identification.records.filters import Bandwidth, NoiseDensity
@@ -236,8 +236,9 @@ class Record:
     @cached_property
     def links(self) -> FloatArray:
         """H_l a + c_l of the believed robot with this log's payload, (N, nv)."""
-        torque = link_torque(self.robot, self.motion)
-        return torque if self.inertia is None else torque + self.regressor @ self.inertia
+        motion, model = self.motion, self.model_of(self.robot)
+        acceleration = np.asarray(motion.acceleration)
+        return inverse_dynamics(model, motion.position, motion.velocity, acceleration)
 
     def model_of(self, robot: Robot) -> pin.Model:
         """Return a robot's model with this log's payload."""
@@ -261,17 +262,18 @@ class Record:
         """Return H_l a + c_l (N, nv) of a robot that differs from the believed one."""
         if robot.model is self.robot.model:
             return self.links
-        if not np.array_equal(robot.model.gravity.linear, self.robot.model.gravity.linear):
-            return self.believing(robot).links
-        change = inertial_parameters(robot) - inertial_parameters(self.robot)
-        if not np.any(change):
+        numbers, own = (
+            np.concatenate([one.model.gravity.linear, inertial_parameters(one)])
+            for one in (robot, self.robot)
+        )
+        if np.array_equal(numbers, own):
             return self.links
         # Most causes leave the links as they are: of one screen 254 of 315 calls ask once more.
         for known, links in self._latest:
-            if np.array_equal(change, known):
+            if np.array_equal(numbers, known):
                 return links
         links = self.believing(robot).links
-        self._latest[:] = [(change, links)]
+        self._latest[:] = [(numbers, links)]
         return links
 
     def condensed_regressor(self, output: int, direction: FloatArray) -> FloatArray:
