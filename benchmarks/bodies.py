@@ -147,8 +147,7 @@ def mujoco_run(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
 
 def drake_run(solids: tuple[Solid, ...], steps: int) -> tuple[Frames, float]:
     """Run Drake's discrete plant (point contact)."""
-    from pydrake.geometry import AddContactMaterial, ProximityProperties
-    from pydrake.geometry import Box as DrakeBox
+    from pydrake.geometry import AddContactMaterial, Box as DrakeBox, ProximityProperties
     from pydrake.math import RigidTransform
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
     from pydrake.multibody.tree import SpatialInertia, UnitInertia

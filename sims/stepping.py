@@ -24,8 +24,7 @@ from sims.trotter import StepUp
 from wbc import Robot, load_robot
 from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
-from wbc.sim import Plant as SimPlant
-from wbc.sim import Simulation, simulate
+from wbc.sim import Plant as SimPlant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")

@@ -24,8 +24,7 @@ from sims.trotter import StepUp, Trotter
 from wbc import Robot
 from wbc.arrays import FloatArray
 from wbc.control import RestPolicy
-from wbc.sim import Plant as SimPlant
-from wbc.sim import Simulation, simulate
+from wbc.sim import Plant as SimPlant, Simulation, simulate
 from wbc.view import LIGHT, Theme, write_playback
 
 OUT = Path("out")

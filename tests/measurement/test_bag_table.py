@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from wbc.errors import LogError
-from wbc.measurement import formats as bag_table
-from wbc.measurement import load_log
+from wbc.measurement import formats as bag_table, load_log
 
 needs_rosbags = pytest.mark.skipif(
     importlib.util.find_spec("rosbags") is None,

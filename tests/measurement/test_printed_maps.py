@@ -16,8 +16,7 @@ from tests.moved import exact_log
 from wbc.effects import load_robot
 from wbc.errors import IdentificationError, LogError
 from wbc.identification import compare
-from wbc.identification.readings import check_log
-from wbc.identification.readings import mistakes as suspicions
+from wbc.identification.readings import check_log, mistakes as suspicions
 from wbc.measurement import Log, load_logs
 from wbc.measurement.guess import guess_names
 from wbc.robot import Motion

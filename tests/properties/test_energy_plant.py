@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from tests.sim.ground.random_grounds import GROUNDS, drawn_scene, made_by_rows, random_scene
 from tests.sim.random_robots import BASES, geared, random_robot

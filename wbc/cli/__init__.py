@@ -7,6 +7,4 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from wbc.cli.main import main  # noqa: E402
-
-__all__ = ["main"]
+from wbc.cli.main import main as main  # noqa: E402

@@ -1,79 +1,42 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
-from wbc.control.command import Command, Status, explain
-from wbc.control.controller import Controller
-from wbc.control.inputs import Reference, State
-from wbc.control.qp.solvers import WarmStart
-from wbc.control.rows.collision import CollisionLimit, Shape
-from wbc.control.rows.contacts import Contact, PointContact, SurfaceContact
+from wbc.control.command import Command as Command, Status as Status, explain as explain
+from wbc.control.controller import Controller as Controller
+from wbc.control.inputs import Reference as Reference, State as State
+from wbc.control.qp.solvers import WarmStart as WarmStart
+from wbc.control.rows.collision import CollisionLimit as CollisionLimit, Shape as Shape
+from wbc.control.rows.contacts import (
+    Contact as Contact,
+    PointContact as PointContact,
+    SurfaceContact as SurfaceContact,
+)
 from wbc.control.rows.efforts import (
-    Effort,
-    JouleHeatEffort,
-    MeshLossEffort,
-    OutputTorqueEffort,
-    RotorTorqueEffort,
+    Effort as Effort,
+    JouleHeatEffort as JouleHeatEffort,
+    MeshLossEffort as MeshLossEffort,
+    OutputTorqueEffort as OutputTorqueEffort,
+    RotorTorqueEffort as RotorTorqueEffort,
 )
-from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
+from wbc.control.rows.limits import JointLimit as JointLimit, RotorTorqueLimit as RotorTorqueLimit
 from wbc.control.rows.motions import (
-    AngularMomentumTask,
-    CapturePointTask,
-    CenterOfMassTask,
-    CentroidalMomentumTask,
-    FrameDistanceTask,
-    FrameOrientationTask,
-    FramePoseTask,
-    FramePositionTask,
-    LinearMomentumTask,
-    PostureTask,
+    AngularMomentumTask as AngularMomentumTask,
+    CapturePointTask as CapturePointTask,
+    CenterOfMassTask as CenterOfMassTask,
+    CentroidalMomentumTask as CentroidalMomentumTask,
+    FrameDistanceTask as FrameDistanceTask,
+    FrameOrientationTask as FrameOrientationTask,
+    FramePoseTask as FramePoseTask,
+    FramePositionTask as FramePositionTask,
+    LinearMomentumTask as LinearMomentumTask,
+    PostureTask as PostureTask,
 )
-from wbc.control.rows.point_foot import PointFootBalanceTask
-from wbc.control.rows.schedule import ContactRamp, ContactSchedule
-from wbc.control.rows.task import Task
+from wbc.control.rows.point_foot import PointFootBalanceTask as PointFootBalanceTask
+from wbc.control.rows.schedule import ContactRamp as ContactRamp, ContactSchedule as ContactSchedule
+from wbc.control.rows.task import Task as Task
 from wbc.control.settings import (
-    ControllerSettings,
-    DisturbanceObserver,
-    LetDown,
-    RestPolicy,
-    SpeedBlend,
+    ControllerSettings as ControllerSettings,
+    DisturbanceObserver as DisturbanceObserver,
+    LetDown as LetDown,
+    RestPolicy as RestPolicy,
+    SpeedBlend as SpeedBlend,
 )
-
-__all__ = [
-    "AngularMomentumTask",
-    "CapturePointTask",
-    "CenterOfMassTask",
-    "CentroidalMomentumTask",
-    "CollisionLimit",
-    "Command",
-    "Contact",
-    "ContactRamp",
-    "ContactSchedule",
-    "Controller",
-    "ControllerSettings",
-    "DisturbanceObserver",
-    "Effort",
-    "FrameDistanceTask",
-    "FrameOrientationTask",
-    "FramePoseTask",
-    "FramePositionTask",
-    "JointLimit",
-    "JouleHeatEffort",
-    "LetDown",
-    "LinearMomentumTask",
-    "MeshLossEffort",
-    "OutputTorqueEffort",
-    "PointContact",
-    "PointFootBalanceTask",
-    "PostureTask",
-    "Reference",
-    "RestPolicy",
-    "RotorTorqueEffort",
-    "RotorTorqueLimit",
-    "Shape",
-    "SpeedBlend",
-    "State",
-    "Status",
-    "SurfaceContact",
-    "Task",
-    "WarmStart",
-    "explain",
-]

@@ -1,28 +1,21 @@
 """Design sweeps: many variations of a robot, their metrics, and the best compromises among them."""
 
-from wbc.design.gearboxes import Gearbox, choose_gearboxes, read_gearboxes
-from wbc.design.stored import (
-    Objective,
-    best_designs,
-    pareto_front,
-    parse_objective,
-    run_study,
-    sampled_designs,
+from wbc.design.gearboxes import (
+    Gearbox as Gearbox,
+    choose_gearboxes as choose_gearboxes,
+    read_gearboxes as read_gearboxes,
 )
-from wbc.design.study import Study, SweepParameter, describe_columns, parse_sweep
-
-__all__ = [
-    "Gearbox",
-    "Objective",
-    "Study",
-    "SweepParameter",
-    "best_designs",
-    "choose_gearboxes",
-    "describe_columns",
-    "pareto_front",
-    "parse_objective",
-    "parse_sweep",
-    "read_gearboxes",
-    "run_study",
-    "sampled_designs",
-]
+from wbc.design.stored import (
+    Objective as Objective,
+    best_designs as best_designs,
+    pareto_front as pareto_front,
+    parse_objective as parse_objective,
+    run_study as run_study,
+    sampled_designs as sampled_designs,
+)
+from wbc.design.study import (
+    Study as Study,
+    SweepParameter as SweepParameter,
+    describe_columns as describe_columns,
+    parse_sweep as parse_sweep,
+)

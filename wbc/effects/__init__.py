@@ -1,75 +1,43 @@
 """One small final class per physical effect, shared by controller, simulator and logs."""
 
-from wbc.effects.catalogue import EFFECTS, effect_class
+from wbc.effects.catalogue import EFFECTS as EFFECTS, effect_class as effect_class
 from wbc.effects.drive import (
-    ActuationDelay,
-    CurrentLimit,
-    RotorInertia,
-    TorqueConstant,
-    TorqueOffset,
+    ActuationDelay as ActuationDelay,
+    CurrentLimit as CurrentLimit,
+    RotorInertia as RotorInertia,
+    TorqueConstant as TorqueConstant,
+    TorqueOffset as TorqueOffset,
 )
-from wbc.effects.formula import CustomTorque, TorqueTerm
+from wbc.effects.formula import CustomTorque as CustomTorque, TorqueTerm as TorqueTerm
 from wbc.effects.friction import (
-    CoulombFriction,
-    DirectionalViscousFriction,
-    QuadraticDrag,
-    StribeckFriction,
-    ThermalViscousFriction,
-    ViscousFriction,
+    CoulombFriction as CoulombFriction,
+    DirectionalViscousFriction as DirectionalViscousFriction,
+    QuadraticDrag as QuadraticDrag,
+    StribeckFriction as StribeckFriction,
+    ThermalViscousFriction as ThermalViscousFriction,
+    ViscousFriction as ViscousFriction,
 )
 from wbc.effects.gear_losses import (
-    Backlash,
-    JointCompliance,
-    LoadFriction,
-    LoadStribeckFriction,
-    TransmissionEfficiency,
+    Backlash as Backlash,
+    JointCompliance as JointCompliance,
+    LoadFriction as LoadFriction,
+    LoadStribeckFriction as LoadStribeckFriction,
+    TransmissionEfficiency as TransmissionEfficiency,
 )
-from wbc.effects.joint_effect import JointEffect
-from wbc.effects.link_inertias import LinkInertia, LinkInertias
-from wbc.effects.links import CenterOfMass, ContactRadius, GravityDirection, PayloadMass
-from wbc.effects.position_torques import JointSpring, TorqueRipple
-from wbc.effects.presliding import LoadPresliding, Presliding
-from wbc.effects.saved import load_robot, save_robot
-from wbc.effects.sensing import ForceSensorGain, PositionOffset
-from wbc.effects.supply import SupplySag, ThermalDrift, VoltageScaling
-
-__all__ = [
-    "EFFECTS",
-    "ActuationDelay",
-    "Backlash",
-    "CenterOfMass",
-    "ContactRadius",
-    "CoulombFriction",
-    "CurrentLimit",
-    "CustomTorque",
-    "DirectionalViscousFriction",
-    "ForceSensorGain",
-    "GravityDirection",
-    "JointCompliance",
-    "JointEffect",
-    "JointSpring",
-    "LinkInertia",
-    "LinkInertias",
-    "LoadFriction",
-    "LoadPresliding",
-    "LoadStribeckFriction",
-    "PayloadMass",
-    "PositionOffset",
-    "Presliding",
-    "QuadraticDrag",
-    "RotorInertia",
-    "StribeckFriction",
-    "SupplySag",
-    "ThermalDrift",
-    "ThermalViscousFriction",
-    "TorqueConstant",
-    "TorqueOffset",
-    "TorqueRipple",
-    "TorqueTerm",
-    "TransmissionEfficiency",
-    "ViscousFriction",
-    "VoltageScaling",
-    "effect_class",
-    "load_robot",
-    "save_robot",
-]
+from wbc.effects.joint_effect import JointEffect as JointEffect
+from wbc.effects.link_inertias import LinkInertia as LinkInertia, LinkInertias as LinkInertias
+from wbc.effects.links import (
+    CenterOfMass as CenterOfMass,
+    ContactRadius as ContactRadius,
+    GravityDirection as GravityDirection,
+    PayloadMass as PayloadMass,
+)
+from wbc.effects.position_torques import JointSpring as JointSpring, TorqueRipple as TorqueRipple
+from wbc.effects.presliding import LoadPresliding as LoadPresliding, Presliding as Presliding
+from wbc.effects.saved import load_robot as load_robot, save_robot as save_robot
+from wbc.effects.sensing import ForceSensorGain as ForceSensorGain, PositionOffset as PositionOffset
+from wbc.effects.supply import (
+    SupplySag as SupplySag,
+    ThermalDrift as ThermalDrift,
+    VoltageScaling as VoltageScaling,
+)

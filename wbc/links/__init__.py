@@ -1,6 +1,8 @@
 """The one motion of links behind gears that yield, along a log."""
 
-from wbc.links.driven_links import DrivenLinks, LinkFriction, LinkResponse
-from wbc.links.shooting import Deflections, deflections
-
-__all__ = ["Deflections", "DrivenLinks", "LinkFriction", "LinkResponse", "deflections"]
+from wbc.links.driven_links import (
+    DrivenLinks as DrivenLinks,
+    LinkFriction as LinkFriction,
+    LinkResponse as LinkResponse,
+)
+from wbc.links.shooting import Deflections as Deflections, deflections as deflections

@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics import Workspace, evaluate, link_torque
-from wbc.dynamics import rotor_torque as needed_torque
+from wbc.dynamics import Workspace, evaluate, link_torque, rotor_torque as needed_torque
 from wbc.errors import ViewError
 from wbc.identification.model.residual import condensed_residual, raw_residual
 from wbc.identification.readings.checks import require_readable

@@ -14,8 +14,7 @@ from tests.sim.bodies import free, hull_of, placed, solid, watched
 from wbc.measurement import load_log, save_log
 from wbc.robot import FreeBody
 from wbc.sim import Plane, Plant, Recorder, Sphere, Stairs
-from wbc.view.channels import configuration
-from wbc.view.channels import velocity as measured_velocity
+from wbc.view.channels import configuration, velocity as measured_velocity
 
 SHAPES = {
     "sphere": coal.Sphere(0.06),

@@ -1,60 +1,34 @@
 """The experiment that decides: a motion that tells rival causes apart, and what to expect of it."""
 
-from wbc.design.experiment.motions import FourierPath, MotionLimits, write_set_points
-from wbc.design.experiment.readable import BAND
+from wbc.design.experiment.motions import (
+    FourierPath as FourierPath,
+    MotionLimits as MotionLimits,
+    write_set_points as write_set_points,
+)
+from wbc.design.experiment.readable import BAND as BAND
 from wbc.design.experiment.rivals import (
-    Cause,
-    Pair,
-    Predictions,
-    Rivals,
-    parameter_names,
-    parse_cause,
-    require_predictable,
-    typical_values,
+    Cause as Cause,
+    Pair as Pair,
+    Predictions as Predictions,
+    Rivals as Rivals,
+    parameter_names as parameter_names,
+    parse_cause as parse_cause,
+    require_predictable as require_predictable,
+    typical_values as typical_values,
 )
 from wbc.design.experiment.search import (
-    CLASSIC,
-    DESIGNED,
-    RANDOM,
-    Designed,
-    compare_motions,
-    deciding,
-    design_experiment,
-    expected,
-    experiment_json,
-    informing,
-    random_paths,
-    shrinking,
-    torque_misfit,
+    CLASSIC as CLASSIC,
+    DESIGNED as DESIGNED,
+    RANDOM as RANDOM,
+    Designed as Designed,
+    compare_motions as compare_motions,
+    deciding as deciding,
+    design_experiment as design_experiment,
+    expected as expected,
+    experiment_json as experiment_json,
+    informing as informing,
+    random_paths as random_paths,
+    shrinking as shrinking,
+    torque_misfit as torque_misfit,
 )
-from wbc.design.experiment.tied import tied_causes, tied_rivals
-
-__all__ = [
-    "BAND",
-    "CLASSIC",
-    "DESIGNED",
-    "RANDOM",
-    "Cause",
-    "Designed",
-    "FourierPath",
-    "MotionLimits",
-    "Pair",
-    "Predictions",
-    "Rivals",
-    "compare_motions",
-    "deciding",
-    "design_experiment",
-    "expected",
-    "experiment_json",
-    "informing",
-    "parameter_names",
-    "parse_cause",
-    "random_paths",
-    "require_predictable",
-    "shrinking",
-    "tied_causes",
-    "tied_rivals",
-    "torque_misfit",
-    "typical_values",
-    "write_set_points",
-]
+from wbc.design.experiment.tied import tied_causes as tied_causes, tied_rivals as tied_rivals

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from math import degrees, inf
-from math import log as ln
+from math import degrees, inf, log as ln
 from typing import Any, TypeAlias
 
 import numpy as np
