@@ -7,9 +7,8 @@ import pytest
 from tests.sim.random_robots import BASES, random_robot
 from wbc import load_robot
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, move_bodies
-from wbc.mechanics.kinematics import columns_at, moved_along, place
+from wbc.mechanics.kinematics import columns_at, moved_along, place, tree_of
 from wbc.mechanics.linear import factor, solve_factored
-from wbc.mechanics.tree import tree_of
 
 
 def test_the_tree_agrees_with_pinocchio() -> None:

@@ -13,7 +13,7 @@ from wbc.arrays import FloatArray, IntArray, frozen
 from wbc.control.tree import ROWS, TREE, RowKind, move_joints
 from wbc.dynamics import Workspace
 from wbc.errors import ControlError, unknown_name
-from wbc.mechanics.tree import joints_of
+from wbc.mechanics.kinematics import joints_of
 from wbc.robot import Robot
 
 _PLACE = 12 * 8  # bytes of a placement

@@ -52,9 +52,9 @@ TREE = Structure(
 
 momentum A_g (6, nv), places (j, 12) of joints, rotation column by column before translation,
 motions (nv, 6) = J', mass_matrix (nv, nv) and com (3,) are pinocchio's own memory. joints and
-shapes are those of a `wbc.mechanics.tree.Tree`, without axes and placements, behind a world without
-mass; from starts on stand the columns of J that move each joint; moved (1,) says whether the rest
-stands at the state, too. That `move_joints` writes.
+shapes are those of a `Tree` (`wbc.mechanics.kinematics`), without axes and placements, behind a
+world without mass; from starts on stand the columns of J that move each joint; moved (1,) says
+whether the rest stands at the state, too. That `move_joints` writes.
 """
 TreeMemory = Annotated[Any, TREE.kind]
 

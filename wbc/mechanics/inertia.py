@@ -19,8 +19,8 @@ from wbc.compiled import (
     local,
     view,
 )
+from wbc.mechanics.kinematics import FIRST, JOINT, ROWS, Tree
 from wbc.mechanics.linear import add_cross, add_times, copy_to, dot, factor_inertia, solve_inertia
-from wbc.mechanics.tree import FIRST, JOINT, ROWS, Tree
 
 
 @inner

@@ -69,30 +69,6 @@ class RowSystem(NamedTuple):
     tangents: int
 
 
-@inner
-def lines(laws: Dense, pairs: int, own: OutRow, slope: OutRow) -> None:
-    """Write the slopes on which rows meet their laws; no row's own compliance is nothing.
-
-    Args:
-        laws: (m, 9); the line of a self-locking element meets its law once.
-        pairs: number of rows at the end that are pairs of tangents, which share a slope.
-        own: (r,) compliance of each row, changed.
-        slope: (r,) to write.
-    """
-    size, most = len(own), 0.0
-    for i in range(size):
-        most = max(most, own[i])
-    for i in range(size):
-        own[i] = max(own[i], 1e-9 * most, 1e-21)
-    for i in range(size - pairs, size, 2):
-        own[i] = own[i + 1] = own[i] + own[i + 1]
-    for i in range(size):
-        slope[i] = 1.0 / own[i]
-    for i in range(len(laws)):
-        if laws[i, 4] < 0.0:
-            slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
-
-
 @compiled
 def system_of(
     matrix: Dense,
@@ -105,19 +81,30 @@ def system_of(
 ) -> RowSystem:
     """Return the system of the rows `matrix` G (r, n).
 
+    No row's own compliance is nothing, and both tangents of a contact share a slope. The line of a
+    self-locking element meets its law once.
+
     Args:
         matrix: G.
         lower: L (n, n) with L' L = H_l.
         free: v (n,) without the rows.
         laws, targets, frictions, tangents: see `RowSystem`.
     """
-    size, ways = len(matrix), matrix.copy()
+    size, ways, most = len(matrix), matrix.copy(), 0.0
     own, speed, slope = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
         speed[i] = dot(free, matrix[i])
         halfway(lower, ways[i])
         own[i] = dot(ways[i], ways[i])
-    lines(laws, len(frictions) * 2 if tangents == 2 else 0, own, slope)
+        most = max(most, own[i])
+    for i in range(size):
+        own[i] = max(own[i], 1e-9 * most, 1e-21)
+    for i in range(size - 2 * len(frictions) if tangents == 2 else size, size, 2):
+        own[i] = own[i + 1] = own[i] + own[i + 1]
+    for i in range(size):
+        slope[i] = 1.0 / own[i]
+        if i < len(laws) and laws[i, 4] < 0.0:
+            slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
     give = np.zeros(size)
     return RowSystem(ways, own, speed, give, slope, laws, targets, frictions, tangents)
 

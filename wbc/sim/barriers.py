@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.errors import SimulationError, require_known
-from wbc.mechanics.tree import Tree
+from wbc.mechanics.kinematics import Tree
 from wbc.robot import BodySurface, Robot
 from wbc.robot.body_contacts import Hull, ground_box, hull_of
 from wbc.robot.model_file import driven_joints

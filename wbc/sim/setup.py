@@ -14,7 +14,7 @@ from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
 from wbc.errors import SimulationError
-from wbc.mechanics.tree import Tree, tree_of
+from wbc.mechanics.kinematics import Tree, tree_of
 from wbc.robot import Motion, Robot
 from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import Barriers

@@ -48,11 +48,10 @@ def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution
     row_numbers = own.rows, lower, own.free_velocity, laws, own.targets, own.frictions
     system = system_of(*row_numbers, own.tangents)
     start = np.zeros(size) if guess is None else guess
-    impulse, speed, velocity = np.empty(size), np.empty(size), np.empty(len(lower))
+    impulse, velocity = np.empty(size), np.empty(len(lower))
     used, way = solve_rows(system, start, tolerance_of(system), 1.0, impulse)
     if way >= UNSOLVED:
         raise SimulationError("several solutions" if way == SEVERAL else "no solution")
     velocity_after(system, lower, own.free_velocity, impulse, velocity)
-    off = np.empty(size)
-    residuals(system, impulse, speed, off)
+    _, off, speed = residuals(system, impulse)
     return Solution(velocity, impulse, speed, np.abs(off), used, WAYS[way])

@@ -19,9 +19,8 @@ import numpy as np
 from wbc.arrays import IntArray
 from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.inertia import bodies_at, composites_of, inertia_at, momentum_at, velocity_at
-from wbc.mechanics.kinematics import columns_at, moved_along, placed_at
+from wbc.mechanics.kinematics import FRAME, JOINT, PLACES, ROWS, columns_at, moved_along, placed_at
 from wbc.mechanics.linear import add_times, copy_to
-from wbc.mechanics.tree import FRAME, JOINT, PLACES, ROWS
 from wbc.robot import Robot
 from wbc.sim.step.contacts import put, rates_at, touch_ground
 from wbc.sim.step.tables import Opened

@@ -30,9 +30,9 @@ from wbc.mechanics.linear import copy_to, dot, factor_inertia, products
 from wbc.mechanics.newton import (
     RANGES,
     SEVERAL,
-    distance,
     newton,
     proximal,
+    residuals,
     solve_system,
     speeds_at,
 )
@@ -119,9 +119,9 @@ def try_ranges(
         impulse: to write.
     """
     used = abs(newton(held, start, 0.1 * tolerance, True, impulse))
-    if not distance(held, impulse) <= tolerance:
+    if not residuals(held, impulse)[0] <= tolerance:
         used += abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse))
-    return used, distance(system, impulse) <= tolerance
+    return used, residuals(system, impulse)[0] <= tolerance
 
 
 @compiled(inside=True)

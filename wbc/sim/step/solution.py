@@ -25,7 +25,7 @@ from wbc.mechanics.newton import (
     PASSIVE,
     SEVERAL,
     UNSOLVED,
-    distance,
+    residuals,
     solve_system,
     speeds_at,
     tolerance_of,
@@ -219,7 +219,7 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> Solved
     if missed > 0.0 and way < UNSOLVED:  # the rounds end before all is settled
         way, missed = PASSIVE, max(missed, tolerance)
     if way == PASSIVE:
-        missed = max(missed, distance(system, impulse))
+        missed = max(missed, residuals(system, impulse)[0])
     copy_to(shifted, rows.free)
     damped = rounds.passed[:, DAMPED].copy()
     return Solved(impulse, row_speed, after, end, damped, used, way, missed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from wbc.compiled import Dense, OutDense, OutFlags, OutPlaces, OutRow, OutTable, Table
-from wbc.mechanics.tree import Tree
+from wbc.mechanics.kinematics import Tree
 from wbc.structures import structured
 
 
