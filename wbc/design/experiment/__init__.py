@@ -5,8 +5,8 @@ from wbc.design.experiment.motions import (
     MotionLimits as MotionLimits,
     write_set_points as write_set_points,
 )
-from wbc.design.experiment.readable import BAND as BAND
 from wbc.design.experiment.rivals import (
+    BAND as BAND,
     Cause as Cause,
     Pair as Pair,
     Predictions as Predictions,

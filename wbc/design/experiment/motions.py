@@ -19,6 +19,10 @@ from wbc.robot.body_contacts import collision_solids
 Course = tuple[FloatArray, FloatArray, FloatArray]
 """Positions, velocities and accelerations of driven joints, each (N, m)."""
 _RAMP = 0.1  # share of the duration over which the window opens, and closes
+ROOM = 0.8
+"""Share of the limits that a motion may use: room for what the rivals do not know."""
+SEARCH_RATE = 50.0
+"""[Hz] at which motions are compared; odds are given at the rate of the log."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +221,8 @@ class MotionLimits:
         middle = _usual(robot)[robot.actuated_position] if center is None else center
         # A joint's speed turns several motors in a parallel drive: each bounds it alone.
         per_speed = np.abs(gears.gear_ratio[:, None] * gears.motor_from_joint)
-        share = np.where(per_speed > 0.0, per_speed, np.nan)
-        with np.errstate(invalid="ignore"):
-            own = np.nanmin(gears.speed_limit[:, None] / share, axis=0)
+        with np.errstate(divide="ignore"):
+            own = np.min(gears.speed_limit[:, None] / per_speed, axis=0)
         model = np.asarray(robot.model.velocityLimit)[rows]
         model = np.where(model > 0.0, model, np.inf)
         low = np.asarray(robot.model.lowerPositionLimit)[robot.actuated_position]
@@ -242,15 +245,6 @@ class MotionLimits:
             clearance=LinkDistances.of(robot, middle),
         )
 
-    def used(self, motion: Course, torque: FloatArray) -> float:
-        """Return the largest share of a limit that a motion uses; above 1 it is broken.
-
-        Args:
-            motion: positions, velocities, accelerations (N, m).
-            torque: (N, m) [N m] that the motion needs.
-        """
-        return float(max(self.joint_shares(motion).max(), (np.abs(torque) / self.torque).max()))
-
     def joint_shares(self, motion: Course) -> FloatArray:
         """Return (m,) the largest share of position, speed or acceleration that each joint uses.
 
@@ -266,89 +260,52 @@ class MotionLimits:
         ]
         return np.asarray(np.max([share.max(axis=0) for share in shares], axis=0))
 
-
-ROOM = 0.8
-"""Share of the limits that a motion may use: room for what the rivals do not know."""
-SEARCH_RATE = 50.0
-"""[Hz] at which motions are compared; odds are given at the rate of the log."""
-
-
-@dataclass(frozen=True, eq=False)
-class Site:
-    """What every motion of a search shares.
-
-    Attributes:
-        rivals: what is to be told apart.
-        limits: what the motions stay inside, to `ROOM`.
-        duration: [s].
-    """
-
-    rivals: Rivals
-    limits: MotionLimits
-    duration: float
-
-    def motion(self, path: FourierPath, rate: float) -> Motion:
-        """Return the path as a motion of the whole robot, its base held, at `rate` [Hz]."""
-        robot = self.rivals.robot
-        time = path.times(rate)
-        q, v, a = path.at(time)
-        velocity, acceleration = np.zeros((2, len(q), robot.model.nv))
-        velocity[:, robot.actuated], acceleration[:, robot.actuated] = v, a
-        return Motion(_whole(robot, q), velocity, acceleration, time)
-
-    def predicted(self, path: FourierPath, rate: float) -> tuple[Predictions, float]:
-        """Return what the rivals predict along a path, and the largest share of a limit it uses.
-
-        Args:
-            path: of the driven joints.
-            rate: of its samples [Hz].
-        """
-        found = self.rivals.predictions(self.motion(path, rate))
-        return found, self.limits.used(path.at(path.times(rate)), found.peak())
-
-    def require_stillness(self) -> None:
-        """Check that the motors hold the robot where motions start and end, whatever is true.
-
-        Raises:
-            DesignError: they do not, so that no motion, however small, is within the limits.
-        """
-        nothing = np.zeros((len(self.limits.center), 1))
-        still = FourierPath(self.limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
-        peak = self.predicted(still, SEARCH_RATE)[0].peak()
-        share = peak.max(axis=0) / self.limits.torque
-        if share.max() >= ROOM:
-            joint = self.rivals.robot.transmission.joints[int(share.argmax())]
-            raise DesignError(
-                f"in the pose where motions start, holding still takes {100.0 * share.max():.0f} % "
-                f"of the torque limit of '{joint}'; a planned motion may use {100.0 * ROOM:.0f} %. "
-                "Name another pose first in robot.toml, or check torque_limit and gear_ratio."
-            )
-
     def each_within(self, path: FourierPath) -> FourierPath:
         """Return the path with every joint that breaks a limit of its own made smaller, alone.
 
         So one joint that reaches its limit does not hold back the others.
         """
-        used = self.limits.joint_shares(path.at(path.times(SEARCH_RATE)))
+        used = self.joint_shares(path.at(path.times(SEARCH_RATE)))
         return path.scaled(np.minimum(1.0, 0.97 * ROOM / np.maximum(used, 1e-300)))
 
-    def fitted(self, path: FourierPath) -> tuple[FourierPath, Predictions]:
-        """Return the path made as large as the limits allow, and its predictions.
 
-        Torque does not grow in proportion to the size: the scale is found in a few rounds, and a
-        path that breaks a limit is made smaller.
-        """
-        for _ in range(6):
-            found, used = self.predicted(path, SEARCH_RATE)
-            if 0.9 * ROOM <= used <= ROOM:
-                break
-            path = path.scaled(0.97 * ROOM / used)
-        while used > ROOM or not self._keeps_apart(path):
-            path = path.scaled(0.9)
-            found, used = self.predicted(path, SEARCH_RATE)
-        return path, found
+def predicted(
+    rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float
+) -> tuple[Predictions, float]:
+    """Return what the rivals predict along a path, and the largest share of a limit that it uses.
 
-    def _keeps_apart(self, path: FourierPath) -> bool:
-        """Whether no links come too near one another along a path."""
-        clearance = self.limits.clearance
-        return clearance is None or clearance.keeps(path.at(path.times(SEARCH_RATE))[0])
+    Args:
+        rivals: of a robot whose base is held.
+        limits: that the motion should stay inside.
+        path: of the driven joints.
+        rate: of its samples [Hz].
+    """
+    robot, time = rivals.robot, path.times(rate)
+    course = path.at(time)
+    velocity, acceleration = np.zeros((2, len(time), robot.model.nv))
+    velocity[:, robot.actuated], acceleration[:, robot.actuated] = course[1:]
+    motion = Motion(_whole(robot, course[0]), velocity, acceleration, time)
+    found = rivals.predictions(motion)
+    return found, float(
+        max(limits.joint_shares(course).max(), (found.peak() / limits.torque).max())
+    )
+
+
+def fitted(
+    rivals: Rivals, limits: MotionLimits, path: FourierPath
+) -> tuple[FourierPath, Predictions]:
+    """Return the path made as large as the limits allow, and its predictions.
+
+    Torque does not grow in proportion to the size: the scale is found in a few rounds, and a
+    path that breaks a limit, or brings links too near one another, is made smaller.
+    """
+    for _ in range(6):
+        found, used = predicted(rivals, limits, path, SEARCH_RATE)
+        if 0.9 * ROOM <= used <= ROOM:
+            break
+        path = path.scaled(0.97 * ROOM / used)
+    near = limits.clearance
+    while used > ROOM or not (near is None or near.keeps(path.at(path.times(SEARCH_RATE))[0])):
+        path = path.scaled(0.9)
+        found, used = predicted(rivals, limits, path, SEARCH_RATE)
+    return path, found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
@@ -11,10 +11,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.readable import BAND, ReadableRows
 from wbc.dynamics import link_torque, rotor_torque
 from wbc.effects import effect_class
 from wbc.errors import DesignError, EffectError
+from wbc.identification.records.filters import SPREAD, gate
+from wbc.identification.records.preparation import REVERSAL
 from wbc.robot import Effect, Motion, Parameter, Robot
 
 Cause = tuple[Effect, ...]
@@ -23,6 +24,11 @@ _STEP = 1e-4  # of a parameter's typical size, as its own documentation says
 _IMPOSSIBLE = 1e6  # misfit in units of the noise, far beyond any that a fit would accept
 _DRAWS = 64  # values of a true cause that earlier logs leave open
 _SIDES = 1.645  # standard deviations from the middle to the ends of a 90 % interval
+
+BAND = 5.0
+"""[Hz] that a diagnosis keeps of a torque, where no diagnosis of the robot says it. It takes 3 to
+15 Hz, above which accelerations from the encoders are noisier than the torque; of twelve arms of
+the corpus with their sensors, half are kept to less than 5.2 Hz."""
 
 Pair = tuple[int, int]
 """Numbers of the cause that is true and of the one that is fitted in its place."""
@@ -105,24 +111,15 @@ def cause_values(cause: Cause) -> FloatArray:
     return np.array([value for effect in cause for value in effect.values.values()])
 
 
-def with_cause_values(cause: Cause, values: Sequence[float] | FloatArray) -> Cause:
-    """Return a cause with other numbers (p,), in the order of `parameter_names`."""
-    rest = map(float, values)
-    return tuple(e.with_values({p.name: next(rest) for p in e.parameters}) for e in cause)
-
-
 def passive_joints(robot: Robot) -> tuple[str, ...]:
     """Return the joints without a gear that are no part of the base.
 
     The joints of a base carry a driven joint and are carried by none.
     """
-    model, driven = robot.model, set(robot.actuated.tolist())
-    numbers = range(1, model.njoints)
-    rows = {k: set(range(model.idx_vs[k], model.idx_vs[k] + model.nvs[k])) for k in numbers}
-    geared = {k for k in numbers if driven & rows[k]}
-    above = {k: set(model.supports[k]) - {0, k} for k in numbers}
-    base = {k for k in numbers if any(k in above[g] for g in geared) and not above[k] & geared}
-    return tuple(model.names[k] for k in numbers if k not in geared | base)
+    model, above = robot.model, [set(supports) for supports in robot.model.supports]
+    geared = {model.getJointId(joint) for joint in robot.transmission.joints}
+    base = {k for g in geared for k in above[g] if not geared & above[k]}
+    return tuple(model.names[k] for k in range(1, model.njoints) if k not in geared | base)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +203,20 @@ class Predictions:
     """Torques of rivals along one motion; what several of them need is computed once."""
 
     def __init__(self, rivals: Rivals, motion: Motion, links: FloatArray) -> None:
-        """Keep the motion and `link_torque` of the robot without any rival along it."""
+        """Keep the motion and `link_torque` of the robot without any rival along it.
+
+        With a finite band, and times, only what a diagnosis reads of a torque counts: its low
+        frequencies, and no rows about a reversal.
+        """
         self.rivals, self.motion, self.links = rivals, motion, links
-        self.readable = ReadableRows(rivals.robot, motion, rivals.band)
+        time = motion.time
+        self._gain: FloatArray | None = None
+        self._trust: FloatArray | float = 1.0
+        if np.isfinite(rivals.band) and time is not None:
+            frequency = np.fft.rfftfreq(2 * len(time), float(time[1] - time[0]))
+            # Butterworth's filter of fourth order, forth and back.
+            self._gain = np.asarray(1.0 / (1.0 + (frequency / rivals.band) ** 8))
+            self._trust = _trust(rivals.robot, motion, 1.0 / (SPREAD * rivals.band))
 
     def torque(self, cause: Cause) -> FloatArray:
         """Return the rotor torque (N, m) [N m] that the drives report with a cause."""
@@ -220,10 +228,22 @@ class Predictions:
         links = self.links if shared else link_torque(robot, motion)
         return rotor_torque(robot, motion, links)[0]
 
+    def _torque_with(self, cause: Cause, values: FloatArray) -> FloatArray:
+        """Return the torque (N, m) [N m] with other numbers (p,) of a cause."""
+        rest = map(float, values)
+        return self.torque(
+            tuple(e.with_values({p.name: next(rest) for p in e.parameters}) for e in cause)
+        )
+
     def in_noise(self, torque: FloatArray) -> FloatArray:
         """Return what is read of torques (N, m, ...), in units of the noise."""
-        noise = self.rivals.noise.reshape(-1, *(1,) * (torque.ndim - 2))
-        return self.readable.of(torque / noise)
+        read = torque.T / self.rivals.noise[:, None]
+        if self._gain is not None:
+            # Mirrored in time, so that there is no jump at the ends.
+            both = np.concatenate([read, read[..., ::-1]], axis=-1)
+            low = np.fft.irfft(self._gain * np.fft.rfft(both), both.shape[-1])
+            read = low[..., : read.shape[-1]]
+        return np.asarray((self._trust * read).T)
 
     @cached_property
     def expected_torques(self) -> list[FloatArray]:
@@ -246,7 +266,7 @@ class Predictions:
             values = cause_values(cause)
             step = _STEP if values[row] + _STEP * parameter.scale <= parameter.high else -_STEP
             values[row] += step * parameter.scale
-            columns.append((self.torque(with_cause_values(cause, values)) - here) / step)
+            columns.append((self._torque_with(cause, values) - here) / step)
         return self.in_noise(np.stack(columns, axis=2)).reshape(-1, len(columns))
 
     def distance(self, pair: Pair) -> float:
@@ -261,7 +281,7 @@ class Predictions:
 
         def misfit(values: FloatArray) -> FloatArray:
             try:
-                torque = self.torque(with_cause_values(cause, values * scales))
+                torque = self._torque_with(cause, values * scales)
             except EffectError:  # a step to what no robot can have, a negative mass for one
                 return np.full(target.size, _IMPOSSIBLE)
             return self.in_noise(torque - target).ravel()
@@ -344,7 +364,7 @@ class Predictions:
         for step in steps if spread is not None else ():
             values = np.clip(cause_values(cause) + scales * (spread @ step), low, high)
             try:
-                torques.append(self.torque(with_cause_values(cause, values)))
+                torques.append(self._torque_with(cause, values))
             except EffectError:  # values that no robot can have
                 continue
         return np.stack(torques or [self.expected_torques[number]], axis=2)
@@ -373,3 +393,14 @@ class Predictions:
         scales = cause_numbers(self.rivals.causes[number], "scale")
         spread = np.linalg.inv(np.eye(len(scales)) + slopes.T @ slopes)
         return np.asarray(_SIDES * scales * np.sqrt(np.diag(spread)))
+
+
+def _trust(robot: Robot, motion: Motion, period: float) -> FloatArray:
+    """Return weights (m, N): 0 where a joint that a gear moves turns round, 1 where it moves."""
+    velocity = motion.velocity[:, robot.actuated]
+    acceleration = np.asarray(motion.acceleration)[:, robot.actuated]
+    lasting = REVERSAL * period * np.sqrt(np.mean(acceleration**2, axis=0))
+    typical = 0.5 * np.sqrt(np.mean(velocity**2, axis=0))
+    each = gate(velocity, np.minimum(lasting, typical))
+    moves = np.abs(robot.transmission.topology.T) > 0.0
+    return np.stack([each[:, own].min(axis=1) for own in moves])

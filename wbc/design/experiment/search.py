@@ -11,7 +11,14 @@ import numpy as np
 from scipy.special import ndtr
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.motions import ROOM, FourierPath, MotionLimits, Site
+from wbc.design.experiment.motions import (
+    ROOM,
+    SEARCH_RATE,
+    FourierPath,
+    MotionLimits,
+    fitted,
+    predicted,
+)
 from wbc.design.experiment.rivals import Pair, Predictions, Rivals
 from wbc.errors import DesignError
 from wbc.files import as_json
@@ -131,10 +138,10 @@ def random_paths(
     Raises:
         DesignError: a duration that is not positive, motors that cannot hold the robot still.
     """
-    site = _site(rivals, limits, duration)
+    _require_limits(rivals, limits, duration)
     random = np.random.default_rng(seed)
     for _ in range(count):
-        yield site.fitted(_drawn(site, random))[0]
+        yield fitted(rivals, limits, _drawn(limits, duration, random))[0]
 
 
 def design_experiment(
@@ -176,11 +183,12 @@ def design_experiment(
         )
     if not 0.0 < rate < np.inf:
         raise DesignError(f"the rate of an experiment must be > 0 and finite, got {rate:g}.")
-    site, random = _site(rivals, limits, duration), np.random.default_rng(seed)
-    total = _DRAWN + rounds
+    _require_limits(rivals, limits, duration)
+    random, total = np.random.default_rng(seed), _DRAWN + rounds
+    fit = partial(fitted, rivals, limits)
     drawn: list[tuple[FourierPath, Predictions]] = []
     for i in range(_DRAWN):
-        drawn.append(site.fitted(_drawn(site, random)))
+        drawn.append(fit(_drawn(limits, duration, random)))
         if watch:
             watch(i + 1, total)
     alike: tuple[Pair, ...] = ()
@@ -192,7 +200,7 @@ def design_experiment(
             "no motion of this robot tells these causes apart: whatever one of them does, the "
             "others do as well. Mount the robot otherwise, or measure one of them off the robot."
         )
-    drawn += map(site.fitted, starts)
+    drawn += map(fit, starts)
     tried = [(aim(found, pairs), path) for path, found in drawn]
     tried = sorted(tried, key=lambda one: -one[0])[:_KEPT]
     best = [(value, path, _FIRST) for value, path in tried]
@@ -200,7 +208,7 @@ def design_experiment(
         # Each of the best has its turn at first, then whichever is the best.
         k = i % len(best) if i < rounds // 4 else int(np.argmax([one[0] for one in best]))
         value, path, size = best[k]
-        changed, found = site.fitted(site.each_within(_changed(path, random, size)))
+        changed, found = fit(limits.each_within(_changed(path, random, size)))
         new = aim(found, pairs)
         if new > value:
             best[k] = (new, changed, min(_GROWN * size, _WIDEST))
@@ -208,7 +216,10 @@ def design_experiment(
             best[k] = (value, path, max(_SHRUNK * size, _FINEST))
         if watch:
             watch(_DRAWN + i + 1, total)
-    path = _within(site, max(best, key=lambda one: one[0])[1], rate)
+    path = max(best, key=lambda one: one[0])[1]
+    # The rate of the log is denser than the search.
+    while predicted(rivals, limits, path, rate)[1] > ROOM:
+        path = path.scaled(0.995)
     return expected(rivals, limits, path, rate)
 
 
@@ -229,24 +240,13 @@ def compare_motions(
     Args:
         rivals, limits, duration, rate, rounds, seed, watch: as in `design_experiment`.
     """
-    drawn = random_paths(rivals, limits, duration, seed + 1, _RANDOM)
+    given = rivals, limits, duration
+    drawn = random_paths(*given, seed + 1, _RANDOM)
     chance = sorted((expected(rivals, limits, path, rate) for path in drawn), key=_said)
-    plan = partial(
-        design_experiment,
-        rivals,
-        limits,
-        duration,
-        rate=rate,
-        rounds=rounds,
-        seed=seed,
-        watch=watch,
-    )
+    plan = partial(design_experiment, *given, rate=rate, rounds=rounds, seed=seed, watch=watch)
     classic = plan(aim=informing)
-    return {
-        RANDOM: chance[_RANDOM // 2],
-        CLASSIC: classic,
-        DESIGNED: plan(starts=[classic.path]),
-    }
+    designed = plan(starts=[classic.path])
+    return {RANDOM: chance[_RANDOM // 2], CLASSIC: classic, DESIGNED: designed}
 
 
 def _said(one: Designed) -> float:
@@ -254,7 +254,8 @@ def _said(one: Designed) -> float:
     return one.worst if one.odds else -one.width
 
 
-def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
+def _require_limits(rivals: Rivals, limits: MotionLimits, duration: float) -> None:
+    """Check that something limits motions, and that the motors hold the robot where they start."""
     if not 0.0 < duration < np.inf:
         raise DesignError(
             f"the duration of an experiment must be > 0 and finite, got {duration:g}."
@@ -264,16 +265,17 @@ def _site(rivals: Rivals, limits: MotionLimits, duration: float) -> Site:
             "nothing limits how fast the robot moves; give --speed, --acceleration, or motors "
             "with a torque_limit."
         )
-    site = Site(rivals, limits, duration)
-    site.require_stillness()
-    return site
-
-
-def _within(site: Site, path: FourierPath, rate: float) -> FourierPath:
-    """Return a path made smaller until it keeps the limits at `rate`, denser than the search."""
-    while site.predicted(path, rate)[1] > ROOM:
-        path = path.scaled(0.995)
-    return path
+    nothing = np.zeros((len(limits.center), 1))
+    still = FourierPath(limits.center, nothing, nothing, 1.0, 2.0 / SEARCH_RATE)
+    peak = predicted(rivals, limits, still, SEARCH_RATE)[0].peak()
+    share = peak.max(axis=0) / limits.torque
+    if share.max() >= ROOM:
+        joint = rivals.robot.transmission.joints[int(share.argmax())]
+        raise DesignError(
+            f"in the pose where motions start, holding still takes {100.0 * share.max():.0f} % "
+            f"of the torque limit of '{joint}'; a planned motion may use {100.0 * ROOM:.0f} %. "
+            "Name another pose first in robot.toml, or check torque_limit and gear_ratio."
+        )
 
 
 def _alike(along: Sequence[Predictions]) -> tuple[Pair, ...]:
@@ -296,7 +298,7 @@ def torque_misfit(
 
     (N, m) in units of the noise, at `path.times(rate)`; the odds are half its sum of squares.
     """
-    found, _ = Site(rivals, limits, path.duration).predicted(path, rate)
+    found, _ = predicted(rivals, limits, path, rate)
     return found.misfit(pair)
 
 
@@ -304,7 +306,7 @@ def expected(
     rivals: Rivals, limits: MotionLimits, path: FourierPath, rate: float = 100.0
 ) -> Designed:
     """Return what a path is expected to say, logged at `rate` [Hz]."""
-    found, used = Site(rivals, limits, path.duration).predicted(path, rate)
+    found, used = predicted(rivals, limits, path, rate)
     widths = tuple(map(found.widths, range(len(rivals.causes))))
     apart = {pair: found.distances(pair) for pair in rivals.pairs}
     odds = {pair: _softened(d) for pair, d in apart.items()}
@@ -324,16 +326,15 @@ def _decided(distances: FloatArray) -> float:
     return float(np.mean(ndtr((distances - _SURE) / spread)))
 
 
-def _drawn(site: Site, random: np.random.Generator) -> FourierPath:
-    center = site.limits.center
-    m = len(center)
+def _drawn(limits: MotionLimits, duration: float, random: np.random.Generator) -> FourierPath:
+    m = len(limits.center)
     weight = 1.0 / np.arange(1, HARMONICS + 1)
     # One size per joint: what tells two causes apart may need another joint to move little.
     size = random.uniform(0.2, 1.0, (m, 1))
     sine, cosine = random.normal(size=(2, m, HARMONICS)) * weight * size
     # A short run holds a whole period of the first harmonic, as far as the last one allows.
-    base = float(np.clip(random.choice(_BASES), min(1.0 / site.duration, _BASES[-1]), None))
-    return FourierPath(center, sine, cosine, base, site.duration)
+    base = float(np.clip(random.choice(_BASES), min(1.0 / duration, _BASES[-1]), None))
+    return FourierPath(limits.center, sine, cosine, base, duration)
 
 
 def _changed(path: FourierPath, random: np.random.Generator, size: float) -> FourierPath:

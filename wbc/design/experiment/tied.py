@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.design.experiment.readable import BAND
-from wbc.design.experiment.rivals import Cause, Rivals, require_predictable
+from wbc.design.experiment.rivals import BAND, Cause, Rivals, require_predictable
 from wbc.effects import effect_class
 from wbc.errors import DesignError
 from wbc.files import load_table
