@@ -6,4 +6,4 @@ from wbc.export.export import (
     export_robot as export_robot,
     losses_path as losses_path,
 )
-from wbc.export.loss_numbers import loss_numbers as loss_numbers
+from wbc.export.numbers import loss_numbers as loss_numbers

@@ -1,17 +1,21 @@
-"""A robot in the words of other simulators: numbers per joint, and what no such number says.
+"""A robot in the words of other simulators: numbers per joint, and the losses of its gears.
 
 What an effect does is asked of its hooks: the part of it that is linear, and whether that is all.
-No effect is known by its name here, so an effect of a user is exported like one of the catalogue.
+No effect is known by its name here, so an effect of a user is exported like one of the catalogue;
+only the losses that `wbc.export.losses` works with have names.
 """
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from wbc.arrays import FloatArray
+from wbc.effects import LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction
+from wbc.errors import RobotError
 from wbc.robot import Effect, Motion, Robot
 
 _HELD = 3  # samples whose drives must have one law
@@ -19,6 +23,9 @@ _HELD_FIELDS = ("position", "velocity", "acceleration", "temperature", "supply_v
 _SAMPLES = 64
 _EXACT = 1e-9  # of the largest value, up to which rounding may leave a linear law
 _TORQUE = 1e4  # [N m] at the motor output, up to which a drive must be linear
+_KINDS = (LoadPresliding, LoadStribeckFriction, Presliding, StribeckFriction)
+TOLD = ("transmission_efficiency", *(kind.name for kind in _KINDS))
+"""Names of the effects that these numbers hold beside what stands in every exported file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,3 +203,57 @@ def _drive_law(robot: Robot, effect: Effect, motion: Motion) -> FloatArray | Non
 def _equal(one: FloatArray, other: FloatArray) -> bool:
     size = max(float(np.max(np.abs(other), initial=0.0)), 1e-300)
     return bool(np.max(np.abs(one - other), initial=0.0) <= _EXACT * size)
+
+
+def loss_numbers(robot: Robot) -> dict[str, Any]:
+    """Return the numbers of a robot's losses for `wbc.export.losses`, lists of names and arrays.
+
+    Torques and inertias of gears (m,) stand at their outputs. What these numbers do not hold is in
+    `export_robot(robot, "mujoco").unsaid`.
+
+    Raises:
+        RobotError: a gear with losses is self-locking.
+    """
+    gears = robot.transmission
+    locking = np.flatnonzero(gears.backward_efficiency <= 0.0)
+    if locking.size:
+        raise RobotError(
+            f"the gear of '{gears.joints[locking[0]]}' is self-locking (backward efficiency <= 0): "
+            "its friction has no level that the torque of the motor gives. Export with --to mjcf, "
+            "or give the gear a backward efficiency above 0."
+        )
+    found, size = joint_numbers(robot, TOLD), gears.size
+    forward, backward = gears.forward_efficiency, gears.backward_efficiency
+    length, coefficient, speed = np.zeros(size), np.zeros(size), np.ones(size)
+    for effect in robot.effects:
+        if isinstance(effect, LoadPresliding):
+            length[gears.index(effect.where)] = effect.length
+        elif isinstance(effect, LoadStribeckFriction):
+            k = gears.index(effect.where)
+            coefficient[k], speed[k] = effect.coefficient, effect.speed
+    numbers = {
+        "joints": list(gears.joints),
+        "motor_from_joint": gears.motor_from_joint,
+        "joint_from_motor": np.linalg.inv(gears.motor_from_joint),
+        "gain": found.gain,
+        "offset": found.offset,
+        "share": 0.5 * (forward + 1.0 / backward),
+        "forward_efficiency": forward,
+        "backward_efficiency": backward,
+        "gear_length": length,
+        "slow_coefficient": coefficient,
+        "slow_speed": speed,
+        "rotor_inertia": gears.reflected_inertia,
+        "rotor_damping": found.motor_damping,
+        "rotor_friction": found.motor_friction,
+        "joint_damping": found.damping[robot.actuated],
+        "joint_friction": found.friction[robot.actuated],
+    }
+    beside = (("bristle", Presliding, "length"), ("stribeck", StribeckFriction, "speed"))
+    for name, kind, shape in beside:
+        effects = [effect for effect in robot.effects if isinstance(effect, kind)]
+        rows = [np.eye(size)[gears.index(effect.where)] for effect in effects]
+        numbers[f"{name}_place"] = np.reshape(rows, (len(effects), size))
+        for value in ("level", shape):
+            numbers[f"{name}_{value}"] = np.array([effect.values[value] for effect in effects])
+    return numbers
