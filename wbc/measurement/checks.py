@@ -192,17 +192,7 @@ def resting_joints(log: Log) -> frozenset[str]:
     A position flickers by its noise and by the count of its encoder; the integral of a velocity
     strays by a constant offset, by the random walk of its noise and by its rounding.
     """
-    return frozenset(
-        joint
-        for joint in log.with_quantity("position")
-        if not _position_moves(log.time, log.column(f"{joint}.position"))
-        and not (
-            log.has(f"{joint}.velocity")
-            and _velocity_moves(
-                log.time, log.column(f"{joint}.velocity"), log.column(f"{joint}.position")
-            )
-        )
-    )
+    return frozenset(joint for joint in log.with_quantity("position") if not _moves(log, joint))
 
 
 def check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
@@ -215,35 +205,30 @@ def check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
         yield LogFinding("warning", "constant_joint", name, text, way)
 
 
-def _position_moves(time: FloatArray, position: FloatArray) -> bool:
-    if np.ptp(position) == 0.0:
-        return False  # the deviation from the mean of one value is what rounding makes of it
-    spread, steps = float(np.std(position)), float(np.sqrt(np.mean(np.diff(position) ** 2)))
-    # The steps from row to row hold all of the noise: what is far above them needs no filter.
-    if spread > 2.0 * _MOVES * np.hypot(steps, _rounding(position)):
-        return True
-    return bool(spread > _MOVES * _uncertainty(time, position))
-
-
-def _velocity_moves(time: FloatArray, velocity: FloatArray, position: FloatArray) -> bool:
+def _moves(log: Log, joint: str) -> bool:
+    time, position = log.time, log.column(f"{joint}.position")
+    unsure = 0.0  # the deviation from the mean of one value is what rounding makes of it
+    if np.ptp(position) > 0.0:
+        spread, steps = float(np.std(position)), float(np.sqrt(np.mean(np.diff(position) ** 2)))
+        rounded = _rounding(position)
+        # The steps from row to row hold all of the noise: what is far above them needs no filter.
+        if spread > 2.0 * _MOVES * np.hypot(steps, rounded):
+            return True
+        unsure = float(np.hypot(residual_noise(time, position), rounded))
+        if spread > _MOVES * unsure:
+            return True
+    velocity = log.column(f"{joint}.velocity") if log.has(f"{joint}.velocity") else np.zeros(1)
     if np.ptp(velocity) == 0.0:
         return False
     integral = cumulative_trapezoid(velocity, time, initial=0.0)
     line = np.polynomial.Polynomial.fit(time, integral, 1)
     strays = float(np.std(integral - line(time)))
-    step = float(np.median(np.diff(time)))
-    walk = residual_noise(time, velocity) * step * np.sqrt(_WALK * time.size)
+    walk = residual_noise(time, velocity) * log.sample_time * np.sqrt(_WALK * time.size)
     # A value that is held is off by the same rounding all the while.
     ends = np.flatnonzero(np.diff(velocity))
     held = np.diff(time[np.concatenate([[0], ends, [time.size - 1]])])
     rounded = _rounding(velocity) * float(np.linalg.norm(held))
-    unsure = np.hypot(np.hypot(walk, rounded), _uncertainty(time, position))
-    return bool(strays > _MOVES * unsure)
-
-
-def _uncertainty(time: FloatArray, position: FloatArray) -> float:
-    """Return the standard deviation of a position's noise and of its rounding to counts."""
-    return float(np.hypot(residual_noise(time, position), _rounding(position)))
+    return bool(strays > _MOVES * np.hypot(np.hypot(walk, rounded), unsure))
 
 
 def _rounding(position: FloatArray) -> float:
@@ -426,7 +411,8 @@ def _same_excitation(a: Log, b: Log) -> bool:
         return False
     moved = 0
     for name in names:
-        first, second = a.column(name), on_clock(b, name, a.time - a.time[0])
+        first = a.column(name)
+        second = np.interp(a.time - a.time[0], b.time - b.time[0], b.column(name))
         motion, noise = float(np.std(first)), residual_noise(a.time, first)
         # A joint that stands still repeats its place within the noise of its sensor.
         most = _REPEATS * motion + _NOISE_ALLOWANCE * noise
@@ -440,12 +426,3 @@ def _motions(log: Log) -> list[str]:
     """Return the column that shows how each joint moves: its position, else its velocity."""
     ways = [[f"{joint}.{q}" for q in ("position", "velocity")] for joint in log.joints]
     return sorted(next(filter(log.has, names)) for names in ways if any(map(log.has, names)))
-
-
-def on_clock(log: Log, name: str, elapsed: FloatArray) -> FloatArray:
-    """Return a channel at times [s] since the start of its log (linear interpolation)."""
-    own = log.time - log.time[0]
-    values = log.column(name)
-    if own.size == elapsed.size and np.allclose(own, elapsed, rtol=0.0, atol=1e-9):
-        return values
-    return np.asarray(np.interp(elapsed, own, values))
