@@ -156,8 +156,7 @@ def run_init(options: Options, console: Console) -> Outcome:
         )
     console.print(f"wrote {columns}")
     for finding in guess.lacking:
-        place = f"{finding.column}: " if finding.column else ""
-        console.print(spoken(f"not found: {place}{finding.text} {finding.way_out}"))
+        console.print(spoken(f"not found: {finding.said}"))
     name = options.robot if described else str(description)
     check = ["wbc", "check", *options.logs, "--robot", name, "--columns", str(columns)]
     say(f"next: {shlex.join(check)}")

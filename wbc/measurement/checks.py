@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
 from wbc.measurement.clocks import CUT_FROM, GAP_STEPS, cut_at_gaps, gaps, too_short
-from wbc.measurement.filters import WELL_CORRELATED, VelocityFit, residual_noise
+from wbc.measurement.filters import WELL_CORRELATED, residual_noise, velocity_fits
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.schema import split_column
@@ -19,6 +19,21 @@ from wbc.tables import few
 
 _JITTER = 0.5
 _RATE_RATIO = 1.5
+
+
+def check_alone(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
+    """Yield what speaks against a log by itself: its clock, its channels, its velocities.
+
+    Args:
+        log: the log.
+        said: columns of which others speak; velocities tell nothing on a `time` that is wrong.
+    """
+    resting = resting_joints(log)
+    yield from _check_clock(log)
+    yield from _check_rest(log, resting)
+    yield from _check_channels(log, resting)
+    yield from _check_stuck(log, resting)
+    yield from _check_velocities(log, {*said, *resting}) if "time" not in said else ()
 
 
 def check_reading(log: Log, said: Sequence[LogFinding]) -> Iterator[LogFinding]:
@@ -41,7 +56,7 @@ def check_reading(log: Log, said: Sequence[LogFinding]) -> Iterator[LogFinding]:
         yield LogFinding("info", "unread", "", text, way_out)
 
 
-def check_clock(log: Log) -> Iterator[LogFinding]:
+def _check_clock(log: Log) -> Iterator[LogFinding]:
     """Yield findings about gaps, jitter and length."""
     steps = np.diff(log.time)
     median = float(np.median(steps))
@@ -70,15 +85,13 @@ def check_clock(log: Log) -> Iterator[LogFinding]:
         yield short
 
 
-def check_velocities(log: Log, fits: Mapping[str, VelocityFit]) -> Iterator[LogFinding]:
-    """Yield findings about velocities that are late or of something else.
-
-    Args:
-        log: the log.
-        fits: from `velocity_fits`.
-    """
-    for joint, fit in fits.items():
+def _check_velocities(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
+    """Yield findings about velocities that are late or of something else, but for columns and
+    joints of which others speak."""
+    for joint, fit in velocity_fits(log).items():
         name, late = f"{joint}.velocity", 1e3 * fit.delay
+        if {joint, name} & {*said}:
+            continue
         if abs(fit.correlation) < WELL_CORRELATED:
             text = f"its integral and the position correlate by {fit.correlation:.2f} only."
             way = "Check that both belong to one joint; leave the velocity out if it is noise."
@@ -146,7 +159,7 @@ _ROUNDING = 1e-6  # of the range: smaller steps come from printed digits
 _WALK = 1.0 / 15.0  # mean square of a random walk over its length, its best line taken out
 
 
-def check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+def _check_channels(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
     """Yield findings about every measured channel of the joints.
 
     Args:
@@ -195,7 +208,7 @@ def resting_joints(log: Log) -> frozenset[str]:
     return frozenset(joint for joint in log.with_quantity("position") if not _moves(log, joint))
 
 
-def check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+def _check_rest(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
     """Yield a finding for each joint that stands still, in place of those about its channels."""
     way = "This log tells nothing of the joint but a static torque: move it in another log, or "
     way += "lock it in the robot."
@@ -238,7 +251,7 @@ def _rounding(position: FloatArray) -> float:
     return count / np.sqrt(12.0) if np.isfinite(count) else 0.0
 
 
-def check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
+def _check_stuck(log: Log, resting: Collection[str]) -> Iterator[LogFinding]:
     """Yield findings about positions and velocities that are held for a while.
 
     A value that is held and then jumps by what the other sensor saw meanwhile was lost; a joint

@@ -101,10 +101,14 @@ class LogFinding:
         """What a map says if the likeliest cause is the true one."""
         return self.mend or self.guess
 
+    @property
+    def said(self) -> str:
+        """Where it is, what was seen, and what to do."""
+        return f"{f'{self.column}: ' if self.column else ''}{self.text} {self.way_out}"
+
     def __str__(self) -> str:
         """Return one line for people."""
-        place = f"{self.column}: " if self.column else ""
-        return f"{self.severity}: {place}{self.text} {self.way_out}"
+        return f"{self.severity}: {self.said}"
 
 
 LIKELY = 0.9

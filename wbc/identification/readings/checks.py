@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -31,20 +31,14 @@ from wbc.identification.records.channels import (
 )
 from wbc.identification.records.contacts import moving_contact
 from wbc.measurement.checks import (
-    check_channels,
-    check_clock,
+    check_alone,
     check_reading,
-    check_rest,
     check_set,
-    check_stuck,
-    check_velocities,
     find_duplicates,
     resolution,
-    resting_joints,
 )
 from wbc.measurement.clocks import cut_at_gaps, too_short
 from wbc.measurement.column_map import in_degrees
-from wbc.measurement.filters import velocity_fits
 from wbc.measurement.findings import LogFinding, Mend, say_so
 from wbc.measurement.log import Log, short_label
 from wbc.measurement.names import unread
@@ -121,13 +115,12 @@ def require_readable(robot: Robot, log: Log) -> None:
         SuspiciousLogError: a joint or a free base without a place, or a position far beyond the
             joint's limits; the message says what to do.
     """
-    found = refusal(log, robot)
-    if found is not None and found.kind == "short":
-        raise IdentificationError(f"{log.source.label}: {found.text} {found.way_out}")
-    if found is not None:
-        column = f"{found.column}: " if found.column else ""
-        message = f"{log.source.label}: {column}{found.text} {found.way_out}"
-        raise SuspiciousLogError(message, [found])
+    if (found := refusal(log, robot)) is None:
+        return
+    message = f"{log.source.label}: {found.said}"
+    if found.kind == "short":
+        raise IdentificationError(message)
+    raise SuspiciousLogError(message, [found])
 
 
 def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
@@ -160,8 +153,8 @@ def check_robot(log: Log, robot: Robot) -> list[LogFinding]:
     return [*found, *_without_torque(log, robot), *_with_holes(log, robot)]
 
 
-def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
-    """Return findings about positions that a joint cannot have.
+def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
+    """Yield findings about positions that a joint cannot have.
 
     Far beyond its limits the unit must be another, and nothing can be compared.
 
@@ -169,7 +162,6 @@ def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
         log: the log.
         robot: gives the limits; a joint without any is judged by eye.
     """
-    findings: list[LogFinding] = []
     for joint in log.with_quantity("position"):
         name = f"{joint}.position"
         low, high = float(log.column(name).min()), float(log.column(name).max())
@@ -191,12 +183,11 @@ def check_ranges(log: Log, robot: Robot | None = None) -> list[LogFinding]:
             if far:
                 way = f"If the joint can turn further, widen its limits in the URDF. {way}"
             severity = "error" if far else "warning"
-            findings.append(LogFinding(severity, "range", name, text, way, mend))
+            yield LogFinding(severity, "range", name, text, way, mend)
         elif high - low > _MANY_TURNS and not np.isfinite(upper - lower):
             text = f"{seen}: {(high - low) / (2.0 * pi):.1f} turns if that is rad."
             way = f"If it is degrees, {say_so(mend)}"
-            findings.append(LogFinding("warning", "range", name, text, way))
-    return findings
+            yield LogFinding("warning", "range", name, text, way)
 
 
 def _limits(robot: Robot | None, joint: str) -> tuple[float, float]:
@@ -305,21 +296,16 @@ def _without_force(log: Log, robot: Robot) -> list[LogFinding]:
     return [LogFinding(severity, "no_contact_force", "", text, way)]
 
 
-def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
-    """Return what to do about drives whose torque nothing tells."""
+def _without_torque(log: Log, robot: Robot) -> Iterator[LogFinding]:
+    """Yield what to do about drives whose torque nothing tells."""
     gears = robot.transmission if log.machine is None else log.machine.transmission
-    found: list[LogFinding] = []
-
-    def add(kind: str, text: str, way: str, mend: Mend | None = None) -> None:
-        found.append(LogFinding("error", kind, "", text, way, mend or {}))
-
     bare = [j for j in robot.sensor_only if not log.recorded(f"{j}.joint_torque")]
     if bare:
         names = ", ".join(f"{joint}.joint_torque" for joint in bare)
         text = f"'{robot.name}' describes no gear of {', '.join(bare)} but a torque sensor, so "
         text += f"{names} {'is' if len(bare) == 1 else 'are'} needed."
         way = "Record it, or describe the gear in robot.toml with gear_ratio and rotor_inertia."
-        add("no_torque", text, way)
+        yield LogFinding("error", "no_torque", "", text, way)
     gained = np.isfinite(gears.position_gain) | np.isfinite(gears.duty_gain)
     lacking, silent = [], []
     for k, (joint, made) in enumerate(zip(gears.joints, tells_torque(log, gears), strict=True)):
@@ -334,19 +320,19 @@ def _without_torque(log: Log, robot: Robot) -> list[LogFinding]:
         text = f"targets and no torque of {', '.join(lacking)}, and the robot states no gains of "
         ways = "\n".join(state_gear(joint, "kp", "kd") for joint in lacking)
         way = f"State them (of drives that set the voltage: duty_gain instead of kp and kd): {ways}"
-        add("no_drive_gains", f"{text}their position drives.", way)
+        yield LogFinding("error", "no_drive_gains", "", f"{text}their position drives.", way)
     elif lacking:
         text = f"no torque of {', '.join(lacking)}: one of rotor_torque, motor_torque, current and "
         text += "joint_torque is needed, or target_position and the drive's gains kp and kd."
         sought = [f"{joint}.{quantity}" for joint in lacking for quantity in ASKED]
         way, mend = unread(log.source.ignored, sought)
-        whole = len(mend.get("columns", {})) == len(lacking)
-        add("no_torque", text, way if whole else f"{_NO_TORQUE} {way}".rstrip(), mend)
+        if len(mend.get("columns", {})) < len(lacking):
+            way = f"{_NO_TORQUE} {way}".rstrip()
+        yield LogFinding("error", "no_torque", "", text, way, mend)
     if silent:
         text = f"the log gives currents of {', '.join(silent)}, and the robot no torque constant."
         way = "State it: " + "\n".join(state_gear(joint, "torque_constant") for joint in silent)
-        add("no_torque_constant", text, way)
-    return found
+        yield LogFinding("error", "no_torque_constant", "", text, way)
 
 
 def match_joints(
@@ -554,25 +540,18 @@ def _pieces(log: Log) -> list[Log]:
 
 
 def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> LogQuality:
-    resting = resting_joints(log)
-    fits = {joint: fit for joint, fit in velocity_fits(log).items() if joint not in resting}
     ratios = single_ratios(robot) if robot is not None else {}
     kinds = {finding.kind for finding in suspected}
     said = {finding.column for finding in suspected}
     said |= {name for f in suspected for name in f.likeliest.get("columns", {})}
-    velocities = check_velocities(log, fits) if "time_unit" not in kinds else []
     certain = any(finding.severity == "error" for finding in suspected)
     ranges = [] if kinds & {"gear_side", "counts"} else check_ranges(log, robot)
     lacks = check_robot(log, robot) if robot is not None else []
     findings = [
         *suspected,
         *lacks,
-        *check_clock(log),
-        *check_rest(log, resting),
-        *check_channels(log, resting),
-        *check_stuck(log, resting),
+        *check_alone(log, said),
         *check_rotor_positions(log, ratios),
-        *(f for f in velocities if f.column not in said),
         *(f for f in ranges if f.column not in said or (f.severity == "error" and not certain)),
         *check_reading(log, lacks),
     ]
@@ -589,30 +568,21 @@ def _quality(log: Log, robot: Robot | None, suspected: Sequence[LogFinding]) -> 
     )
 
 
-def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
-    """Return findings about rotor positions whose ratio to the joint is not the gear's.
+def check_rotor_positions(log: Log, ratios: Mapping[str, float]) -> Iterator[LogFinding]:
+    """Yield findings about rotor positions whose ratio to the joint is not the gear's.
 
     Args:
         log: the log.
         ratios: gear ratio N of joints whose motor drives that joint alone.
     """
-    findings: list[LogFinding] = []
-    for joint in log.with_quantity("rotor_position"):
-        name = f"{joint}.rotor_position"
-        if not log.has(f"{joint}.position") or joint not in ratios:
-            continue
-        position = log.column(f"{joint}.position")
-        seen = turns_ratio(position, log.column(name))
-        if np.ptp(position) < 1e-3:
-            continue
-        if abs(seen / ratios[joint] - 1.0) > _SCALE_ERROR:
-            text = (
-                f"it moves {seen:.4g} times as far as the joint, the gear ratio being "
-                f"{ratios[joint]:g}."
-            )
+    held = [joint for joint in log.with_quantity("rotor_position") if joint in ratios]
+    for joint in (joint for joint in held if log.has(f"{joint}.position")):
+        name, position = f"{joint}.rotor_position", log.column(f"{joint}.position")
+        seen, ratio = turns_ratio(position, log.column(name)), ratios[joint]
+        if np.ptp(position) >= 1e-3 and abs(seen / ratio - 1.0) > _SCALE_ERROR:
+            text = f"it moves {seen:.4g} times as far as the joint, the gear ratio being {ratio:g}."
             way = "Check on which side of the gear both are, and the gear ratio of the robot."
-            findings.append(LogFinding("error", "gear_side", name, text, way))
-    return findings
+            yield LogFinding("error", "gear_side", name, text, way)
 
 
 def _gravest_first(findings: Sequence[LogFinding]) -> tuple[LogFinding, ...]:
