@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -430,17 +429,6 @@ class Robot(Remade):
         """Return where the links are from, as the source of a robot that no file can refer to."""
         return None if self.source is None else replace(self.source, changed=True)
 
-    def _with(self, **changes: Any) -> Robot:
-        """Return a copy with changes that leave names, joints and frames of contacts as they are.
-
-        Nothing is checked anew: a diagnosis makes some hundred thousand robots, and the checks took
-        a tenth of its time.
-        """
-        other = object.__new__(Robot)
-        for name in _FIELDS:
-            object.__setattr__(other, name, changes.get(name, self.__dict__[name]))
-        return other
-
     def neutral(self) -> FloatArray:
         """Return pinocchio's neutral configuration, (nq,)."""
         return np.asarray(pin.neutral(self.model), dtype=np.float64)
@@ -465,6 +453,3 @@ class Robot(Remade):
         for name, value in joints.items():
             q[self.position_index(name)] = value
         return q
-
-
-_FIELDS = tuple(one.name for one in fields(Robot))

@@ -95,17 +95,11 @@ class WedgeBlock:
         Raises:
             TransmissionError: BACKWARD on a self-locking wedge, or STUCK, which has no motion.
         """
-        eta = self._efficiency(mode)
         wedge = self.wedge_mass / cos(self.slope) ** 2
         if mode is Direction.FORWARD:
-            return self.block_mass / eta + wedge
-        return self.block_mass + eta * wedge
-
-    def _efficiency(self, mode: Direction) -> float:
-        if mode is Direction.FORWARD:
-            return self.forward_efficiency
+            return self.block_mass / self.forward_efficiency + wedge
         if mode is Direction.BACKWARD and self.backward_efficiency > 0.0:
-            return 1.0 / self.backward_efficiency
+            return self.block_mass + wedge / self.backward_efficiency
         raise TransmissionError(
             f"the wedge does not move in mode {mode.name.lower()}"
             f" (backward efficiency {self.backward_efficiency:g})."

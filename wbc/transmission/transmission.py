@@ -35,14 +35,10 @@ class GearNumber(NamedTuple):
     rules: tuple[_Rule, ...]
 
 
-def _told(unit: str, default: float | None, *rules: _Rule) -> Mapping[str, GearNumber]:
-    """Return what makes a field one of the numbers of a gear; arguments as of `GearNumber`."""
-    return {"number": GearNumber(unit, default, rules)}
-
-
-def _number(unit: str, default: float | None, *rules: _Rule) -> Any:
-    """Return the field of a number that may be left out."""
-    return field(default=None, metadata=_told(unit, default, *rules))
+def _number(unit: str, default: float | None, *rules: _Rule, needed: bool = False) -> Any:
+    """Return the field of a number of a gear, which may be left out unless it is needed."""
+    told = {"number": GearNumber(unit, default, rules)}
+    return field(metadata=told) if needed else field(default=None, metadata=told)
 
 
 def _above_zero(unit: str, default: float | None, *, zero: bool = False) -> Any:
@@ -100,8 +96,8 @@ class Transmission(Remade):
     """
 
     joints: tuple[str, ...]
-    gear_ratio: FloatArray = field(metadata=_told("1", None, (lambda x: x != 0.0, "other than 0")))
-    rotor_inertia: FloatArray = field(metadata=_told("kg m^2", None, (lambda x: x >= 0.0, ">= 0")))
+    gear_ratio: FloatArray = _number("1", None, (lambda x: x != 0.0, "other than 0"), needed=True)
+    rotor_inertia: FloatArray = _number("kg m^2", None, (lambda x: x >= 0.0, ">= 0"), needed=True)
     topology: FloatArray = None  # type: ignore[assignment]
     forward_efficiency: FloatArray = _number(
         "1", 1.0, (lambda x: x > 0.0, "> 0"), (lambda x: x <= 1.0, "<= 1")
@@ -221,9 +217,7 @@ class Transmission(Remade):
         """
         if not changes.keys() <= GEAR_NUMBERS.keys() or any(v is None for v in changes.values()):
             return replace(self, **changes)
-        copy: Transmission = object.__new__(type(self))
-        for one in fields(self):
-            object.__setattr__(copy, one.name, getattr(self, one.name))
+        copy = self._with()
         for name, values in changes.items():
             copy._store(name, values)
         return copy
