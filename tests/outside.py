@@ -6,7 +6,7 @@ import pytest
 
 from wbc import Robot, load_robot
 from wbc.measurement import Log, load_logs
-from wbc.robot.library import robots_directory
+from wbc.robot import robots_directory
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data"

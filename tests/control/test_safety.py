@@ -23,8 +23,7 @@ from wbc.control import (
 )
 from wbc.control.qp.solvers import QPStatus, solve
 from wbc.effects import load_robot
-from wbc.robot import Motion
-from wbc.robot.library import robot_names
+from wbc.robot import Motion, robot_names
 from wbc.sim import Plant, simulate
 
 DT = 1e-3

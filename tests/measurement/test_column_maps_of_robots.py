@@ -10,7 +10,7 @@ from tests.outside import outside
 from wbc.identification.readings import check_log
 from wbc.measurement import Log, align_velocity, derivative, load_log, load_logs, low_pass
 from wbc.measurement.filters import fit_velocity
-from wbc.robot.library import robots_directory
+from wbc.robot import robots_directory
 
 PENDULUM = "dfki_double_pendulum/double_pendulum.parquet"
 

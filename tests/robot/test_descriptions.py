@@ -11,7 +11,7 @@ from wbc.control import Controller, PostureTask
 from wbc.effects import load_robot
 from wbc.errors import RobotError, TransmissionError, WbcError
 from wbc.robot import Motion, robot_names, robots_directory
-from wbc.robot.library import find_description
+from wbc.robot.description import find_description
 from wbc.sim import Plant
 
 LEG = """

@@ -57,10 +57,7 @@ def inertial_regressor(robot: Robot, motion: Motion) -> FloatArray:
 
 def inertial_parameters(robot: Robot) -> FloatArray:
     """Return theta (10 n_links,), pinocchio's dynamic parameters of every moving link."""
-    inertias = list(robot.model.inertias)[1:]
-    if not inertias:
-        return np.zeros(0)
-    return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
+    return np.ravel([body.toDynamicParameters() for body in list(robot.model.inertias)[1:]])
 
 
 def contact_torque(

@@ -15,7 +15,7 @@ from wbc.effects.gear_losses import SIDES
 from wbc.errors import RobotError, require_known
 from wbc.files import SCHEMA, write_text
 from wbc.robot import Effect, Robot
-from wbc.robot.description import RobotDescription, build_robot, read_description, with_gear_numbers
+from wbc.robot.description import build_robot, read_description, with_gear_numbers
 from wbc.robot.robot import RobotSource
 from wbc.robot.table import check_keys, number_in
 from wbc.transmission import DRIVE_TIMES
@@ -34,18 +34,20 @@ def load_robot(name: str | Path) -> Robot:
         RobotError: nothing of that name, or a mistake in the file (the message says where).
         EffectError: an effect, place or parameter that does not exist or is out of bounds.
     """
-    return _load(read_description(name), ())
+    return _load(name, ())
 
 
-def _load(description: RobotDescription, referring: tuple[Path, ...]) -> Robot:
-    base = description.base_robot
-    if base is None:
-        return build_robot(description)
-    path, table = description.path, description.table
+def _load(name: str | Path, referring: tuple[Path, ...]) -> Robot:
+    path, table = read_description(name)
+    if "robot" not in table:
+        return build_robot(path, table)
+    base = str(table["robot"])
     if path.resolve() in referring:
         raise RobotError(f"{path}: 'robot' refers back to this file through '{base}'.")
     check_keys(table, _KEYS, f"{path}")
-    robot = _load(description.base(), (*referring, path.resolve()))
+    beside = path.parent / base  # it may lie beside this file
+    described = beside.is_file() or (beside / "robot.toml").is_file()
+    robot = _load(beside if described else base, (*referring, path.resolve()))
     if table.get("lossless", False):
         robot = robot.lossless()
     if "gears" in table:

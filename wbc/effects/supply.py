@@ -11,7 +11,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import ScaledDrive, range_of
 from wbc.robot import Effect, Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
-from wbc.robot.search import usual_cost
+from wbc.robot.effect import usual_cost
 
 _SAG_LEAVES = 0.1  # share of the torque that is left, however much power is drawn
 

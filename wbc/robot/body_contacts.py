@@ -126,14 +126,10 @@ def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.array(planes), np.reshape(edges, (-1, 12))
 
 
-_TURN = np.arange(400) + 0.5
-_DIRECTIONS = np.column_stack(
-    (
-        np.sqrt(1.0 - (1.0 - _TURN / 200.0) ** 2) * np.cos(2.399963 * _TURN),
-        np.sqrt(1.0 - (1.0 - _TURN / 200.0) ** 2) * np.sin(2.399963 * _TURN),
-        1.0 - _TURN / 200.0,
-    )
-)  # (400, 3) evenly over the sphere, 10 degrees apart: golden angle around, even steps up
+_TURN, _HEIGHT = 2.399963 * (np.arange(400) + 0.5), 1.0 - (np.arange(400) + 0.5) / 200.0
+_WIDE = np.sqrt(1.0 - _HEIGHT**2)
+# (400, 3) evenly over the sphere, 10 degrees apart: golden angle around, even steps up
+_DIRECTIONS = np.column_stack((_WIDE * np.cos(_TURN), _WIDE * np.sin(_TURN), _HEIGHT))
 _RIM = 8  # points on the rim of a disc: lying on its side it sinks by 1 - cos(pi/8) = 8 % of r
 
 

@@ -36,25 +36,15 @@ def unit_at(robot: Robot, where: str, unit: str) -> str:
     return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
-def coordinate_names(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return a name and the unit of the force ("N m" or "N") of every coordinate, (nv,) each."""
-    names, units = [""] * robot.model.nv, ["N m"] * robot.model.nv
-    for number in range(1, robot.model.njoints):
-        joint, name = robot.model.joints[number], str(robot.model.names[number])
-        if joint.nv == 1:
-            names[joint.idx_v] = name
-            units[joint.idx_v] = "N" if slides(robot, name) else "N m"
-            continue
-        for part in range(joint.nv):
-            force = joint.nv == 6 and part < 3
-            names[joint.idx_v + part] = f"{name} {'force' if force else 'moment'} {'xyz'[part % 3]}"
-            units[joint.idx_v + part] = "N" if force else "N m"
-    return tuple(names), tuple(units)
-
-
 def output_units(robot: Robot) -> tuple[str, ...]:
     """Return the unit of every output of a residual: driven joints, then the other coordinates."""
-    _, units = coordinate_names(robot)
+    units = ["N m"] * robot.model.nv
+    for name in robot.joints:
+        joint = robot.model.joints[robot.model.getJointId(name)]
+        if joint.nv == 6:
+            units[joint.idx_v : joint.idx_v + 3] = ["N"] * 3
+        elif joint.nv == 1 and slides(robot, name):
+            units[joint.idx_v] = "N"
     return tuple(units[row] for row in (*robot.actuated, *robot.unactuated))
 
 

@@ -1,9 +1,10 @@
-"""Robots from their own description, `robot.toml` beside a URDF or MJCF file."""
+"""Robots from their own description, `robot.toml` beside a URDF or MJCF file, by name or path."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray, checked
-from wbc.errors import RobotError, require_known
+from wbc.errors import RobotError, require_known, unknown_name
 from wbc.files import load_table
 from wbc.robot.coordinates import unit_at
-from wbc.robot.library import find_description, find_model, robot_names
 from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.model_file import closed_loops, driven_joints, read_model
 from wbc.robot.robot import Robot, RobotSource
@@ -46,53 +46,108 @@ _TRANSMISSION_KEYS = ("topology", "rotor_coupling")
 _CONTACT_KEYS = ("name", "frame", "offset", "friction", "radius")
 
 
-@dataclass(frozen=True)
-class RobotDescription:
-    """A parsed `robot.toml`, or a file that adds effects to one.
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SOURCES = (_PACKAGE / "_robots", _PACKAGE.parent / "robots")
 
-    Attributes:
-        path: the file.
-        table: its content.
+
+def robots_directory() -> Path:
+    """Return the folder of the shipped robots (inside the wheel, or beside `wbc` in a checkout).
+
+    Raises:
+        RobotError: the installation lacks the folder.
     """
-
-    path: Path
-    table: Mapping[str, Any]
-
-    @property
-    def base_robot(self) -> str | None:
-        """Name or path of the robot that this file adds effects to; None if it is one itself."""
-        reference = self.table.get("robot")
-        return None if reference is None else str(reference)
-
-    def base(self) -> RobotDescription:
-        """Return the description of `base_robot`, which may lie beside this file.
-
-        Raises:
-            RobotError: see `read_description`.
-        """
-        beside = self.path.parent / str(self.base_robot)
-        described = beside.is_file() or (beside / "robot.toml").is_file()
-        return read_description(beside if described else str(self.base_robot))
+    for folder in _SOURCES:
+        if folder.is_dir():
+            return folder
+    raise RobotError("the shipped robots are missing from this installation; reinstall wbc.")
 
 
-def read_description(name: str | Path) -> RobotDescription:
-    """Find and parse the description of a robot.
+def robot_names() -> tuple[str, ...]:
+    """Return the names of the shipped robots."""
+    return tuple(sorted(p.parent.name for p in robots_directory().glob("*/robot.toml")))
+
+
+def find_description(name: str | Path) -> Path:
+    """Return the TOML file that describes a robot.
+
+    Args:
+        name: a shipped robot's name, a TOML file, or a folder that holds `robot.toml`.
+
+    Raises:
+        RobotError: nothing of that name; the message lists the shipped robots.
+    """
+    path = Path(name)
+    if path.suffix == ".toml":
+        if path.is_file():
+            return path
+        raise RobotError(f"no robot description at '{path}'.")
+    if (path / "robot.toml").is_file():
+        return path / "robot.toml"
+    if str(name) not in robot_names():
+        unknown = unknown_name("robot", str(name), robot_names())
+        raise RobotError(f"{unknown} Or give the path of a robot.toml.")
+    return robots_directory() / str(name) / "robot.toml"
+
+
+def find_model(reference: str, folder: Path) -> Path:
+    """Return the URDF or MJCF file that a description refers to.
+
+    Args:
+        reference: a path relative to the description, or `package:path` for a file inside an
+            installed Python package (for example `example_robot_data:robots/...`).
+        folder: folder of the description.
+
+    Raises:
+        RobotError: no such file or package.
+    """
+    if ":" not in reference:
+        path = (folder / reference).resolve()
+        if not path.is_file():
+            raise RobotError(f"the model file '{reference}' is not in '{folder}'.")
+        return path
+    package, inner = reference.split(":", 1)
+    for root in _package_roots(package):
+        candidate = root / inner
+        if candidate.is_file():
+            return candidate
+    raise RobotError(
+        f"the model '{inner}' of package '{package}' is not installed; "
+        f"install it with: pip install {package.replace('_', '-')}"
+    )
+
+
+def _package_roots(package: str) -> list[Path]:
+    """Return folders in which a data package may keep its files.
+
+    Wheels built with cmeel put them under a shared prefix instead of a package of their own.
+    """
+    spec = find_spec(package) if package.isidentifier() else None
+    own = list(spec.submodule_search_locations or []) if spec is not None else []
+    prefix = Path(pin.__file__).resolve().parents[4] / "share" / package.replace("_", "-")
+    return [*map(Path, own), prefix]
+
+
+def read_description(name: str | Path) -> tuple[Path, dict[str, Any]]:
+    """Find and parse the description of a robot, or a file that adds effects to one.
 
     Raises:
         RobotError: no such robot, or a file that is not TOML (with the place of the mistake).
     """
     path = find_description(name)
-    return RobotDescription(path, load_table(path, "the robot description", RobotError))
+    return path, load_table(path, "the robot description", RobotError)
 
 
-def build_robot(description: RobotDescription) -> Robot:
+def build_robot(path: Path, table: Mapping[str, Any]) -> Robot:
     """Return the robot that a description describes, without effects.
+
+    Args:
+        path: the file.
+        table: its content.
 
     Raises:
         RobotError: a key, unit, joint or file that does not exist; the message names the place.
         TransmissionError: a number outside its range.
     """
-    table, path = description.table, description.path
     check_keys(table, _TOP_LEVEL, f"{path}")
     if "model" not in table:
         raise RobotError(f"{path}: the key 'model' is missing (the URDF or MJCF file).")

@@ -126,10 +126,8 @@ def _set_aside(model: pin.Model, path: Path) -> tuple[str, ...]:
                 f"{path.name}: {label} ({rows}) was read and set aside; give it in robot.toml "
                 "(rotor_inertia) or as an effect (viscous_friction, coulomb_friction)."
             )
-    model.armature = np.zeros(model.nv)
-    model.damping = np.zeros(model.nv)
-    model.upperDryFrictionLimit = np.zeros(model.nv)
-    model.lowerDryFrictionLimit = np.zeros(model.nv)
+    for name in ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit"):
+        setattr(model, name, np.zeros(model.nv))
     tag = "transmission" if path.suffix == ".urdf" else "actuator"
     if xml_root(path).find(f".//{tag}") is not None:
         notes.append(f"{path.name}: <{tag}> was ignored; gears stand in robot.toml.")
