@@ -5,8 +5,11 @@ from wbc.effects.drive import (
     ActuationDelay as ActuationDelay,
     CurrentLimit as CurrentLimit,
     RotorInertia as RotorInertia,
+    SupplySag as SupplySag,
+    ThermalDrift as ThermalDrift,
     TorqueConstant as TorqueConstant,
     TorqueOffset as TorqueOffset,
+    VoltageScaling as VoltageScaling,
 )
 from wbc.effects.formula import CustomTorque as CustomTorque, TorqueTerm as TorqueTerm
 from wbc.effects.friction import (
@@ -25,19 +28,15 @@ from wbc.effects.gear_losses import (
     TransmissionEfficiency as TransmissionEfficiency,
 )
 from wbc.effects.joint_effect import JointEffect as JointEffect
-from wbc.effects.link_inertias import LinkInertia as LinkInertia, LinkInertias as LinkInertias
 from wbc.effects.links import (
     CenterOfMass as CenterOfMass,
     ContactRadius as ContactRadius,
     GravityDirection as GravityDirection,
+    LinkInertia as LinkInertia,
+    LinkInertias as LinkInertias,
     PayloadMass as PayloadMass,
 )
 from wbc.effects.position_torques import JointSpring as JointSpring, TorqueRipple as TorqueRipple
 from wbc.effects.presliding import LoadPresliding as LoadPresliding, Presliding as Presliding
 from wbc.effects.saved import load_robot as load_robot, save_robot as save_robot
 from wbc.effects.sensing import ForceSensorGain as ForceSensorGain, PositionOffset as PositionOffset
-from wbc.effects.supply import (
-    SupplySag as SupplySag,
-    ThermalDrift as ThermalDrift,
-    VoltageScaling as VoltageScaling,
-)

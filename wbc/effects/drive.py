@@ -1,15 +1,27 @@
-"""What a drive does with the torque it was asked for, and the inertia of its rotor."""
+"""What a drive does with the torque it was asked for; its supply and warmth, and its rotor."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.effects.joint_effect import GearNumbers, JointEffect, ScaledDrive
-from wbc.robot import Evidence, Memory, Motion, Robot, Screen, SearchOffer, Usual, number
+from wbc.effects.joint_effect import GearNumbers, JointEffect, ScaledDrive, range_of
+from wbc.robot import (
+    Effect,
+    Evidence,
+    Memory,
+    Motion,
+    Robot,
+    Screen,
+    SearchOffer,
+    Usual,
+    number,
+)
+from wbc.robot.effect import usual_cost
 
 # Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
 _USUAL = Usual(1.0, 1.0, 0.2, factor=True)
@@ -219,3 +231,221 @@ class ActuationDelay(JointEffect):
             shifted = np.interp(motion.time + way * delay, motion.time, late)
             result[:, column] = shifted + own[:, column]
         return result
+
+
+_SAG_LEAVES = 0.1  # share of the torque that is left, however much power is drawn
+
+
+@final
+@dataclass(frozen=True)
+class SupplySag(Effect):
+    """All drives deliver less while the motors together draw power: 1 - coefficient * P.
+
+    P is the electrical power of all motors, as reported, where it is positive: torque times speed
+    plus what warms the windings, resistance (torque / torque_constant)^2. A stalled motor draws
+    the latter. Motors whose winding is not described count with torque times speed alone.
+
+    Attributes:
+        coefficient: share of the torque lost per watt [1/W].
+    """
+
+    coefficient: float = field(metadata=number("1/W", 0.0, 0.0, 1.0, 0.001))
+
+    explanation = "Battery and cables have resistance: drives give less while motors draw power."
+    experiment = (
+        "Log the supply voltage while several joints accelerate at once: the torque error "
+        "follows the total power, also on joints that do little themselves."
+    )
+
+    @classmethod
+    def places(cls, robot: Robot) -> tuple[str, ...]:
+        """The whole robot: one supply feeds all drives."""
+        return ("robot",)
+
+    def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque left, (..., m)."""
+        power = np.maximum(np.add(*self._powers(robot, motion, torque)), 0.0)
+        return np.asarray(torque * np.maximum(1.0 - self.coefficient * power, _SAG_LEAVES))
+
+    def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the torque reported for a delivered one, (..., m).
+
+        The share f that is delivered solves f = 1 - coefficient (P_shaft / f + P_heat / f^2), P
+        being the powers of the delivered torque. Newton's method from f = 1 meets the largest
+        root, the one at which more drive still gives more torque.
+        """
+        shaft, heat = self._powers(robot, motion, torque)
+        share = np.ones_like(shaft)
+        for _ in range(12):
+            power = shaft / share + heat / share**2
+            draws = power > 0.0
+            miss = 1.0 - self.coefficient * np.where(draws, power, 0.0) - share
+            growth = self.coefficient * (shaft / share**2 + 2.0 * heat / share**3)
+            slope = np.where(draws, growth, 0.0) - 1.0
+            step = np.where(slope < 0.0, miss / np.where(slope < 0.0, slope, -1.0), share)
+            share = np.clip(share - step, _SAG_LEAVES, 1.0)
+        return np.asarray(torque / share)
+
+    @staticmethod
+    def _powers(robot: Robot, motion: Motion, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the power of all motors at their shafts and in their windings, (..., 1) [W]."""
+        gears = robot.transmission
+        spin = motion.velocity[..., robot.actuated] @ gears.motor_from_joint.T * gears.gear_ratio
+        ohmic = np.nan_to_num(gears.copper_loss)
+        return (
+            np.sum(torque * spin, axis=-1, keepdims=True),
+            np.sum(ohmic * torque**2, axis=-1, keepdims=True),
+        )
+
+
+# A drive that sets the duty of a winding follows its supply fully, one that regulates the current
+# not at all; poor regulation lies between.
+_FOLLOWS = Usual(0.0, 1.0, 0.1)
+_LEAST = 0.05  # share of the torque that is always left
+
+
+def _voltage_screens(
+    kind: type[VoltageScaling], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return the screens of nominal voltages; none where the voltage stayed or was not logged.
+
+    The torque is linear in 1 - share and share / nominal, so two screens span them all: one
+    at the middle of what was logged, and one at the robot's own voltage.
+    """
+    if not _voltage_recognisable(kind.at(where), robot, evidence.motions):
+        return ()
+    lowest, highest = _voltages(robot, where, evidence.motions)
+    described = float(robot.transmission.supply_voltage[robot.transmission.index(where)])
+    nominals = [0.5 * (lowest + highest), highest]
+    if np.isfinite(described):
+        nominals.append(described)
+    tried = np.clip(list(dict.fromkeys(nominals)), 1.0, 1000.0)
+    return Screen.shapes("share", "nominal", tried, step=1e-2)
+
+
+def _voltage_recognisable(effect: VoltageScaling, robot: Robot, motions: Sequence[Motion]) -> bool:
+    """Whether the voltage changed: at one voltage this is a wrong torque constant."""
+    lowest, highest = _voltages(robot, effect.where, motions)
+    return bool(0.0 < lowest < highest < np.inf)
+
+
+def _voltages(robot: Robot, where: str, motions: Sequence[Motion]) -> tuple[float, float]:
+    """Return the lowest and highest voltage [V] at a drive."""
+    return range_of([motion.supply_voltage for motion in motions], robot.transmission.index(where))
+
+
+@final
+@dataclass(frozen=True)
+class VoltageScaling(ScaledDrive):
+    """The drive delivers 1 + share * (U / nominal - 1) times the torque that it reports.
+
+    U is the supply's voltage, the column `<joint>.voltage` of a log. Where none was logged it is
+    the robot's `supply_voltage`; where that is unknown, too, U is the nominal one.
+
+    Attributes:
+        share: how far the torque follows the supply: 1 fully, 0 not at all.
+        nominal: supply [V] at which the drive delivers what it reports.
+    """
+
+    share: float = field(metadata=number("1", 0.0, 0.0, 2.0, 0.1, usual=_FOLLOWS))
+    nominal: float = field(metadata=number("V", 24.0, 1.0, 1000.0, 1.0, shape=True))
+
+    explanation = (
+        "The drive turns torque into a share of the supply's voltage and takes that voltage for "
+        "constant: on a battery that runs down it delivers less than it reports."
+    )
+    experiment = (
+        "Repeat one motion at two supply voltages, such as a full and a nearly empty battery, and "
+        "log the voltage: the torque is off by the ratio of the two."
+    )
+    search = SearchOffer(
+        claims=2,  # a torque that is off, and that it follows the supply
+        screens=_voltage_screens,
+        recognisable=_voltage_recognisable,
+    )
+
+    def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the share of the torque that is left, (...)."""
+        gear = self.gear(robot)
+        voltage = np.asarray(robot.transmission.supply_voltage[gear])
+        if motion.supply_voltage is not None:
+            voltage = motion.supply_voltage[..., gear]
+        known = np.where(np.isfinite(voltage), voltage, self.nominal)
+        return np.maximum(1.0 + self.share * (known / self.nominal - 1.0), _LEAST)
+
+
+# Windings of motors from a finger's to an arm's size warm up in 2 to 60 s, their housings in
+# minutes to an hour (makers' data sheets); a longer time is a steady drift.
+_WARMS_UP_IN = Usual(5.0, 1e5, 0.4, factor=True)  # [s]
+# Magnets lose 0.1 (rare earths) to 0.2 % (ferrite) of their torque per kelvin; windings of a motor
+# that is fed a voltage lose 0.4 %. A motor that was warm and cools down gains some of it back.
+_LOST = Usual(0.0, 0.2, 0.15)
+
+
+def _drift_screens(
+    kind: type[ThermalDrift], robot: Robot, where: str, evidence: Evidence
+) -> tuple[Screen, ...]:
+    """Return one screen per time constant, from a tenth of the log's length to ten times."""
+    times = [motion.time for motion in evidence.motions if motion.time is not None]
+    if not times:
+        return ()
+    length = max(float(time[-1] - time[0]) for time in times)
+    tried = np.clip(np.multiply((0.1, 0.4, 2.0, 10.0), length), 1.0, 1e5)
+    return Screen.shapes("rate", "time_constant", tried, step=1e-5)
+
+
+def _drift_implausibility(effect: ThermalDrift, robot: Robot, motions: Sequence[Motion]) -> float:
+    """Return what the time constant costs, and the torque lost at the end of the logs."""
+    lost = max((effect.rate * float(np.max(effect._warm(m, 0.5))) for m in motions), key=_LOST.cost)
+    return usual_cost(effect) + _LOST.cost(lost)
+
+
+@final
+@dataclass(frozen=True)
+class ThermalDrift(ScaledDrive):
+    """The delivered torque falls as the motor warms up: 1 - rate tau (1 - exp(-t/tau)).
+
+    t counts from the start of the log; a simulator carries the warmth from step to step, so that a
+    motor stays warm where a run is taken up again. A negative rate is a motor that grows
+    stronger; a time constant much longer than the log is a steady drift.
+
+    Attributes:
+        rate: share of the torque lost per second at the start [1/s].
+        time_constant: tau [s].
+    """
+
+    rate: float = field(metadata=number("1/s", 0.0, -0.5, 0.5, 0.005))
+    time_constant: float = field(
+        metadata=number("s", 60.0, 1.0, 1e5, 10.0, shape=True, usual=_WARMS_UP_IN)
+    )
+
+    explanation = "As magnets and windings warm up, the same motion asks for ever more torque."
+    experiment = (
+        "Repeat one loaded motion for several minutes and log the motor's temperature: the "
+        "torque drifts with it and comes back after a pause."
+    )
+    search = SearchOffer(screens=_drift_screens, implausibility=_drift_implausibility)
+
+    def first_memory(self, robot: Robot) -> FloatArray:
+        """Return how warm the motors are, as the drift's warm seconds (k,): cold."""
+        return np.zeros(np.size(self.rate))
+
+    def next_memory(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
+        """Return the warm seconds (k,) at the end of a step."""
+        return np.ravel(self._warm(motion, 1.0))
+
+    def factor_at(self, robot: Robot, motion: Motion) -> FloatArray:
+        """Return the share of the torque that is left, (...)."""
+        return np.maximum(1.0 - self.rate * self._warm(motion, 0.5), _LEAST)
+
+    def _warm(self, motion: Motion, share: float) -> FloatArray:
+        """Return w, dw/dt = 1 - w/tau, from w = 0: along a log, or `share` of a step onward."""
+        if motion.memory is not None:
+            time = np.asarray(share * motion.memory.step)
+            start = np.reshape(motion.memory.value, np.shape(self.rate))
+        else:
+            none = np.zeros(motion.velocity.shape[:-1])
+            time = none if motion.time is None else np.asarray(motion.time)
+            time, start = time.reshape((*time.shape, *(1,) * np.ndim(self.rate))), np.zeros(())
+        gone = -np.expm1(-time / self.time_constant)
+        return np.asarray(start + (self.time_constant - start) * gone)

@@ -15,7 +15,7 @@ from wbc.effects.friction import (
     ViscousFriction,
 )
 from wbc.effects.gear_losses import LoadFriction
-from wbc.effects.link_inertias import LinkInertia, LinkInertias
+from wbc.effects.links import LinkInertia, LinkInertias
 from wbc.identification.choice.evidence import Hypothesis
 from wbc.identification.choice.trials import Trials
 from wbc.identification.model.estimation_problem import EstimationProblem
