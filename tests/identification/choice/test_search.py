@@ -1,5 +1,7 @@
 """The search: causes give way to the one that they imitate, and unlikely numbers cost."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,22 +23,26 @@ from wbc.effects import (
     TorqueConstant,
     TorqueRipple,
     TransmissionEfficiency,
+    ViscousFriction,
     load_robot,
 )
 from wbc.effects.links import add_point_mass
 from wbc.errors import DynamicsError
 from wbc.identification import diagnose
 from wbc.identification.choice import gears
-from wbc.identification.choice.design_matrix import Beside, DesignMatrix
+from wbc.identification.choice.candidate_columns import Regressor
+from wbc.identification.choice.drop_screen import until_null
 from wbc.identification.choice.gears import two_gears
+from wbc.identification.choice.linear_screen import LinearScreen, Subset, screen
 from wbc.identification.choice.plain_models import plain_fits
 from wbc.identification.choice.prior import implausible
 from wbc.identification.choice.proposals import Proposer
 from wbc.identification.choice.search import Search
 from wbc.identification.choice.trials import Trials
+from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.yielding import deflects
-from wbc.robot import Effect, Evidence, Motion
+from wbc.robot import Effect, Evidence, Motion, Screen
 from wbc.sim.excitation import record_with
 
 AT_ONCE = tuple(kind for kind in EFFECTS.values() if not deflects(kind))
@@ -178,38 +184,50 @@ def test_a_fit_with_less_than_a_period_is_not_believed(order: float, believed: b
     assert (sum(implausible(problem, fit)) < 1.0) is believed
 
 
+def test_a_screen_leaves_what_a_fit_without_each_fold_leaves() -> None:
+    """Beside causes known already, and in the place of one of them; of one cause and of two."""
+    hidden = [CoulombFriction("hip", 0.5), ViscousFriction("knee", 0.3)]
+    logs = record_with(LEG, [*hidden, ViscousFriction("hip", 0.02)], duration=3.0)
+    problem = EstimationProblem.from_logs(LEG, logs)
+    own = problem.fit([ViscousFriction("hip", 0.1)])
+    whole = screen(problem, own, (CoulombFriction, ViscousFriction))
+    causes = {regressor.key: k for k, regressor in enumerate(whole.regressors)}
+    other = whole.instead_of(*until_null(own, own.effects, LEG), LEG, own.effects[0].key)
+    for beside, kept in ((whole, own.effects), (other, ())):
+        for some in (hidden[:1], hidden):
+            chosen = [causes[effect.key] for effect in some]
+            fit, squares = problem.fit([*kept, *some]), 0.0
+            for fold in np.unique(problem.folds):
+                inside = problem.folds == fold
+                rest, held = (
+                    fit.jacobian[rows].reshape(-1, len(fit.parameters))
+                    for rows in (~inside, inside)
+                )
+                step = np.linalg.lstsq(rest, -fit.residual[~inside].ravel(), rcond=None)[0]
+                squares += np.sum((fit.residual[inside].ravel() + held @ step) ** 2)
+            # A thousandth of each column keeps what a fold alone knows: .03 of the 2500 explained.
+            left = pytest.approx(squares / fit.residual.size, rel=1e-3, abs=0.05)
+            assert beside.error(chosen) == left
+            built = beside.effects(Subset(tuple(chosen), 0.0))
+            for effect, same in zip(built, fit.effects[len(kept) :], strict=True):
+                assert effect.values == pytest.approx(same.values, rel=1e-2)
+    best = other.pairs(10)[0]
+    assert [other.regressors[k].key for k in best.regressors] == [one.key for one in hidden]
+    assert best.error < next(other.best_first()).error
+
+
 def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> None:
-    random = np.random.default_rng(3)
-    folds = np.repeat([0, 1, 2], 20)
-    columns = np.zeros((60, 1, 1))
-    columns[50:55] = 5.0  # a limit that was reached once
-    residual = columns[..., 0] + 0.1 * random.standard_normal((60, 1))
-    without = DesignMatrix.from_rows(columns, residual, folds)
-    with_it = DesignMatrix.from_rows(columns, residual, folds, np.ones(1))
-    assert Beside(without, []).held_out([0]) == pytest.approx(np.mean(residual**2), rel=0.01)
-    assert Beside(with_it, []).held_out([0]) < 0.02
-
-
-def test_held_out_errors_and_gains_equal_those_of_separate_fits() -> None:
-    random = np.random.default_rng(2)
-    columns = random.standard_normal((60, 2, 5))
-    columns[..., 1] = columns[..., 0] + 1e-2 * columns[..., 1]  # of which the difference counts
-    residual = random.standard_normal((60, 2)) + 50.0 * (columns[..., 0] - columns[..., 1])
-    folds = np.repeat([0, 1, 2], 20)
-    matrix = DesignMatrix.from_rows(columns, residual, folds)
-
-    def left(chosen: list[int], train: np.ndarray, test: np.ndarray) -> float:
-        a, r = columns[..., chosen], residual
-        x = np.linalg.lstsq(a[train].reshape(-1, len(chosen)), r[train].ravel(), rcond=None)[0]
-        return float(np.sum((r[test] - a[test] @ x) ** 2))
-
-    three = [0, 2, 3]
-    squares = sum(left(three, folds != fold, folds == fold) for fold in range(3))
-    for k in range(4):  # chosen, the others free
-        error = Beside(matrix, three[k:]).held_out(three[:k])
-        assert error == pytest.approx(squares / residual.size, rel=1e-3)
-    gains, every = Beside(matrix, [3, 4]).gains_of_two(3), folds >= 0
-    before = left([3, 4], every, every)
-    for pair in ((0, 1), (0, 2), (1, 2)):
-        gain = before - left([*pair, 3, 4], every, every)
-        assert gains[pair] == pytest.approx(gain, rel=1e-6)
+    problem = EstimationProblem.from_logs(LEG, record_with(LEG, [], duration=3.0))
+    fit, random = problem.fit([]), np.random.default_rng(3)
+    column = np.zeros((len(fit.residual), 2, 1))
+    column[np.flatnonzero(problem.folds == 1)[5:10], 0] = 5.0  # a limit that was reached once
+    residual = -0.1 * random.standard_normal(fit.residual.shape)
+    residual[:, 0] += column[:, 0, 0]
+    errors = []
+    for expected in (0.0, 1.0):
+        shape = Screen(({"level": 1.0},), lambda c: {"level": 1.0}, expected)
+        once = Regressor(CoulombFriction, "hip", shape, SparseColumns.of(column), np.zeros((1, 1)))
+        made = LinearScreen(replace(fit, residual=residual), [once], np.eye(2), problem.folds)
+        errors.append(made.error([0]))
+    assert errors[0] == pytest.approx(np.mean(residual**2), rel=0.01)
+    assert errors[1] < 0.02

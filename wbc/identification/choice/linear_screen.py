@@ -1,26 +1,39 @@
-"""Which causes explain a residual: columns beside a fit, judged by held-out error, best first."""
+"""Which causes explain a residual: columns beside a fit, judged by held-out error, best first.
+
+Everything is read off normal equations per fold. Noise is correlated between outputs, so that a
+whitened column differs from zero at most outputs; as it is, a column mostly does so at one. Its
+products are summed as it is: with W what whitens,
+
+    sum over rows of (A W)' (A W) = sum over outputs o, p of (W W')_op A_o' A_p.
+
+Columns that many outputs feel are whitened first: that is fewer products.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from heapq import heappop, heappush
+from itertools import compress, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.identification.choice.candidate_columns import Regressor, evidence, make_regressors
-from wbc.identification.choice.design_matrix import Beside, DesignMatrix, fold_sums
 from wbc.identification.choice.evidence import Key
+from wbc.identification.model.columns import SparseColumns
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import evaluate
+from wbc.identification.records.record import rows_of_folds
 from wbc.robot import Effect, Evidence, Robot
 
+_RIDGE = 1e-10
+_RIDGE_HELD_OUT = 1e-3
+_ALIKE = 1e-6  # of squares, that two columns must differ by to be two
 _COLUMNS = 4  # pairs of columns per pair of causes, at most
-_ROUNDING = 1.0 - 1e-6  # by which a bound is lowered
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,25 @@ class Subset:
 
     regressors: tuple[int, ...]
     error: float
+
+
+class FoldSums(NamedTuple):
+    """What linear fits need to know of their rows, by fold."""
+
+    gram: FloatArray
+    """(K, c, c) products of columns."""
+    moment: FloatArray
+    """(K, c) of columns and residual."""
+    energy: FloatArray
+    """(K,) of the residual with itself."""
+    entries: int
+    """Of the residual."""
+
+    def moved(self, chosen: IntArray, steps: FloatArray) -> FoldSums:
+        """Return the same for a residual from which some columns times `steps` are taken."""
+        along = self.gram[:, :, chosen] @ steps
+        energy = self.energy - 2.0 * self.moment[:, chosen] @ steps + along[:, chosen] @ steps
+        return self._replace(moment=self.moment - along, energy=energy)
 
 
 class LinearScreen:
@@ -59,33 +91,28 @@ class LinearScreen:
         """
         self.robot = fit.robot
         self.regressors = list(regressors)
-        ends = np.cumsum([regressor.size for regressor in self.regressors])
-        self._slices = [
-            list(range(end - regressor.size, end))
-            for regressor, end in zip(self.regressors, ends, strict=True)
-        ]
-        first = int(ends[-1]) if self.regressors else 0
-        self._nuisance = list(range(first, first + fit.jacobian.shape[-1]))
-        expected = np.zeros(first + fit.jacobian.shape[-1])
-        for regressor, places in zip(self.regressors, self._slices, strict=True):
-            expected[places] = regressor.screen.expected
-        usual = np.zeros((expected.size, expected.size)), np.zeros(expected.size)
-        for regressor, places in zip(self.regressors, self._slices, strict=True):
-            usual[0][np.ix_(places, places)] = noise * regressor.usual
-        own = fit.usual.jacobian
-        usual[0][np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
-        usual[1][self._nuisance] = -noise * own.T @ fit.usual.residual
+        ends = np.cumsum([0, *(regressor.size for regressor in self.regressors)])
+        self._slices = [list(range(*pair)) for pair in pairwise(ends.tolist())]
+        self._nuisance = np.arange(ends[-1], ends[-1] + fit.jacobian.shape[-1])
         columns = [regressor.columns for regressor in self.regressors]
-        sums = fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds)
-        self.matrix = DesignMatrix(*sums, expected, usual)
-        self._beside = Beside(self.matrix, self._nuisance)
-        self._errors: dict[tuple[int, ...], float] = {}
+        self._sums = _fold_sums(columns, -fit.jacobian, fit.residual, whitening, folds)
+        # What is known of the coefficients before, as normal equations, and where a fold alone
+        # knows a column.
+        size = self._sums.moment.shape[1]
+        self._usual, self._pull, self._expected = np.zeros((size, size)), *np.zeros((2, size))
+        for regressor, places in zip(self.regressors, self._slices, strict=True):
+            self._usual[np.ix_(places, places)] = noise * regressor.usual
+            self._expected[places] = regressor.screen.expected
+        own = fit.usual.jacobian
+        self._usual[np.ix_(self._nuisance, self._nuisance)] = noise * own.T @ own
+        self._pull[self._nuisance] = -noise * own.T @ fit.usual.residual
         self._taken: frozenset[Key] = frozenset()
+        self._let_others_take()
 
     def instead_of(
         self, gone: Sequence[int], steps: FloatArray, robot: Robot, taken: Collection[Key]
     ) -> LinearScreen:
-        """Return the search beside the fit without some of its causes, to first order.
+        """Return the screen beside the fit without some of its causes, to first order.
 
         Args:
             gone: numbers of their parameters among those of the fit.
@@ -94,79 +121,86 @@ class LinearScreen:
             taken: names and places that are not offered.
         """
         other = copy(self)
-        other.robot = robot
+        other.robot, other._taken = robot, frozenset(taken)
         if gone:
-            columns = [self._nuisance[k] for k in gone]
-            other._nuisance = [column for column in self._nuisance if column not in columns]
-            other.matrix = self.matrix.moved(columns, steps)
-            other._beside = Beside(other.matrix, other._nuisance)
-        other._errors = {}
-        other._taken = frozenset(taken)
+            columns = self._nuisance[list(gone)]
+            other._nuisance = np.setdiff1d(self._nuisance, columns)
+            other._sums = self._sums.moved(columns, steps)
+            other._let_others_take()
         return other
 
-    def columns(self, chosen: Sequence[int]) -> list[int]:
-        """Return the column numbers of these regressors."""
-        return [column for k in chosen for column in self._slices[k]]
+    def _let_others_take(self) -> None:
+        """Eliminate the parameters of the fit, without each fold, and last on all folds.
 
-    def error(self, chosen: Sequence[int]) -> float:
-        """Return the held-out error of a set; infinite if its parameters are impossible."""
-        key = tuple(sorted(chosen))
-        if key not in self._errors:
-            allowed = not key or self._possible(key)
-            self._errors[key] = (
-                self._beside.held_out(self.columns(key)) if allowed else float("inf")
-            )
-        return self._errors[key]
+        A set of causes then costs a system of its own size (Schur complement).
+        """
+        sums, others = self._sums, self._nuisance
+        # A column that only the held-out fold knows must not be extrapolated from nothing.
+        self._shrink = _RIDGE_HELD_OUT * np.einsum("kii->i", sums.gram)
+        moment = sums.moment.sum(axis=0) + self._pull
+        without = moment - sums.moment + self._shrink * self._expected
+        self._right = np.concatenate([without, moment[None]])
+        self._across = self._normal(others, np.arange(moment.size))
+        both = np.concatenate([self._across, self._right[:, others, None]], axis=2)
+        self._explained = _solve(self._across[:, :, others], both)
+        self._errors: dict[tuple[int, ...], float] = {}
+
+    def _normal(self, rows: IntArray, columns: IntArray) -> FloatArray:
+        """Return (K + 1, r, c) a part of the normal matrices."""
+        gram = self._sums.gram[:, rows[:, None], columns]
+        whole = gram.sum(axis=0) + self._usual[rows[:, None], columns]
+        shrink = np.where(rows[:, None] == columns, self._shrink[columns], 0.0)
+        return np.concatenate([whole - gram + shrink, whole[None]])
+
+    def _fits(self, chosen: Sequence[int]) -> tuple[IntArray, FloatArray]:
+        """Return the column numbers (r,) of some regressors and their coefficients (K + 1, r)."""
+        own = np.array([column for k in chosen for column in self._slices[k]], dtype=np.int_)
+        across = self._across[:, :, own].swapaxes(1, 2)
+        whole = self._normal(own, own)
+        apart = whole - across @ self._explained[..., own]
+        right = self._right[:, own] - (across @ self._explained[..., -1:])[..., 0]
+        return own, _solve(apart, right[..., None], whole)[..., 0]
 
     def coefficients(self, chosen: Sequence[int]) -> list[FloatArray]:
-        """Return the coefficients of each regressor of a set."""
-        all_of_them = self._beside.fit(self.columns(chosen))
-        result, start = [], 0
-        for k in chosen:
-            size = len(self._slices[k])
-            result.append(all_of_them[start : start + size])
-            start += size
-        return result
+        """Return the coefficients of each regressor of a set, on all folds."""
+        ends = np.cumsum([self.regressors[k].size for k in chosen])
+        return np.split(self._fits(chosen)[1][-1], ends[:-1])
+
+    def error(self, chosen: Sequence[int]) -> float:
+        """Return the held-out mean square of a set; infinite if its parameters are impossible."""
+        key = tuple(sorted(chosen))
+        if key not in self._errors:
+            possible = None not in self._built(key)
+            self._errors[key] = self._held_out(key) if possible else np.inf
+        return self._errors[key]
+
+    def _held_out(self, chosen: Sequence[int]) -> float:
+        sums, (own, found) = self._sums, self._fits(chosen)
+        index, explained = np.concatenate([own, self._nuisance]), self._explained[:-1]
+        beside = explained[..., -1] - np.einsum("kic,kc->ki", explained[..., own], found[:-1])
+        rest = np.concatenate([found[:-1], beside], axis=1)
+        taken = 2.0 * np.einsum("ki,ki->", rest, sums.moment[:, index])
+        model = np.einsum("ki,kij,kj->", rest, sums.gram[:, index[:, None], index], rest)
+        return float((sums.energy.sum() - taken + model) / sums.entries)
 
     def effects(self, subset: Subset) -> tuple[Effect, ...]:
         """Return the effects of a set, with the numbers that the screen gives them."""
-        pairs = zip(subset.regressors, self.coefficients(subset.regressors), strict=True)
-        built = [self.regressors[k].build(self.robot, c) for k, c in pairs]
-        return tuple(effect for effect in built if effect is not None)
+        return tuple(effect for effect in self._built(subset.regressors) if effect is not None)
 
-    def _possible(self, chosen: Sequence[int]) -> bool:
-        pairs = zip(chosen, self.coefficients(chosen), strict=True)
-        return all(self.regressors[k].build(self.robot, c) is not None for k, c in pairs)
+    def _built(self, chosen: Sequence[int]) -> list[Effect | None]:
+        pairs = zip(chosen, self.coefficients(chosen) if chosen else (), strict=True)
+        return [self.regressors[k].build(self.robot, c) for k, c in pairs]
 
     def best_first(self) -> Iterator[Subset]:
         """Yield every possible cause, that which leaves least on data held out first.
 
-        A cause is an effect at one place, or the same effect in all gears. What a cause leaves
-        where it is fitted is never more than what it leaves on data held out: a cause is judged
-        only when nothing that was judged before leaves less than that bound.
+        A cause is an effect at one place, or the same effect in all gears.
         """
         free = [k for k, own in enumerate(self.regressors) if own.key not in self._taken]
-        singles = self.matrix.least_errors([self._slices[k] for k in free], self._nuisance)
-        bounds = dict(zip(free, singles.tolist(), strict=True))
-        everywhere = self._by_effect(free)
-        unions = [[c for k in group for c in self._slices[k]] for group in everywhere]
-        groups = self.matrix.least_errors(unions, self._nuisance)
-        # (error, order, judged): a bound comes before what is judged to leave the same.
-        queue: list[tuple[float, int, tuple[int, ...]]] = []
-        for order, bound in enumerate([*singles, *groups]):
-            heappush(queue, (float(bound) * _ROUNDING, order, ()))
-        while queue:
-            error, order, judged = heappop(queue)
-            if judged:
-                yield Subset(judged, error)
-                continue
-            if order < len(free):
-                chosen = [free[order]]
-            else:
-                chosen = self._best_shapes(everywhere[order - len(free)], bounds)
-            error = self.error(chosen) if chosen else float("inf")
-            if np.isfinite(error):
-                heappush(queue, (error, order, tuple(chosen)))
+        causes = [[k] for k in free]
+        causes += [self._best_shapes(group) for group in self._by_effect(free)]
+        sets = [Subset(tuple(own), self.error(own)) for own in causes if own]
+        yield from sorted((s for s in sets if np.isfinite(s.error)), key=lambda s: s.error)
 
     def pairs(self, among: int) -> list[Subset]:
         """Return the best sets of two causes, of the `among` that explain most but for chance.
@@ -174,7 +208,7 @@ class LinearScreen:
         Alone such causes may explain nothing, or be impossible: damping hides a delay.
         """
         owner = np.repeat(np.arange(len(self.regressors)), [len(own) for own in self._slices])
-        gains = np.triu(self._beside.gains_of_two(owner.size), 1)
+        gains = np.triu(self._gains_of_two(owner.size), 1)
         tried: dict[tuple[int, ...], None] = {}
         for flat in np.argsort(gains, axis=None)[::-1][: _COLUMNS * among]:
             one, other = (int(owner[k]) for k in divmod(int(flat), owner.size))
@@ -182,6 +216,20 @@ class LinearScreen:
                 tried[one, other] = None
         found = [Subset(chosen, self.error(chosen)) for chosen in list(tried)[:among]]
         return sorted(found, key=lambda s: s.error)
+
+    def _gains_of_two(self, count: int) -> FloatArray:
+        """Return (n, n) what every two of the first n columns explain, fitted to all folds."""
+        own = np.arange(count)
+        across, explained = self._across[-1][:, own].T, self._explained[-1]
+        gram = self._normal(own, own)[-1] - across @ explained[:, own]
+        moment = self._right[-1, own] - across @ explained[:, -1]
+        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        along, shared = moment / size, gram / np.outer(size, size)
+        apart = 1.0 - shared**2
+        both = along[:, None] ** 2 + along**2 - 2.0 * shared * np.outer(along, along)
+        clear = apart > _ALIKE
+        single = np.maximum(along[:, None] ** 2, along**2)
+        return np.asarray(np.where(clear, both / np.where(clear, apart, 1.0), single))
 
     def _by_effect(self, free: Sequence[int]) -> list[list[int]]:
         """Return the regressors of every effect that could be in several gears alike.
@@ -194,35 +242,103 @@ class LinearScreen:
             own = self.regressors[k]
             if own.where in joints:
                 groups.setdefault((own.effect.name, own.size), []).append(k)
-        places = [{self.regressors[k].where for k in group} for group in groups.values()]
-        return [g for g, where in zip(groups.values(), places, strict=True) if len(where) > 1]
+        return list(groups.values())
 
-    def _best_shapes(self, group: Sequence[int], bounds: Mapping[int, float]) -> list[int]:
+    def _best_shapes(self, group: Sequence[int]) -> list[int]:
         """Return an effect in its best shape at every joint it can be at; empty if at most one.
 
         Args:
             group: regressors of the effect.
-            bounds: below what each leaves: a shape is judged only where it may be the best.
         """
         best: dict[str, int] = {}
-        for k in sorted(group, key=lambda k: bounds[k]):
-            where = self.regressors[k].where
-            least = self.error((best[where],)) if where in best else np.inf
-            if bounds[k] * _ROUNDING < least and self.error((k,)) < least:
-                best[where] = k
-        shapes = sorted(best.values(), key=lambda k: self.error((k,)))
-        possible = self._without_impossible(shapes)
-        return possible if len(possible) > 1 else []
+        for k in sorted(group, key=lambda k: self.error([k])):
+            if np.isfinite(self.error([k])):
+                best.setdefault(self.regressors[k].where, k)
+        shapes = list(best.values())
+        # Friction may not push: not all that is possible alone is so beside the others.
+        while len(shapes) > 1 and None in (built := self._built(shapes)):
+            shapes = [k for k, effect in zip(shapes, built, strict=True) if effect is not None]
+        return shapes if len(shapes) > 1 else []
 
-    def _without_impossible(self, group: list[int]) -> list[int]:
-        """Return the members that are possible together: friction may not push."""
-        while len(group) > 1 and not np.isfinite(self.error(group)):
-            pairs = zip(group, self.coefficients(group), strict=True)
-            kept = [k for k, c in pairs if self.regressors[k].build(self.robot, c) is not None]
-            if len(kept) == len(group):
-                break
-            group = kept
-        return group
+
+def _solve(gram: FloatArray, right: FloatArray, whole: FloatArray | None = None) -> FloatArray:
+    """Solve normal equations after scaling the columns to one, with a tiny ridge.
+
+    Args:
+        gram: (..., n, n).
+        right: (..., n, m).
+        whole: (..., n, n) with what was eliminated, if anything was: what is left of a column that
+            the others hold is rounding.
+    """
+    squares = np.diagonal(gram if whole is None else whole, axis1=-2, axis2=-1)
+    size = np.sqrt(np.maximum(squares, 1e-300))[..., None]
+    scaled = gram / size / size.swapaxes(-1, -2) + _RIDGE * np.eye(gram.shape[-1])
+    return np.asarray(np.linalg.solve(scaled, right / size) / size)
+
+
+def _fold_sums(
+    columns: Sequence[SparseColumns],
+    whitened: FloatArray,
+    residual: FloatArray,
+    whitening: FloatArray,
+    folds: IntArray,
+) -> FoldSums:
+    """Return the sums of all columns, those that are not whitened yet first.
+
+    Args:
+        columns: (rows, outputs, r) each, not whitened.
+        whitened: (rows, judged outputs, p) more columns.
+        residual: (rows, judged outputs), whitened.
+        whitening: (outputs, judged outputs).
+        folds: (rows,) number of the fold of each row.
+    """
+    few = np.array([own.outputs.size**2 <= len(whitening) for own in columns], dtype=bool)
+    sparse, dense = list(compress(columns, few)), list(compress(columns, ~few))
+    sums = []
+    for rows in rows_of_folds(folds):
+        more = [own.at_rows(rows).whitened(whitening) for own in dense]
+        beside = np.concatenate([*more, whitened[rows], residual[rows, :, None]], axis=2)
+        sums.append(_products([own.at_rows(rows) for own in sparse], beside, whitening))
+    # Sparse columns came first, then dense ones, then what was whitened before.
+    late = np.repeat(~few, [own.values.shape[2] for own in columns])
+    late = np.concatenate([late, np.ones(whitened.shape[2], dtype=bool)])
+    place, whole = np.argsort(np.argsort(late, kind="stable")), np.array(sums)
+    gram, moment = whole[:, place[:, None], place], whole[:, place, -1]
+    return FoldSums(gram, moment, whole[:, -1, -1], residual.size)
+
+
+def _products(
+    sparse: Sequence[SparseColumns], beside: FloatArray, whitening: FloatArray
+) -> FloatArray:
+    """Return the products (c, c) of all columns, whitened.
+
+    Args:
+        sparse: (rows, outputs, r) each, not whitened.
+        beside: (rows, judged outputs, q) more columns, whitened.
+        whitening: (outputs, judged outputs).
+    """
+    # Of each column what single outputs feel, side by side.
+    pairs = [(own.outputs, column) for own in sparse for column in np.moveaxis(own.values, 2, 0)]
+    raw = np.concatenate([np.zeros((len(beside), 0)), *(column for _, column in pairs)], axis=1)
+    output = np.concatenate([np.zeros(0, dtype=np.int_), *(felt for felt, _ in pairs)])
+    starts = np.cumsum([0, *(felt.size for felt, _ in pairs)])[:-1]
+    shares = (whitening @ whitening.T)[np.ix_(output, output)]
+    at_outputs = whitening @ beside
+    across = np.zeros((output.size, beside.shape[2]))
+    for k in range(len(whitening)):
+        own = output == k
+        across[own] = raw[:, own].T @ at_outputs[:, k]
+    among = _summed(_summed((raw.T @ raw) * shares, starts).T, starts)
+    across = _summed(across, starts)
+    flat = beside.reshape(-1, beside.shape[2])
+    return np.block([[among, across], [across.T, flat.T @ flat]])
+
+
+def _summed(values: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the sums of the rows from each start to the next."""
+    if starts.size == len(values):
+        return values
+    return np.asarray(np.add.reduceat(values, starts, axis=0))
 
 
 _WHOLE = "robot"  # where effects sit that have no place

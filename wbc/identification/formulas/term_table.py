@@ -11,11 +11,10 @@ from scipy.optimize import minimize_scalar
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
 from wbc.effects.position_torques import strongest_orders
-from wbc.identification.choice.design_matrix import DesignMatrix
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.fit import Fit
 from wbc.identification.model.residual import raw_residual
-from wbc.identification.records.record import Record
+from wbc.identification.records.record import Record, rows_of_folds
 from wbc.robot import Motion, Robot
 from wbc.robot.coordinates import slides
 
@@ -101,8 +100,14 @@ def term_table(
         columns.append(beside / floor[:, None])
         left.append(residual[rows][:, outputs] / floor)
         levels.append(level)
-    sums = DesignMatrix.from_rows(np.concatenate(columns), np.concatenate(left), cells)
-    kept, gram, moment = _beside_known(sums, len(terms))
+    whole, missing = np.concatenate(columns), np.concatenate(left)
+    parts = [
+        (whole[rows].reshape(-1, whole.shape[2]), missing[rows].ravel())
+        for rows in rows_of_folds(cells)
+    ]
+    gram = np.array([own.T @ own for own, _ in parts])
+    moment = np.array([own.T @ rest for own, rest in parts])
+    kept, gram, moment = _beside_known(gram, moment, len(terms))
     together = np.concatenate(levels)
     every = max(1, len(together) // _LEVEL_SAMPLES)
     return TermTable(
@@ -110,33 +115,34 @@ def term_table(
         terms=tuple(terms[k] for k in kept),
         gram=gram,
         moment=moment,
-        energy=sums.energy,
-        count=sums.count,
+        energy=np.array([rest @ rest for _, rest in parts]),
+        count=np.array([float(rest.size) for _, rest in parts]),
         folds=folds,
         blocks=blocks,
         levels=together[::every, kept],
     )
 
 
-def _beside_known(sums: DesignMatrix, size: int) -> tuple[list[int], FloatArray, FloatArray]:
+def _beside_known(
+    gram: FloatArray, moment: FloatArray, size: int
+) -> tuple[list[int], FloatArray, FloatArray]:
     """Return which of `size` terms say more than the known effects, their columns behind them.
 
     With the normal equations (cells, c, c) and (cells, c) after taking out what the known effects
-    can explain.
+    can explain, of those with it.
     """
-    whole = sums.gram.sum(axis=0)
-    own, shared, known = whole[:size, :size], whole[size:, :size], whole[size:, size:]
+    whole = gram.sum(axis=0)
+    alone, shared, known = whole[:size, :size], whole[size:, :size], whole[size:, size:]
     scale = np.sqrt(np.maximum(np.diag(known), 1e-300))
     scaled = known / np.outer(scale, scale) + 1e-8 * np.eye(scale.size)
     explained = np.linalg.solve(scaled, shared / scale[:, None]) / scale[:, None]
-    before, after = np.diag(own), np.diag(own) - np.sum(shared * explained, axis=0)
+    before, after = np.diag(alone), np.diag(alone) - np.sum(shared * explained, axis=0)
     kept = np.flatnonzero((before > 0.0) & (after > _LOST * before))
     explained = explained[:, kept]
-    mixed = explained.T @ sums.gram[:, size:, kept]
-    gram = sums.gram[:, kept[:, None], kept] - mixed - np.swapaxes(mixed, 1, 2)
-    gram = gram + explained.T @ sums.gram[:, size:, size:] @ explained
-    moment = sums.moment[:, kept] - sums.moment[:, size:] @ explained
-    return kept.tolist(), gram, moment
+    mixed = explained.T @ gram[:, size:, kept]
+    own = gram[:, kept[:, None], kept] - mixed - np.swapaxes(mixed, 1, 2)
+    own = own + explained.T @ gram[:, size:, size:] @ explained
+    return kept.tolist(), own, moment[:, kept] - moment[:, size:] @ explained
 
 
 def _cells(problem: EstimationProblem) -> tuple[IntArray, IntArray, IntArray]:

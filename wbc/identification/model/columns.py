@@ -112,8 +112,8 @@ class SparseColumns:
         """
         return np.asarray(whitening[self.outputs].T @ self.values)
 
-    def at_rows(self, rows: IntArray) -> SparseColumns:
-        """Return some of the rows, by their numbers."""
+    def at_rows(self, rows: IntArray | slice) -> SparseColumns:
+        """Return some of the rows."""
         return replace(self, values=self.values[rows])
 
     def only(self, used: BoolArray) -> SparseColumns:
