@@ -3,7 +3,7 @@ second publisher, torques without a sign, units and signs of position, velocity 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import log, log2, pi
 from typing import Any
@@ -226,7 +226,7 @@ def _folds(values: FloatArray) -> int:
 # Of ln of velocity over d position / d time: (share, standard deviation). Of 136 channels of six
 # recorded machines and the practice leg 82 % are within 0.003 of one; filters and delays make more.
 _RATIO_SPREADS = ((0.8, 0.002), (0.2, 0.03))
-_ODD, _ODD_SPREAD = log(0.02), 2.0  # share and spread of ratios that have another cause
+_ODD = ((0.02 / 2.0, 2.0),)  # share and spread of ratios that have another cause, either way
 _CORRELATION = 0.95
 # What is usual, as logarithms with standard deviations. Judgements: sample times of 0.5 to 50 ms,
 # logs of 0.5 s to half an hour, the fastest joint at 0.15 to 60 rad/s (m/s). Up to twelve logs of
@@ -253,7 +253,8 @@ def motion_findings(log: Log, ratios: Mapping[str, float]) -> list[LogFinding]:
         known = [*of_motion(joint, ratios.get(joint, 1.0), f"{joint}.position" in counted)]
         densities = [_log_density(scale, velocity_ratio(mend)) for _, _, mend in known]
         odds = np.array(densities) + EVERYWHERE
-        stands = np.logaddexp(_log_density(scale, 1.0), _odd(scale))
+        odd = log_mixture(np.log(abs(scale)), _ODD)
+        stands = np.logaddexp(_log_density(scale, 1.0), odd)
         best = int(np.argmax(odds))
         probability = float(np.exp(odds[best] - logsumexp([*odds, stands])))
         if probability >= LIKELY:
@@ -333,12 +334,16 @@ def _log_density(scale: float, factor: float) -> float:
     """Return the log density of a ratio if a factor is what makes it."""
     if scale * factor <= 0.0:
         return -np.inf
-    away = np.log(scale / factor)
-    parts = [np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in _RATIO_SPREADS]
-    return float(logsumexp(parts))
+    return float(log_mixture(np.log(scale / factor), _RATIO_SPREADS))
 
 
-def _odd(scale: float) -> float:
-    """Return the log density of a ratio that something else makes."""
-    away = np.log(abs(scale)) / _ODD_SPREAD
-    return float(_ODD - 0.5 * away**2 - np.log(2.0 * _ODD_SPREAD))
+def log_mixture(away: FloatArray, parts: Iterable[tuple[float, float]]) -> FloatArray:
+    """Return the log density, up to a constant, of normal distributions about zero.
+
+    Args:
+        away: (...) where it is asked for.
+        parts: share and standard deviation of each.
+    """
+    return np.asarray(
+        logsumexp([np.log(share / s) - 0.5 * (away / s) ** 2 for share, s in parts], axis=0)
+    )

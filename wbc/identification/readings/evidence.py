@@ -432,11 +432,11 @@ def shared_lags(logs: Sequence[LogRows], least: float) -> list[tuple[list[int], 
     another one at each.
 
     Args:
-        logs: of one robot.
+        logs: of one robot, at least one.
         least: lag that counts [s]: within a sample it is a matter of when a drive samples.
     """
     asked = [(rows, rows.need()) for rows in logs]
-    driven = range(asked[0][0].torque.shape[1] if asked else 0)
+    driven = range(asked[0][0].torque.shape[1])
     moving = [k for k in driven if all(np.ptp(rows.torque[:, k]) > 0.0 for rows in logs)]
     if len(moving) < 2:
         return []

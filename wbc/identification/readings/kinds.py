@@ -17,7 +17,7 @@ import numpy as np
 from wbc.arrays import BoolArray
 from wbc.identification.readings.log_rows import LogRows
 from wbc.measurement.column_map import ENCODER_RATES, in_degrees
-from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, whole_counts
+from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, log_mixture, whole_counts
 from wbc.measurement.findings import Mend, listed
 from wbc.measurement.log import Log
 from wbc.measurement.schema import LOG_UNITS
@@ -30,9 +30,10 @@ Zero: TypeAlias = tuple[int, float, float]
 
 # How far turning joints travel in a log [rad]: 32 joints of seven recorded robots have a median of
 # 1.8 and a standard deviation of the logarithm of 0.84. One in ten may be anything else.
-_TRAVEL, _TRAVEL_SPREAD = 1.8, 0.84
-_OTHER, _OTHER_SPREAD = 0.1, 1.5
-_HELD = _TRAVEL * float(np.exp(-3.0 * _TRAVEL_SPREAD))  # a joint that is held trembles by anything
+_TRAVEL, _TRAVEL_SPREADS = 1.8, ((0.9, 0.84), (0.1, 1.5))
+_HELD = _TRAVEL * float(
+    np.exp(-3.0 * _TRAVEL_SPREADS[0][1])
+)  # a joint that is held trembles by anything
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +145,7 @@ def _travels(log: Log, joint: str, factor: float) -> float:
     """Return by how much a joint's travel is more usual if its position is multiplied [nats]."""
     travel = float(np.ptp(log.column(f"{joint}.position")))
     away = np.log(np.maximum(np.array([1.0, factor]) * travel, _HELD) / _TRAVEL)
-    usual = np.log((1.0 - _OTHER) / _TRAVEL_SPREAD) - 0.5 * (away / _TRAVEL_SPREAD) ** 2
-    other = np.log(_OTHER / _OTHER_SPREAD) - 0.5 * (away / _OTHER_SPREAD) ** 2
-    density = np.logaddexp(usual, other)
+    density = log_mixture(away, _TRAVEL_SPREADS)
     return float(density[1] - density[0])
 
 

@@ -274,8 +274,7 @@ def _as_the_base_must(robot: Robot, motion: Motion, contacts: FloatArray) -> Flo
         change += motion.acceleration
     missing = (link_torque(robot, motion) - contacts)[:, :_BASE]
     data = robot.model.createData()
-    upper = [pin.crba(robot.model, data, q)[:_BASE, :_BASE].copy() for q in motion.position]
-    inertia = np.triu(upper) + np.swapaxes(np.triu(upper, 1), 1, 2)
+    inertia = [pin.crba(robot.model, data, q)[:_BASE, :_BASE] for q in motion.position]
     change[:, :_BASE] -= np.linalg.solve(inertia, missing[:, :, None])[:, :, 0]
     return change
 

@@ -269,14 +269,15 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     """Return every reading of each log that can be held against the robot, by its text."""
     each = {k: rows_of(robot, log) for k, log in enumerate(logs)}
     known = {k: rows for k, rows in each.items() if rows is not None}
+    if not known:
+        return {}
     alike = {k: len(group) for group in find_repeats(logs) for k in group}
-    step = max((logs[k].sample_time for k in known), default=0.0)
-    lags = shared_lags(list(known.values()), step)
+    lags = shared_lags(list(known.values()), max(logs[k].sample_time for k in known))
     benches = {k: Bench(rows, 1.0 / alike.get(k, 1)) for k, rows in known.items()}
     least = 0.0 if robot.transmission.size <= _PAIRS else _RARELY_LEFT
     # A mistake of all logs must be read in all of them: what one log shows is asked of the others.
     left = [[one.left for one in bench.as_is.reports] for bench in benches.values()]
-    most = np.max(left, axis=0, initial=0.0) if left else np.zeros(0)
+    most = np.max(left, axis=0)
     lost, doubtful = most > least, bool(np.any(most > _DOUBTFUL))
     zeros = other_zeros(list(known.values())) if doubtful else []
     offsets = {
