@@ -10,8 +10,7 @@ from wbc import load_robot
 from wbc.errors import LogError
 from wbc.identification.readings import check_robot
 from wbc.measurement import load_log, load_logs, merged, parse_column_map, write_map
-from wbc.measurement.column_map import read_table
-from wbc.measurement.findings import lines
+from wbc.measurement.column_map import lines, read_table
 
 
 def _write(folder: Path, text: str, rows: str) -> tuple[Path, Path]:

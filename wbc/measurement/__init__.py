@@ -6,6 +6,7 @@ from wbc.measurement.column_map import (
     parse_column_map as parse_column_map,
     read_table as read_table,
     together as together,
+    write_map as write_map,
 )
 from wbc.measurement.filters import (
     align_velocity as align_velocity,
@@ -13,7 +14,11 @@ from wbc.measurement.filters import (
     differentiate as differentiate,
     low_pass as low_pass,
 )
-from wbc.measurement.findings import LogFinding as LogFinding, write_map as write_map
 from wbc.measurement.formats import save_log as save_log
-from wbc.measurement.log import Log as Log, LogSource as LogSource, Machine as Machine
+from wbc.measurement.log import (
+    Log as Log,
+    LogFinding as LogFinding,
+    LogSource as LogSource,
+    Machine as Machine,
+)
 from wbc.measurement.read import load_log as load_log, load_logs as load_logs, mended as mended

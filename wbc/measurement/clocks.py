@@ -10,8 +10,8 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.errors import LogError
-from wbc.measurement.findings import LogFinding, Mend, say_so
-from wbc.measurement.log import Log
+from wbc.measurement.column_map import Mend, say_so
+from wbc.measurement.log import Log, LogFinding
 
 GAP_STEPS = 5.0
 """A distance of two time stamps is a gap from this multiple of the median distance."""

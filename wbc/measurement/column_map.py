@@ -38,6 +38,7 @@ The same without headings, one line for each entry, is how `wbc init` and `--fix
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -50,8 +51,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.errors import LogError, require_known
-from wbc.files import load_table
-from wbc.measurement.findings import Mend
+from wbc.files import SCHEMA, load_table, write_text
 from wbc.measurement.schema import (
     LOG_UNITS,
     TIME,
@@ -63,6 +63,11 @@ from wbc.measurement.schema import (
     unit_factor,
 )
 
+Mend: TypeAlias = Mapping[str, Any]
+"""A map as a table. Its sources are channels of the log as it was read where it mends a log, for
+example `{"columns": {"hip.velocity": {"sign": -1}}}`."""
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 ENCODER_RATES = {
     "position": "",
     "velocity": "/s",
@@ -538,3 +543,49 @@ def in_degrees(names: Iterable[str], joints: Iterable[str], unit: str = "deg") -
             if f"{joint}.{quantity}" in known
         }
     }
+
+
+def say_so(mend: Mend, what: str = "say so") -> str:
+    """Return how to do something in a column map, with the lines of the map that do it.
+
+    The lines stand below the sentence, indented, so that they can be copied into a file; what
+    follows them belongs on a new line.
+    """
+    return f"{what} in a column map (--columns MAP.toml):\n    " + "\n    ".join(lines(mend))
+
+
+def lines(mend: Mend) -> list[str]:
+    """Return a mend as lines of TOML that stand for themselves, one per entry."""
+    found = []
+    for section, content in mend.items():
+        if not isinstance(content, Mapping):
+            found.append(f"{_key(section)} = {_value(content)}")
+            continue
+        for key, value in content.items():
+            found.append(f"{_key(section)}.{_key(key)} = {_value(value)}")
+    return found
+
+
+def write_map(path: str | Path, table: Mend, comments: Iterable[str] = ()) -> Path:
+    """Write a column map, a line for each entry and no headings: a printed line fits anywhere.
+
+    Args:
+        path: the TOML file.
+        table: sections of the map.
+        comments: lines that stand above it.
+    """
+    head = [f"# {line}" for text in comments for line in text.splitlines()]
+    body = lines({"schema": SCHEMA, **table})
+    return write_text(path, "\n".join([*head, *body]) + "\n")
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else _value(key)
+
+
+def _value(value: Any) -> str:
+    """Return a TOML value on one line."""
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items())
+        return "{ " + inner + " }" if inner else "{}"
+    return json.dumps(value, ensure_ascii=False)  # TOML writes texts, numbers and lists alike

@@ -14,10 +14,9 @@ from scipy.special import logsumexp
 from wbc.arrays import FloatArray
 from wbc.measurement.checks import true_runs
 from wbc.measurement.clocks import ENCODER_BITS, PERIODS, gaps, period
-from wbc.measurement.column_map import parse_column_map, together
+from wbc.measurement.column_map import Mend, parse_column_map, say_so, together
 from wbc.measurement.filters import jumps, velocity_fits
-from wbc.measurement.findings import LIKELY, LogFinding, Mend, listed, say_so, severity
-from wbc.measurement.log import Log
+from wbc.measurement.log import LIKELY, Log, LogFinding, listed, severity
 from wbc.measurement.schema import LOG_UNITS, reported
 
 _SAME_JUMP = 0.1  # share by which jumps of one wrap differ: the joint moves on meanwhile

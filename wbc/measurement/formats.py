@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from wbc.errors import EXTRAS, LogError, needs, require_known
 from wbc.files import atomic_write
-from wbc.measurement.column_map import RowChoice
-from wbc.measurement.findings import say_so
+from wbc.measurement.column_map import RowChoice, say_so
 from wbc.measurement.log import Log
 from wbc.measurement.schema import TIME, is_column
 from wbc.measurement.tables import Table, columns_of, kept_rows, read_text_file

@@ -12,9 +12,8 @@ import numpy as np
 
 from wbc.errors import LogError
 from wbc.measurement.clocks import advancing, repeated_mend, restarts
-from wbc.measurement.column_map import merged, parse_column_map
+from wbc.measurement.column_map import Mend, merged, parse_column_map
 from wbc.measurement.column_mistakes import mirrored
-from wbc.measurement.findings import Mend
 from wbc.measurement.formats import open_table
 from wbc.measurement.names import MOTION, asked, channels, guess_name, guess_names_of, joints_of
 from wbc.measurement.read import clock_of, split_path

@@ -1,4 +1,4 @@
-"""A validated time series. Immutable: every change is a new log that shares the arrays."""
+"""A validated time series, and what checks find in it. Immutable: a change is a new log."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.arrays import FloatArray, Remade, frozen
 from wbc.errors import LogError, require_known, unknown_name
-from wbc.measurement.findings import say_so
+from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.names import unread
 from wbc.measurement.schema import (
     FORCE_QUANTITIES,
@@ -26,7 +26,7 @@ from wbc.measurement.schema import (
     today,
 )
 from wbc.robot import Robot
-from wbc.tables import few
+from wbc.tables import few, joined
 from wbc.transmission import Transmission
 
 _NAMED = 8  # columns in a representation
@@ -334,3 +334,61 @@ def _unwritable(array: NDArray[Any]) -> bool:
             return False
         owner = owner.base
     return owner is None
+
+
+@dataclass(frozen=True)
+class LogFinding:
+    """What is odd about a channel, and what to do about it.
+
+    Attributes:
+        severity: `error` makes results wrong, `warning` makes them worse, `info` is good to know.
+        kind: short name for machines, such as `clock_lag`.
+        column: the channel, `time`, or empty for the whole log.
+        text: what was seen, with numbers.
+        way_out: what to do.
+        mend: what a column map says so that the log is right; empty where no map can.
+        probability: that it is so.
+        guess: what a map would say of the likeliest of several causes that the logs cannot tell
+            apart. Nothing writes it: people choose.
+        alone: whether only some of the logs that were given together have it.
+    """
+
+    severity: str
+    kind: str
+    column: str
+    text: str
+    way_out: str
+    mend: Mend = field(default_factory=dict)
+    probability: float = 1.0
+    guess: Mend = field(default_factory=dict)
+    alone: bool = False
+
+    @property
+    def likeliest(self) -> Mend:
+        """What a map says if the likeliest cause is the true one."""
+        return self.mend or self.guess
+
+    @property
+    def said(self) -> str:
+        """Where it is, what was seen, and what to do."""
+        return f"{f'{self.column}: ' if self.column else ''}{self.text} {self.way_out}"
+
+    def __str__(self) -> str:
+        """Return one line for people."""
+        return f"{self.severity}: {self.said}"
+
+
+LIKELY = 0.9
+"""Probability from which a mistake is worth a warning."""
+CERTAIN = 0.99
+"""Probability from which a mistake stops a diagnosis."""
+
+
+def severity(probability: float) -> str:
+    """Return how severe a mistake is that has a probability."""
+    return "error" if probability >= CERTAIN else "warning"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Return 'a, b and c', or 'a' where all texts are the same."""
+    return joined(texts if len(set(texts)) > 1 else texts[:1])

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from wbc.measurement.findings import Mend, say_so
+from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.schema import JOINT_QUANTITIES, LOG_UNITS, TIME, named_unit, split_column
 
 MOTION = ("position", "velocity")

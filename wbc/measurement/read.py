@@ -16,12 +16,13 @@ from wbc.measurement.clocks import GAP_STEPS, advancing, leaps, restarts
 from wbc.measurement.column_map import (
     ColumnMap,
     ColumnRule,
+    Mend,
     TimeRule,
     parse_column_map,
     read_table,
+    say_so,
 )
 from wbc.measurement.filters import align_velocity, shifted
-from wbc.measurement.findings import Mend, say_so
 from wbc.measurement.formats import digest, open_table
 from wbc.measurement.log import Log, LogSource
 from wbc.measurement.schema import LOG_UNITS, TIME, column_units, is_column, likely_meant, today

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from wbc.arrays import FloatArray
 from wbc.errors import LogError, needs
-from wbc.measurement.findings import say_so
+from wbc.measurement.column_map import say_so
 from wbc.measurement.names import guess_name
 from wbc.measurement.schema import TIME, is_column, named_unit
 

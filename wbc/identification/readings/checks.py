@@ -38,9 +38,8 @@ from wbc.measurement.checks import (
     resolution,
 )
 from wbc.measurement.clocks import cut_at_gaps, too_short
-from wbc.measurement.column_map import in_degrees
-from wbc.measurement.findings import LogFinding, Mend, say_so
-from wbc.measurement.log import Log, short_label
+from wbc.measurement.column_map import Mend, in_degrees, say_so
+from wbc.measurement.log import Log, LogFinding, short_label
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
 from wbc.measurement.schema import FREE_POSE, REPORTED

@@ -15,8 +15,8 @@ from wbc.files import write_text
 from wbc.identification.readings.checks import check_robot, told_by_rows, turns_ratio
 from wbc.identification.readings.mistakes import find_suspicions, single_ratios
 from wbc.measurement.column_map import merged, parse_column_map
-from wbc.measurement.findings import LIKELY, LogFinding
 from wbc.measurement.guess import MapGuess, guess_table
+from wbc.measurement.log import LIKELY, LogFinding
 from wbc.measurement.names import MOTION, NameGuess, guess_names_of, joints_of
 from wbc.measurement.read import load_logs
 from wbc.measurement.schema import LOG_UNITS

@@ -16,10 +16,9 @@ import numpy as np
 
 from wbc.arrays import BoolArray
 from wbc.identification.readings.log_rows import LogRows
-from wbc.measurement.column_map import ENCODER_RATES, in_degrees
+from wbc.measurement.column_map import ENCODER_RATES, Mend, in_degrees
 from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, log_mixture, whole_counts
-from wbc.measurement.findings import Mend, listed
-from wbc.measurement.log import Log
+from wbc.measurement.log import Log, listed
 from wbc.measurement.schema import LOG_UNITS
 from wbc.robot.coordinates import slides
 

@@ -23,7 +23,7 @@ from wbc.identification.readings.evidence import (
 from wbc.identification.readings.kinds import Reading, readings
 from wbc.identification.readings.log_rows import rows_of
 from wbc.measurement.checks import find_repeats, resting_joints
-from wbc.measurement.column_map import together
+from wbc.measurement.column_map import say_so, together
 from wbc.measurement.column_mistakes import (
     COUNTS_OF_A_TURN,
     magnitudes,
@@ -33,8 +33,7 @@ from wbc.measurement.column_mistakes import (
     whole_counts,
     wraps,
 )
-from wbc.measurement.findings import CERTAIN, LIKELY, LogFinding, say_so, severity
-from wbc.measurement.log import Log
+from wbc.measurement.log import CERTAIN, LIKELY, Log, LogFinding, severity
 from wbc.measurement.read import mended
 from wbc.robot import Robot
 from wbc.tables import few
