@@ -1,10 +1,5 @@
 """Design sweeps: many variations of a robot, their metrics, and the best compromises among them."""
 
-from wbc.design.gearboxes import (
-    Gearbox as Gearbox,
-    choose_gearboxes as choose_gearboxes,
-    read_gearboxes as read_gearboxes,
-)
 from wbc.design.stored import (
     Objective as Objective,
     best_designs as best_designs,
@@ -14,8 +9,11 @@ from wbc.design.stored import (
     sampled_designs as sampled_designs,
 )
 from wbc.design.study import (
+    Gearbox as Gearbox,
     Study as Study,
     SweepParameter as SweepParameter,
+    choose_gearboxes as choose_gearboxes,
     describe_columns as describe_columns,
     parse_sweep as parse_sweep,
+    read_gearboxes as read_gearboxes,
 )

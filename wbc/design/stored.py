@@ -154,7 +154,7 @@ def best_designs(path: str | Path, objectives: Sequence[Objective]) -> dict[str,
     """
     best: dict[str, FloatArray] = {}
     for piece in _pieces(path):
-        both = _joined(best, piece)
+        both = {n: np.concatenate([best.get(n, x[:0]), x]) for n, x in piece.items()}
         front = pareto_front(both, objectives)
         best = {name: values[front] for name, values in both.items()}
     return best
@@ -174,7 +174,7 @@ def sampled_designs(path: str | Path, count: int) -> dict[str, FloatArray]:
     kept, every = dict[str, FloatArray](), max(-(-pq.read_metadata(path).num_rows // count), 1)
     for piece in _pieces(path):
         chosen = piece["design"] % every == 0
-        kept = _joined(kept, {name: values[chosen] for name, values in piece.items()})
+        kept = {n: np.concatenate([kept.get(n, x[:0]), x[chosen]]) for n, x in piece.items()}
     return kept
 
 
@@ -185,12 +185,6 @@ def _pieces(path: str | Path) -> Iterator[dict[str, FloatArray]]:
         for number in range(file.metadata.num_row_groups):
             group = file.read_row_group(number)
             yield {name: group[name].to_numpy() for name in group.column_names}
-
-
-def _joined(first: dict[str, FloatArray], second: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    if not first:
-        return second
-    return {name: np.concatenate([first[name], values]) for name, values in second.items()}
 
 
 def _pyarrow() -> tuple[Any, Any]:
