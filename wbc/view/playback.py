@@ -110,18 +110,8 @@ def _marks(track: Track, marks: Mapping[str, float]) -> list[dict[str, Any]]:
     return [{"time": time, "label": f"{name} at {time:.3f} s"} for time, name in inside]
 
 
-def _leaves(robot: Robot, track: Track, reach: float) -> bool:
-    """Return whether the robot moves away, which only a robot with a free base does."""
-    span = np.ptp(track.center_of_mass[:, :2], axis=0).max()
-    return bool(robot.floating_size > 0 and span > _LEAVES * reach)
-
-
 def _camera(
-    robot: Robot,
-    track: Track,
-    reach: float,
-    shapes: Sequence[LinkShape],
-    ghost: FloatArray | None,
+    track: Track, shapes: Sequence[LinkShape], ghost: FloatArray | None, leaves: bool
 ) -> dict[str, Any]:
     """Return the points that the camera frames and its direction.
 
@@ -130,7 +120,6 @@ def _camera(
     starts. A robot that lives in the x-z plane is seen nearly along y.
     """
     flat = bool(np.ptp(track.poses[:, 1:, 1]) < 1e-6)
-    leaves = _leaves(robot, track, reach)
     count = len(track.time)
     frames = np.linspace(0, count - 1, min(count, _FRAMED)).astype(int)
     seen = [_corners(track.poses[frames], shapes)]
@@ -143,10 +132,10 @@ def _camera(
     if leaves:
         moved = track.center_of_mass[frames] - track.center_of_mass[0]
         points = points - moved[:, None] * [1.0, 1.0, 0.0]
-    direction: FloatArray = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
+    direction = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
     return {
         "points": np.round(_outermost(points.reshape(-1, 3)), 4).tolist(),
-        "direction": [float(x) for x in direction / np.linalg.norm(direction)],
+        "direction": (direction / np.linalg.norm(direction)).tolist(),
     }
 
 
@@ -171,13 +160,7 @@ def _outermost(points: FloatArray) -> FloatArray:
     return np.asarray(points[np.unique(np.argmax(points @ random.T, axis=0))])
 
 
-_PLAYER = Path(__file__).parent / "player"
 _VIEWER = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
-# One script for the page, in this order: each file uses what stands in those before it.
-_SCRIPTS = tuple(
-    f"{name}.js"
-    for name in ("data", "scene", "motion", "camera", "readout", "timeline", "control", "start")
-)
 
 
 def write_playback(
@@ -227,6 +210,10 @@ def write_playback(
     mean = center.mean(axis=0)[None]
     opacity = 1.0 if ground is None or mean[0, 2] >= surface(ground, mean)[0][0] else 0.3
     reach = add_robot_scene(root, robot, shapes, slabs, list(track.forces), opacity)
+    # Only a robot with a free base moves away.
+    leaves = (
+        robot.floating_size > 0 and float(np.ptp(center[:, :2], axis=0).max()) > _LEAVES * reach
+    )
     add_paths(root["paths"], track.points if track.planned else {})
     poses, residual, label = None, dict[str, FloatArray](), ""
     if ghost is not None:
@@ -247,10 +234,10 @@ def write_playback(
         "reach": reach,
         "arrow_head": ARROW_HEAD * reach,
         "metres_per_newton": _arrow_scale(track, reach),
-        "camera": _camera(robot, track, reach, shapes, poses),
+        "camera": _camera(track, shapes, poses, leaves),
         "floating": robot.floating_size > 0,
         "planned": track.planned,
-        "follow": _leaves(robot, track, reach),
+        "follow": leaves,
         # Noise floors of the full colour: few residuals exceed it.
         "residual_span": max(
             _LEAST_SPAN, float(np.quantile(np.abs([*residual.values()] or 0), 0.95))
@@ -260,15 +247,12 @@ def write_playback(
         "colours": _COLOURS,
         "commands": recorder.commands,
     }
-    environment = Environment(loader=FileSystemLoader(_PLAYER), undefined=StrictUndefined)
-    page = environment.get_template("playback.html.j2").render(
-        title=title or robot.name,
-        theme=theme,
-        css=(_PLAYER / "player.css").read_text(encoding="utf-8"),
-        script="\n".join((_PLAYER / name).read_text(encoding="utf-8") for name in _SCRIPTS),
-        meshcat=_VIEWER.read_text(encoding="utf-8"),
-        scene=embedded(scene),
+    folder = FileSystemLoader(Path(__file__).parent / "player")
+    template = Environment(loader=folder, undefined=StrictUndefined).get_template(
+        "playback.html.j2"
     )
+    viewer, title = _VIEWER.read_text(encoding="utf-8"), title or robot.name
+    page = template.render(title=title, theme=theme, meshcat=viewer, scene=embedded(scene))
     return write_text(path, page)
 
 

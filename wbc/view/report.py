@@ -64,7 +64,6 @@ _VARIABLES = {
     "rotor angle": "within one turn of the motor",
 }
 """What a variable is whose name does not say it."""
-_PAGE = Path(__file__).parent / "page"
 _UNIT = re.compile(
     r"(?<=\d) (?=%|N\b|kg\b|s\b|s/rad|rad|m\b|floors|noise floors)|(?<=>) (?=\d)|(?<=m) (?=s/rad)"
 )
@@ -142,10 +141,8 @@ def write_report(
 
 def _rendered(context: dict[str, Any]) -> str:
     """Return the page with the names that its template uses."""
-    for name, file in (("css", "report.css"), ("script", "report.js")):
-        context[name] = (_PAGE / file).read_text(encoding="utf-8")
     environment = Environment(
-        loader=FileSystemLoader(_PAGE),
+        loader=FileSystemLoader(Path(__file__).parent / "page"),
         undefined=StrictUndefined,
         autoescape=True,
         finalize=_unbroken,

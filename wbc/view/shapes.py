@@ -45,7 +45,7 @@ def capsule(length: float, radius: float) -> mg.TriangularMeshGeometry:
     next_low, next_high = (np.roll(ring, -1, axis=1) for ring in (low, high))
     faces = np.stack([low, next_low, high, next_low, next_high, high], axis=-1).reshape(-1, 3)
     vertices = np.stack(circles, axis=-1).reshape(-1, 3)
-    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+    return mg.TriangularMeshGeometry(vertices, faces)
 
 
 def meshcat_geometry(shape: Any) -> Any | None:
@@ -55,38 +55,34 @@ def meshcat_geometry(shape: Any) -> Any | None:
     """
     match shape:
         case coal.Box():
-            return mg.Box([float(2.0 * x) for x in shape.halfSide])
+            return mg.Box((2.0 * shape.halfSide).tolist())
         case coal.Sphere():
             return mg.Sphere(float(shape.radius))
         case coal.Ellipsoid():
-            return mg.Ellipsoid([float(x) for x in shape.radii])
+            return mg.Ellipsoid(shape.radii.tolist())
         case coal.Cylinder():
             return UprightCylinder(float(2.0 * shape.halfLength), float(shape.radius))
         case coal.Cone():
-            return UprightCylinder(
-                float(2.0 * shape.halfLength), radiusTop=0.0, radiusBottom=float(shape.radius)
-            )
+            length, radius = float(2.0 * shape.halfLength), float(shape.radius)
+            return UprightCylinder(length, radiusTop=0.0, radiusBottom=radius)
         case coal.Capsule():
             return capsule(float(2.0 * shape.halfLength), float(shape.radius))
         case coal.BVHModelBase():
-            return _mesh(np.asarray(shape.vertices()), _corners(shape.tri_indices, shape.num_tris))
+            return _mesh(shape.vertices(), shape.tri_indices, shape.num_tris)
         case coal.Convex():
-            return _mesh(np.asarray(shape.points()), _corners(shape.polygons, shape.num_polygons))
+            return _mesh(shape.points(), shape.polygons, shape.num_polygons)
     return None
 
 
-def _corners(triangle: Callable[[int], Any], count: int) -> IntArray:
-    """Return the vertex numbers (count, 3) of coal's triangles, which do not iterate."""
-    triangles = (triangle(i) for i in range(count))
-    return np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64).reshape(-1, 3)
-
-
-def _mesh(vertices: FloatArray, faces: IntArray) -> Any | None:
-    if len(faces) == 0:
+def _mesh(vertices: FloatArray, triangle: Callable[[int], Any], count: int) -> Any | None:
+    """Return `count` triangles, which coal gives by their number; None if there are none."""
+    if count == 0:
         return None
-    if len(faces) > _MAX_TRIANGLES:  # a playback travels by mail
+    triangles = (triangle(i) for i in range(count))
+    faces = np.array([(t[0], t[1], t[2]) for t in triangles], dtype=np.int64)
+    if count > _MAX_TRIANGLES:  # a playback travels by mail
         vertices, faces = _clustered(vertices, faces)
-    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+    return mg.TriangularMeshGeometry(vertices, faces)
 
 
 def _clustered(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

@@ -64,9 +64,13 @@ function drawTorque(place, panel, run) {
   if (data.fitted) traces.push(line(panel, run, run.fitted, style("--after"), "with effects", { dash: "dot", width: 2 }));
   Plotly.react(place, traces, aligned(layout("", `${panel.unit === "N" ? "force" : "torque"} [${panel.unit}]`, { shapes: unused(run) })), config);
 }
+// What the model as given leaves, and the model with the effects where some were found.
+function leftBy(drawn, values) {
+  const given = drawn(values.before, style("--before"), "as given");
+  return data.fitted ? [given, drawn(values.after, style("--after"), "with effects")] : [given];
+}
 function drawResidual(place, panel, run) {
-  const traces = [line(panel, run, run.before, style("--before"), "as given")];
-  if (data.fitted) traces.push(line(panel, run, run.after, style("--after"), "with effects"));
+  const traces = leftBy((...drawn) => line(panel, run, ...drawn), run);
   Plotly.react(place, traces, aligned(layout("time [s]", `residual [${panel.unit}]`, { shapes: [...band(panel), ...unused(run)] })), config);
 }
 
@@ -77,9 +81,7 @@ function drawPanel(panel, places) {
   panel.over.forEach((over, k) => {
     const dots = (values, color, name) => ({ x: over.x, y: values, mode: "markers", name, marker: { color, size: 4, opacity: 0.55 },
       hovertemplate: hover(panel.unit, over.name) + `<extra>${name}</extra>` });
-    const both = [dots(panel.before, style("--before"), "as given")];
-    if (data.fitted) both.push(dots(panel.after, style("--after"), "with effects"));
-    Plotly.react(places[k + 2], both, layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
+    Plotly.react(places[k + 2], leftBy(dots, panel), layout(`${over.name} [${over.unit}]`, k === 0 ? `residual [${panel.unit}]` : "", { shapes: band(panel) }), config);
   });
 }
 
@@ -147,7 +149,7 @@ function buildSignals() {
     line.className = "cursor"; line.hidden = true;
     place.append(line);
     cursors.push({ place, line });
-    if (place.on) place.on("plotly_click", (event) => { const shown = player(); if (shown) shown.seek(shown.start + event.points[0].x); });
+    if (place.on) place.on("plotly_click", (event) => { if (player()) player().seek(player().start + event.points[0].x); });
   }
   requestAnimationFrame(followPlayback);
 }
@@ -182,8 +184,7 @@ function setTheme(name) {
   root.dataset.theme = name;
   drawAll();
   $("playback").dataset.theme = name;
-  const player = $("playback").contentWindow && $("playback").contentWindow.player;
-  if (player) player.setTheme(name);
+  if (player()) player().setTheme(name);
 }
 function loadPlayback() {
   const frame = $("playback");

@@ -20,13 +20,17 @@ function covered() {
   const card = $("card");
   return framedPoints().some(([x, y]) => x < card.offsetLeft + card.offsetWidth && y < card.offsetTop + card.offsetHeight);
 }
-// (points, 2) the framed points in the window, px.
+// Where a point is in the window: 1 is the border.
+const inWindow = (p) => v1.set(p[0], p[2], -p[1]).project(viewer.camera);
+// The same in px.
+function pixels(p) {
+  const { x, y } = inWindow(p);
+  return [((x + 1) / 2) * pane.clientWidth, ((1 - y) / 2) * pane.clientHeight];
+}
+// (points, 2) the framed points.
 function framedPoints() {
   viewer.camera.updateMatrixWorld();
-  return data.camera.points.map((p) => {
-    v1.set(p[0], p[2], -p[1]).project(viewer.camera);
-    return [((v1.x + 1) / 2) * pane.clientWidth, ((1 - v1.y) / 2) * pane.clientHeight];
-  });
+  return data.camera.points.map(pixels);
 }
 // In the part of the window where the robot is largest and not behind the card.
 function frameCamera() {
@@ -51,7 +55,7 @@ function frameCamera() {
   // The next frame may be a far one: from here the camera follows.
   anchor = layers.follow ? centerNow() : null;
   viewer.controls.update();
-  viewer.set_dirty();
+  drawFrame();
 }
 function shift(from, to) {
   const dx = to[0] - from[0], dz = -(to[1] - from[1]);
@@ -70,8 +74,7 @@ function labelForces() {
   for (const c of [...data.contacts].sort((a, b) => b.size - a.size)) {
     c.label.hidden = !(layers.forces && c.size > 0 && c.tip);
     if (c.label.hidden) continue;
-    v1.set(c.tip[0], c.tip[2], -c.tip[1]).project(viewer.camera);
-    const x = ((v1.x + 1) / 2) * box[0], y = ((1 - v1.y) / 2) * box[1];
+    const [x, y] = pixels(c.tip);
     c.label.textContent = `${Math.round(c.size)} N${c.cut ? " (arrow cut)" : ""}`;
     const width = 8 * c.label.textContent.length;
     c.label.hidden = Math.abs(v1.z) > 1 || taken.some((t) => Math.abs(t[0] - x) < (t[2] + width) / 2 && Math.abs(t[1] - y) < 18);

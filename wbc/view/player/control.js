@@ -50,7 +50,7 @@ function buildControls() {
   $("mark").title = `to the next ${data.mark_name} (m)`;
   $("mark").setAttribute("aria-label", `to the next ${data.mark_name}`);
   $("marks-nav").hidden = !data.marks.length;
-  $("frame").onclick = () => { frameCamera(); drawFrame(); };
+  $("frame").onclick = frameCamera;
   $("theme").onclick = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
   for (const name of Object.keys(layers)) {
     const label = document.createElement("label"), box = document.createElement("input");
@@ -70,7 +70,7 @@ function buildControls() {
   window.addEventListener("keydown", (e) => {
     if (e.target.tagName === "SELECT") return;
     const keys = { " ": () => setPlaying(!playing), ArrowLeft: () => step(e.shiftKey ? -10 : -1), m: nextMark,
-      ArrowRight: () => step(e.shiftKey ? 10 : 1), f: () => { frameCamera(); drawFrame(); }, Home: () => seek(start), End: () => seek(stop) };
+      ArrowRight: () => step(e.shiftKey ? 10 : 1), f: frameCamera, Home: () => seek(start), End: () => seek(stop) };
     if (keys[e.key]) { e.preventDefault(); keys[e.key](); }
   });
   window.addEventListener("resize", () => { paintBackdrop(); drawFrame(); });

@@ -18,3 +18,6 @@ for (const g of data.gears) {
 const modeColour = Object.fromEntries(Object.entries(data.colours.modes).map(([k, v]) => [k, colour(v)]));
 const quiet = colour(data.colours.quiet), over = colour(data.colours.over), under = colour(data.colours.under);
 const residualColour = (x) => mix(quiet, x > 0 ? over : under, Math.min(Math.abs(x) / data.residual_span, 1));
+const hasResidual = data.gears.some((g) => g.residual);
+// A log without torques tells nothing of its joints.
+const told = hasResidual || data.gears.some((g) => g.torque.some((x) => !Number.isNaN(x)));

@@ -7,7 +7,7 @@ const layers = { "centre of mass": data.floor !== null };
 if (data.contacts.length) Object.assign(layers, { forces: true, cones: data.contacts.length <= 4 });
 if (data.floating) layers.follow = data.follow;
 if (data.ghost) layers.ghost = true;
-if (data.gears.some((g) => g.residual)) layers.residual = true;
+if (hasResidual) layers.residual = true;
 
 function locate(t) {
   let low = 0, high = frames - 1;
@@ -15,7 +15,7 @@ function locate(t) {
   if (t >= time[high]) return [high, high, 0];
   return [low, high, Math.max(0, (t - time[low]) / (time[high] - time[low]))];
 }
-function place(body, root, i, j, s) {
+function place(body, i, j, s) {
   for (let k = 0; k < body.joints; k++) {
     const a = 7 * (i * body.joints + k), b = 7 * (j * body.joints + k), p = body.poses;
     const object = body.nodes[k];
@@ -70,8 +70,8 @@ function centerNow() {
 function drawFrame() {
   const [i, j, s] = locate(now);
   const near = s < 0.5 ? i : j;
-  place(data.robot, "robot", i, j, s);
-  if (data.ghost) { node("ghost").visible = layers.ghost; if (layers.ghost) place(data.ghost, "ghost", i, j, s); }
+  place(data.robot, i, j, s);
+  if (data.ghost) { node("ghost").visible = layers.ghost; if (layers.ghost) place(data.ghost, i, j, s); }
   for (const c of data.contacts) drawContact(c, near);
   for (const g of data.gears) drawGear(g, near);
   const center = centerNow();

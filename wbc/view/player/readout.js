@@ -1,26 +1,22 @@
 const cells = [];
 function buildReadout() {
-  const table = $("gears"), withResidual = data.gears.some((g) => g.residual);
-  // A log without torques: a table without a number would only cover the robot.
-  const told = withResidual || data.gears.some((g) => g.torque.some((x) => !Number.isNaN(x)));
-  const units = [...new Set(data.gears.map((g) => g.unit))];
-  table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (withResidual ? "<th>residual<br>[noise floors]</th>" : "") + "</tr>";
+  const table = $("gears"), units = [...new Set(data.gears.map((g) => g.unit))];
+  table.innerHTML = "<tr><th>joint</th><th>" + units.join(" or ") + "</th><th>W</th><th></th>" + (hasResidual ? "<th>residual<br>[noise floors]</th>" : "") + "</tr>";
   for (const g of data.gears) {
     const row = table.insertRow();
-    const made = Array.from({ length: withResidual ? 5 : 4 }, () => row.insertCell());
+    const made = Array.from({ length: hasResidual ? 5 : 4 }, () => row.insertCell());
     made[0].textContent = g.name;
     made[3].innerHTML = '<span class="chip"></span>';
     cells.push(made);
   }
   drawLegend();
-  if (!told) table.hidden = true;
+  table.hidden = !told;  // a table without a number would only cover the robot
   if (!told && data.contacts.length === 0) $("details").hidden = true;
   else if (window.innerWidth < 560 || window.innerHeight < 500 || data.gears.length > 8) $("details").open = false;
 }
 // Joints show one thing at a time: while they have the colour of their residual, no other entry has colours like it.
 const residualShown = () => Boolean(layers.residual);
 function drawLegend() {
-  const told = data.gears.some((g) => g.residual || g.torque.some((x) => !Number.isNaN(x)));
   const entry = (c, text) => `<span><i style="background:${c}"></i>${text}</span>`;
   const lines = data.planned ? ["planned motion: torques that the model needs, of their limits; line: path of the contact point"] : [];
   if (told && residualShown()) lines.push("residual: " + entry(data.colours.over, "measured above the model") +

@@ -10,7 +10,6 @@ requestAnimationFrame(() => {
   seek(wish.has("t") ? +wish.get("t") : data.at);
   // After the card has its text, and so its size.
   frameCamera();
-  drawFrame();
   if (data.autoplay && !wish.has("t") && !wish.has("still")) setPlaying(true);
   requestAnimationFrame(tick);
   window.player = { seek, step, frameCamera, setTheme, setPlaying, layers, start, stop, frames,
@@ -18,12 +17,8 @@ requestAnimationFrame(() => {
     visible: (path) => node(...path).visible,
     colour(path) { const seen = []; node(...path).traverse((o) => { if (o.material) seen.push(o.material.color.toArray()); }); return seen[0]; },
     framedPoints,
-    // Where the centre of mass is in the window; 1 is the border.
-    middle() {
-      viewer.camera.updateMatrixWorld();
-      const c = centerNow();
-      return v1.set(c[0], c[2], -c[1]).project(viewer.camera).toArray().slice(0, 2);
-    },
+    // Where the centre of mass is in the window.
+    middle() { viewer.camera.updateMatrixWorld(); return inWindow(centerNow()).toArray().slice(0, 2); },
     picture() { drawFrame(); viewer.render(); } };
   addEventListener("beforeprint", player.picture);  // else the canvas is empty on paper
 });
