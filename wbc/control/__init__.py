@@ -7,6 +7,8 @@ from wbc.control.qp.solvers import WarmStart as WarmStart
 from wbc.control.rows.collision import CollisionLimit as CollisionLimit, Shape as Shape
 from wbc.control.rows.contacts import (
     Contact as Contact,
+    ContactRamp as ContactRamp,
+    ContactSchedule as ContactSchedule,
     PointContact as PointContact,
     SurfaceContact as SurfaceContact,
 )
@@ -31,7 +33,6 @@ from wbc.control.rows.motions import (
     PostureTask as PostureTask,
 )
 from wbc.control.rows.point_foot import PointFootBalanceTask as PointFootBalanceTask
-from wbc.control.rows.schedule import ContactRamp as ContactRamp, ContactSchedule as ContactSchedule
 from wbc.control.rows.task import Task as Task
 from wbc.control.settings import (
     ControllerSettings as ControllerSettings,

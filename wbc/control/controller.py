@@ -15,7 +15,7 @@ from wbc.control.drivetrain import GearModel
 from wbc.control.fallback import Fallback
 from wbc.control.inputs import InputCheck
 from wbc.control.kinematics import Kinematics
-from wbc.control.qp.levels import Levels
+from wbc.control.qp.level import Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.collision import CollisionLimit, CollisionRows

@@ -59,8 +59,7 @@ class GearModel:
         """
         gears, nv = robot.transmission, robot.model.nv
         blend, observer = settings.speed_blend, settings.disturbance
-        self.robot, self._limit, self.size = robot, limit, gears.size
-        self._settings = settings
+        self.robot, self.size, self._settings = robot, gears.size, settings
         self._ratio, self._kinematics = gears.gear_ratio, kinematics
         self.coupled = robot.rotors_turn_with_links
         bounded = np.isfinite(gears.torque_limit) & (limit is not None)
@@ -71,7 +70,8 @@ class GearModel:
         self._pushed = bool(asked & {"joint_torque", "joint_friction", "rotor_torque"})
         self._asks_gears = "gear_efficiencies" in asked
         self._gears_act = self._asks_gears or self._table.act_on_gears
-        self._varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
+        varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
+        self._varying = limit if varies else None
         self._contacts: object = None
         from_joints, turns = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
         turns[:, robot.actuated] = from_joints
@@ -122,9 +122,9 @@ class GearModel:
             memory.effects[:], memory.rubbing[:], added = self._exerted(motion)
         if self._gears_act:
             self._take_efficiencies(*self._efficiencies(motion))
-        if self._varies and self._limit is not None:
-            low, high = self._limit.bounds(self.robot, self._ratio * self.speed(motion.velocity))
-            self._take_limits(low, high, added)
+        if self._varying is not None:
+            speed = self._ratio * self.speed(motion.velocity)
+            self._take_limits(*self._varying.bounds(self.robot, speed), added)
         if self.coupled:
             self._couple()
         if self.learns and contacts != self._contacts:

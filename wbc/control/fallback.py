@@ -59,16 +59,13 @@ class Fallback:
     @property
     def _torque(self) -> FloatArray:
         """N tau_phi (m,) [N m] of the last good tick."""
-        if self._last is None:
-            return np.zeros(self._size)
-        return self._last.row(GEAR.torque)
+        return np.zeros(self._size) if self._last is None else self._last.row(GEAR.torque)
 
     def _place(self, motion: Motion | None) -> FloatArray | None:
         """Return q (nq,) of a state, without one that of the last good tick."""
         if motion is not None:
             return motion.position
-        last = self._last
-        return None if last is None else last.part(PART.position)
+        return None if self._last is None else self._last.part(PART.position)
 
     def command(
         self,

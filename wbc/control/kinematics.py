@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -242,11 +243,8 @@ def _fixed_at(model: pin.Model, frame: str) -> tuple[int, FloatArray]:
 
 def joint_columns(model: pin.Model) -> tuple[IntArray, IntArray]:
     """Return which columns of J move each joint: where they start (j + 1,), and the columns."""
-    starts: list[int] = [0]
-    columns: list[int] = []
-    for i in range(model.njoints):
-        for joint in model.supports[i]:
-            first = model.joints[joint].idx_v
-            columns += range(first, first + model.joints[joint].nv) if joint else ()
-        starts.append(len(columns))
-    return frozen(starts, np.int_), frozen(columns, np.int_)
+    own = [range(one.idx_v, one.idx_v + one.nv) for one in model.joints]
+    own[0] = range(0)  # the world
+    columns = [[k for joint in path for k in own[joint]] for path in model.supports]
+    starts = np.cumsum([0, *map(len, columns)])
+    return frozen(starts, np.int_), frozen(list(chain(*columns)), np.int_)

@@ -31,8 +31,7 @@ from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
 from wbc.control.inputs import InputCheck, Reference, State, complaint_of, size_complaint
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
-from wbc.control.qp.level import Level, LevelAnswer
-from wbc.control.qp.levels import Levels
+from wbc.control.qp.level import Level, LevelAnswer, Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
 from wbc.control.rows.gear_rows import place_loads, place_map, place_torques
@@ -183,7 +182,9 @@ class Ticker(ABC):
         else:
             for stack in self._parts.stacks:
                 stack.remember()
-        self._last = answer.level.expecting(self._last)
+        # the next tick expects the speed that was expected of this one, drawn towards the measured
+        self._last, program = self._last.copy(), answer.level.program
+        self._last[program.at[PART.advanced]] = program.memory.corrected
         return self._fallback.command(motion, complaint, answer.dt, start, answer)
 
 

@@ -96,19 +96,6 @@ def place_row(solver: SolverMemory, place: int, row: Row, right: float, softness
 
 
 @inner
-def _factorise(solver: SolverMemory, known: int, size: int) -> bool:
-    """Write K = G D^-1 G' + S, and its factor, from row `known` on; return whether there is one."""
-    G, scaled, system, inverse = solver.rows, solver.scaled, solver.system, solver.inverse
-    for i in range(known, size):
-        for j in range(len(inverse)):
-            scaled[i, j] = G[i, j] * inverse[j]
-        for k in range(i + 1):
-            system[i, k] = dot(scaled[i], G[k])
-        system[i, i] += solver.softness[i]
-    return factorise_from(system, known, size)
-
-
-@inner
 def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int) -> bool:
     """Solve (G D^-1 G' + S) force = right - G free for x = free + D^-1 G' force.
 
@@ -125,8 +112,14 @@ def _try_rows(solver: SolverMemory, known: int, size: int, x: OutRow, base: int)
         whether the rows are independent.
     """
     G, right, free, force = solver.rows, solver.right, solver.free, solver.force
-    left, scaled, factor = solver.left, solver.scaled, solver.system
-    if not _factorise(solver, known, size):
+    left, scaled, factor, inverse = solver.left, solver.scaled, solver.system, solver.inverse
+    for i in range(known, size):  # what was the system is its factor where it is known
+        for j in range(len(inverse)):
+            scaled[i, j] = G[i, j] * inverse[j]
+        for k in range(i + 1):
+            factor[i, k] = dot(scaled[i], G[k])
+        factor[i, i] += solver.softness[i]
+    if not factorise_from(factor, known, size):
         return False
     for i in range(known, size):
         half, whole = right[i] - dot(G[i], free), solver.softness[i]

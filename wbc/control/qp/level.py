@@ -1,8 +1,9 @@
-"""One level of priority for one set of contacts: its program, solved."""
+"""One level of priority for one set of contacts: its program, solved; and those of all sets."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -14,15 +15,10 @@ from wbc.control.inputs import TOO_LARGE, Complaint
 from wbc.control.memory import COUNT, GEAR, PART
 from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful
 from wbc.control.qp.lock_rows import extend_by_bounds, hold, let_pass, place_above, place_lock
-from wbc.control.qp.program import Program, place_prices
-from wbc.control.qp.search import (
-    GUESSES,
-    SMALL,
-    contested,
-    try_bounds,
-    weigh,
-)
+from wbc.control.qp.program import Program, Recipe, place_prices
+from wbc.control.qp.search import GUESSES, SMALL, contested, try_bounds, weigh
 from wbc.control.qp.solvers import Daqp, QPProblem, QPSolution, QPStatus, WarmStart, solve
+from wbc.control.rows.contacts import BoundContact, ContactRamp, ContactSet, drawn_poses
 from wbc.control.rows.gear_rows import place_efforts, place_torque_limits
 
 # What it takes to write a program out and to begin it, to try bounds that may bind, and a step of
@@ -283,15 +279,6 @@ class Level:
             self._place(found.decided, output)
         return found
 
-    def expecting(self, last: FloatArray) -> FloatArray:
-        """Return the block of the last tick for the next one, after this one had no solution.
-
-        It expects the speed that was expected of this tick, drawn towards the measured one.
-        """
-        last = last.copy()
-        last[self.program.at[PART.advanced]] = self.program.memory.corrected
-        return last
-
     def built(self, last: FloatArray, decided: IntArray) -> QPProblem:
         """Return a copy of the program of the last tick.
 
@@ -482,3 +469,99 @@ def _turned(node: IntArray, sides: IntArray, cost: float, taken: IntArray) -> li
         found.append((cost, other, taken))
         own[gear] = sides[gear]
     return found
+
+
+_FEW = 4
+_POSES = 3
+# A row that others decide keeps 1e-16 of its length, an independent one 1e-3 at a drawn pose.
+_DEPENDENT = 1e-9
+
+
+class Levels:
+    """The levels of all sets of contacts, each with a warm start of its own.
+
+    With up to four contacts those of all sets are made at once, so that no tick has to: one takes
+    as long as ten ticks.
+
+    Several points of one rigid body repeat each other, as do the feet of a robot that has few
+    joints between them: how many rows of contacts are independent is told at drawn poses.
+
+    Attributes:
+        whole: all contacts.
+        shared: size of the part of a block of results that all programs have, see `PART`.
+    """
+
+    def __init__(self, recipe: Recipe, contacts: Mapping[str, BoundContact]) -> None:
+        """Remember what programs are made of."""
+        self._recipe, self._contacts, self._all = recipe, dict(contacts), tuple(contacts)
+        robot, kinematics = recipe.robot, recipe.kinematics
+        nq, nv, m = robot.model.nq, robot.model.nv, robot.transmission.size
+        self.shared = nq + 3 * nv + len(GEAR) * m
+        self.whole = ContactSet(tuple(contacts.values()), kinematics.model)
+        self._drawn: list[FloatArray] = []
+        for q in drawn_poses(robot, _POSES):
+            kinematics.update(q, np.zeros(nv))
+            self.whole.fill(kinematics)
+            self._drawn.append(self.whole.memory.rows.jacobian.copy())
+        self._made: dict[tuple[str, ...], tuple[Level, ...]] = {}
+        self._ramp: ContactRamp | None = None
+        if self._all and (down := recipe.settings.contact_ramp) > 0.0:
+            self._ramp = ContactRamp(self._all, recipe.load, down, rise=0.5 * down)
+        self._fresh, self._settled = True, False
+        self._wanted: dict[str, float] | None = None
+        self._last: tuple[tuple[Level, ...], Mapping[str, float]] = (), {}
+        for count in range(len(self._all) + 1 if len(self._all) <= _FEW else 0):
+            for names in combinations(self._all, count):
+                self._of(names)
+
+    def forget(self) -> None:
+        """Start the next tick of every contact set from nothing."""
+        self._fresh, self._settled = True, False
+        for levels in self._made.values():
+            for level in levels:
+                level.forget()
+
+    def of(
+        self, wanted: Mapping[str, float] | None, dt: float
+    ) -> tuple[tuple[Level, ...], Mapping[str, float]]:
+        """Return the levels for the contacts that may carry force, and their ceilings [N].
+
+        Args:
+            wanted: ceilings that are asked for; None for all contacts without any.
+            dt: time until the next tick [s].
+        """
+        if self._settled and wanted == self._wanted:
+            return self._last
+        ramp, names = self._ramp, self._all
+        asked = dict.fromkeys(names, np.inf) if wanted is None else wanted
+        asked = {name: asked[name] for name in names if asked.get(name, 0.0) > 0.0}
+        ceilings: Mapping[str, float] = asked
+        if ramp is not None:
+            ceilings = ramp.step(asked, dt, at_once=self._fresh)
+        self._fresh, self._settled = False, ceilings == asked
+        self._wanted = None if wanted is None else dict(wanted)
+        self._last = self._of(tuple(ceilings)), ceilings
+        return self._last
+
+    def _of(self, names: tuple[str, ...]) -> tuple[Level, ...]:
+        """Return the levels for some contacts, in the order of all."""
+        levels = self._made.get(names)
+        if levels is None:
+            recipe, chosen = self._recipe, [self._contacts[name] for name in names]
+            contacts = ContactSet(tuple(chosen), recipe.kinematics.model, self._rank(names))
+            ranks = range(len(recipe.stacks))
+            levels = tuple(Level(Program(recipe, contacts, rank), rank) for rank in ranks)
+            self._made[names] = levels
+        return levels
+
+    def _rank(self, names: Sequence[str]) -> int:
+        """Return the greatest number of independent rows of some contacts."""
+        if not names:
+            return 0
+        slices, ranks = dict(zip(self._all, self.whole.slices, strict=True)), list[int]()
+        at = np.r_[tuple(slices[name] for name in names)]
+        for jacobian in self._drawn:
+            rows, lengths = jacobian[at], np.linalg.norm(jacobian[at], axis=1)
+            rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
+            ranks.append(np.linalg.matrix_rank(rows, tol=_DEPENDENT * np.sqrt(rows.size)))
+        return max(ranks)

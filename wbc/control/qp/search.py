@@ -5,11 +5,7 @@ from __future__ import annotations
 from wbc.compiled import OutFlags, OutPlaces, OutRow, Places, Row, compiled, view
 from wbc.control.memory import COUNT, GEAR, PART, ProgramMemory
 from wbc.control.qp.active_set import BASE, START, STEPS, settle
-from wbc.control.rows.gear_rows import (
-    place_efforts,
-    place_output,
-    place_torques,
-)
+from wbc.control.rows.gear_rows import place_efforts, place_output, place_torques
 from wbc.mechanics.linear import dot
 
 UNSOLVED, LIMITED_TORQUE, DONE = range(3)
@@ -85,12 +81,7 @@ def guess(program: ProgramMemory, block: OutRow) -> int:
 
 @compiled(counted=False)
 def weigh(
-    program: ProgramMemory,
-    x: Row,
-    choice: Places,
-    output: OutRow,
-    share: OutRow,
-    beyond: OutFlags,
+    program: ProgramMemory, x: Row, choice: Places, output: OutRow, share: OutRow, beyond: OutFlags
 ) -> tuple[float, bool]:
     """Write T of x (n,), what the rotors take, and which gears the mesh law takes beyond limits.
 

@@ -1,10 +1,12 @@
-"""Contacts: where the robot may push against the ground and how hard, and those of one tick."""
+"""Contacts: where and when the robot may push against the ground, how hard; those of one tick."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
+from math import inf
 from typing import Any, final
 
 import numpy as np
@@ -17,7 +19,7 @@ from wbc.control.kinematics import Kinematics, StateRows, rows_of
 from wbc.control.memory import CONTACTS
 from wbc.control.tree import RowKind, fill_state_rows
 from wbc.dynamics import Workspace, evaluate
-from wbc.errors import ControlError
+from wbc.errors import ControlError, require_known
 from wbc.robot import Robot
 
 _LEVEL = 0.1  # of the normal, that leans where a point stands on level ground
@@ -181,18 +183,20 @@ class PointContact(Contact):
         return np.array([along, np.cross(normal, along), normal])[np.ix_(axes, axes)]
 
 
+def drawn_poses(robot: Robot, count: int) -> list[FloatArray]:
+    """Return some configurations (nq,) drawn around the neutral one, always the same."""
+    steps = np.random.default_rng(0).uniform(-1.0, 1.0, (count, robot.model.nv))
+    return [pin.integrate(robot.model, robot.neutral(), step) for step in steps]
+
+
 def movable_axes(robot: Robot, index: int) -> list[int]:
     """Return the world axes in which any motion of the robot moves a contact point.
 
     Judged at a few configurations spread over the joints' range, by a Jacobian row that is zero
     at all of them.
     """
-    generator = np.random.default_rng(0)
-    space = Workspace(robot)
-    reach = np.zeros(3)
-    for _ in range(5):
-        step = generator.uniform(-1.0, 1.0, robot.model.nv)
-        q = pin.integrate(robot.model, robot.neutral(), step)
+    space, reach = Workspace(robot), np.zeros(3)
+    for q in drawn_poses(robot, 5):
         rows = evaluate(robot, q, np.zeros(robot.model.nv), space).contact_jacobian
         reach = np.maximum(reach, np.abs(rows[3 * index : 3 * index + 3]).max(axis=1))
     return [axis for axis in range(3) if reach[axis] > 1e-9]
@@ -368,3 +372,113 @@ class ContactSet:
         for contact, rows in zip(self.contacts, self.slices, strict=True):
             found[contact.name][contact.axes] = force[rows]
         return found
+
+
+@final
+class ContactRamp:
+    """Greatest normal forces of contacts that come and go along ramps.
+
+    A contact that is wanted no longer loses its ceiling in a straight line and leaves the set when
+    the ceiling reaches zero; one that is wanted again gets it back in the same way, and is free at
+    the end. A ceiling that is asked for is kept at once. A controller has one of its own, see
+    `ControllerSettings.contact_ramp`; a slower one before it unloads a foot in time:
+
+        ramp = ContactRamp(["left", "right"], load=weight, duration=0.2)
+        ...
+        command = controller.step(state, references, ramp.step({"left"}, dt))
+    """
+
+    def __init__(
+        self, contacts: Sequence[str], load: float, duration: float, *, rise: float | None = None
+    ) -> None:
+        """Start with every contact active.
+
+        Args:
+            contacts: names of all contacts.
+            load: normal force [N] from which and to which the ceilings go, for example the weight.
+            duration: of a ramp [s].
+            rise: of a ramp upwards [s] where that is another one. Flags that flicker evenly end
+                with all contacts active where it is shorter.
+
+        Raises:
+            ControlError: no contact, or a load or duration that is not positive.
+        """
+        rise = duration if rise is None else rise
+        if not contacts or not load > 0.0 or not duration > 0.0 or not rise > 0.0:
+            raise ControlError("a contact ramp needs contacts, a load > 0 N and a duration > 0 s.")
+        self._load, self._fall, self._rise = load, 1.0 / duration, 1.0 / rise
+        self._share = dict.fromkeys(contacts, 1.0)
+
+    def step(
+        self, wanted: Collection[str] | Mapping[str, float], dt: float, *, at_once: bool = False
+    ) -> Mapping[str, float]:
+        """Go on for `dt` [s]; return the ceiling [N] of every contact that may carry force.
+
+        Args:
+            wanted: the contacts that are to carry force, or their ceilings.
+            dt: [s].
+            at_once: whether to begin with what is wanted, without a ramp.
+
+        Raises:
+            ControlError: a contact that there is not.
+        """
+        for name in wanted:
+            require_known(ControlError, "contact", name, self._share)
+        given = wanted if isinstance(wanted, Mapping) else dict.fromkeys(wanted, inf)
+        fall, rise = (inf, inf) if at_once else (dt * self._fall, dt * self._rise)
+        ceilings = {}
+        for name, share in self._share.items():
+            ceiling = given.get(name, 0.0)
+            goal = min(ceiling / self._load, 1.0)
+            share = min(goal, share + rise) if goal > 0.0 else max(share - fall, 0.0)
+            self._share[name] = share
+            if share > 0.0:
+                ceilings[name] = ceiling if share == goal else share * self._load
+        return ceilings
+
+
+@final
+@dataclass(frozen=True)
+class ContactSchedule:
+    """A gait: every contact stands for a part of a period, each with an offset of its own.
+
+    The time is given, so that the user owns the clock:
+
+        trot = ContactSchedule(0.5, {"FL": 0.0, "HR": 0.0, "FR": 0.5, "HL": 0.5}, duty=0.6)
+        ceilings = ramp.step(trot.standing(time), dt)
+        swing = trot.swing("FL", time)   # 0 to 1 in the air, None on the ground
+
+    Attributes:
+        period: [s].
+        offsets: contact -> share of the period, 0 to 1, at which it begins to stand.
+        duty: share of the period that every contact stands, in (0, 1].
+    """
+
+    period: float
+    offsets: Mapping[str, float]
+    duty: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        ranges = {"period": "> 0 s and < inf", "duty": "> 0 and <= 1"}
+        require_ranges(self, "contact schedule: ", ControlError, **ranges)
+        for name, offset in self.offsets.items():
+            if not 0.0 <= offset <= 1.0:
+                raise ControlError(f"contact '{name}': an offset lies in [0, 1], got {offset}.")
+
+    def standing(self, time: float) -> frozenset[str]:
+        """Return the contacts that stand at a time [s]."""
+        return frozenset(name for name in self.offsets if self._phase(name, time) < self.duty)
+
+    def swing(self, contact: str, time: float) -> float | None:
+        """Return how much of its swing a contact has done, 0 to 1; None while it stands.
+
+        Raises:
+            ControlError: no such contact.
+        """
+        phase = self._phase(contact, time)
+        return None if phase < self.duty else (phase - self.duty) / (1.0 - self.duty)
+
+    def _phase(self, contact: str, time: float) -> float:
+        require_known(ControlError, "contact", contact, self.offsets)
+        return (time / self.period - self.offsets[contact]) % 1.0

@@ -205,7 +205,4 @@ def _braking(robot: Robot, joints: tuple[str, ...], braking: float | None) -> di
         torque = (held / np.abs(gears.topology)[own]).min(axis=1)
     B = gears.motor_from_joint[:, own]
     reflected = np.where(drives, gears.reflected_inertia / eta, gears.reflected_inertia)
-    return {
-        "torque": frozen(torque),
-        "reflected": frozen((B * B * reflected[:, None]).sum(axis=0)),
-    }
+    return {"torque": frozen(torque), "reflected": frozen((B * B * reflected[:, None]).sum(axis=0))}

@@ -12,13 +12,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray, IntArray, frozen, require_ranges
 from wbc.control.inputs import Target
 from wbc.control.kinematics import Kinematics, StateRows
-from wbc.control.rows.task import (
-    AxesTask,
-    Gains,
-    StateTask,
-    Task,
-    rotation_target,
-)
+from wbc.control.rows.task import AxesTask, Gains, StateTask, Task, rotation_target
 from wbc.control.tree import RowKind
 from wbc.errors import ControlError
 from wbc.robot import Robot
