@@ -10,7 +10,9 @@ from wbc.dynamics.batch import (
 from wbc.dynamics.equation import (
     DissipativeEquation as DissipativeEquation,
     RedundantModel as RedundantModel,
+    Terms as Terms,
+    Workspace as Workspace,
     dissipative_equation as dissipative_equation,
+    evaluate as evaluate,
     redundant_model as redundant_model,
 )
-from wbc.dynamics.terms import Terms as Terms, Workspace as Workspace, evaluate as evaluate

@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import FloatArray
-from wbc.dynamics.equation import rotor_coupling
-from wbc.dynamics.terms import Workspace, evaluate
+from wbc.dynamics.equation import Workspace, evaluate, rotor_coupling
 from wbc.errors import DynamicsError
 from wbc.robot import Motion, Robot
 from wbc.transmission import mesh_input
@@ -222,9 +221,9 @@ def _coupling_torque(robot: Robot, motion: Motion) -> tuple[FloatArray, FloatArr
     on_rotors = np.zeros(spin_rate.shape)
     for row in np.ndindex(acceleration.shape[:-1]):
         terms = evaluate(robot, motion.position[row], motion.velocity[row], space)
-        coupling = rotor_coupling(robot, terms.velocity, terms.data)
-        on_links[row] = coupling.inertia.T @ spin_rate[row] + coupling.link_bias
-        on_rotors[row] = coupling.inertia @ acceleration[row] + coupling.rotor_bias
+        inertia, link_bias, rotor_bias = rotor_coupling(robot, terms.velocity, terms.data)
+        on_links[row] = inertia.T @ spin_rate[row] + link_bias
+        on_rotors[row] = inertia @ acceleration[row] + rotor_bias
     return on_links, on_rotors
 
 

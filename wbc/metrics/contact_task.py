@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray, checked
+from wbc.dynamics import Workspace
 from wbc.errors import DynamicsError, RobotError, require_known
 from wbc.metrics.designs import Designs, Stretching
 from wbc.robot import ContactPoint, Robot
@@ -170,15 +171,11 @@ def contact_task(robot: Robot, position: ArrayLike, contact: str, axes: str = "x
 def designs_task(designs: Designs, contact: str, axes: str = "xyz") -> ContactTask:
     """Return the task of one contact point of every design; errors as of `contact_task`."""
     upward(axes)
-    robot, model = designs.robot, designs.robot.model.copy()
-    point = robot.contact(contact)
-    drawn = model.frames[model.getFrameId(point.frame)]
-    place = drawn.placement * point.placement()
-    frame = model.addFrame(
-        pin.Frame(f"{contact} of designs", drawn.parentJoint, place, pin.FrameType.OP_FRAME)
-    )
+    robot, space = designs.robot, Workspace(designs.robot)
+    model, data = space.model, space.data
+    frame = space.frames[robot.contacts.index(robot.contact(contact))]
     mounting = robot.mounting if robot.rotors_turn_with_links else None
-    stretching, data = Stretching(model, [frame]), model.createData()
+    stretching = Stretching(model, [frame])
     q, lengths, masses = designs.position, designs.length_scale, designs.mass_scale
     links = max(len(lengths), len(masses))
     count = max(len(q), links)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.metrics.contact_task import ContactTask, designs_task, ratio
 from wbc.metrics.designs import Designs
-from wbc.metrics.force_capability import holding_torques, least_force, limits_of
+from wbc.metrics.force_capability import holding_torques, joule_heats, least_force, limits_of
 from wbc.transmission import Direction
 
 _LOCKED = 1e-12  # the share of the conservative mobility below which there is none
@@ -90,15 +90,6 @@ def design_metrics(
     return DesignMetrics(**{name: np.concatenate([b[name] for b in blocks]) for name in names})
 
 
-def _held_torque(task: ContactTask, n: FloatArray, load: float | None) -> FloatArray:
-    designs, force = task.designs, np.full(1, 0.0 if load is None else load)
-    if load is None:
-        own = np.array([body.mass for body in designs.robot.model.inertias])[1:]
-        field = np.asarray(designs.robot.model.gravity.linear)
-        force = designs.mass_scale @ own * float(np.linalg.norm(field))
-    return np.asarray(task.torque_from_force @ n * force[:, None])
-
-
 def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
     def along(matrix: FloatArray) -> FloatArray:
         return np.asarray(n @ matrix @ n)
@@ -122,12 +113,13 @@ def _inertias(task: ContactTask, n: FloatArray) -> dict[str, FloatArray]:
 
 
 def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, FloatArray]:
-    gears, lever = task.designs.gears, task.levers(n)
-    unpowered = {**gears, "torque_limit": np.zeros((1, 1))}
-    perfect, least = holding_torques(gears, _held_torque(task, n, load))
-    copper = task.designs.robot.transmission.copper_loss
-    weight = np.where(np.isfinite(copper).all(), copper, 1.0)  # all alike where one is unknown
-    spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (perfect, least))
+    robot, gears, lever = task.designs.robot, task.designs.gears, task.levers(n)
+    unpowered, force = {**gears, "torque_limit": np.zeros((1, 1))}, np.full(1, load or 0.0)
+    if load is None:
+        masses = np.array([body.mass for body in robot.model.inertias])[1:]
+        field = float(np.linalg.norm(robot.model.gravity.linear))
+        force = task.designs.mass_scale @ masses * field
+    perfect, least = holding_torques(gears, task.torque_from_force @ n * force[:, None])
     return {
         "conventional": least_force(limits_of(gears, Direction.STUCK), lever),
         "lift": least_force(limits_of(gears, Direction.FORWARD), lever),
@@ -135,5 +127,5 @@ def _forces(task: ContactTask, n: FloatArray, load: float | None) -> dict[str, F
         "backdriving_force": least_force(limits_of(unpowered, Direction.BACKWARD), lever),
         "holding_torque": np.sqrt(np.sum(least**2, axis=1)),
         "holding_torque_lossless": np.sqrt(np.sum(perfect**2, axis=1)),
-        "heat_saved": 1.0 - ratio(rest, spent, 0.0, 1.0),
+        "heat_saved": joule_heats(robot, perfect, least)[2],
     }

@@ -71,11 +71,10 @@ class Designs:
                 length or mass.
             TransmissionError: a number of a gear outside its range.
         """
-        joints = robot.model.njoints - 1
         q = checked(np.atleast_2d(position), (None, robot.model.nq), "position", DynamicsError)
         given = _gears(robot, gears or {})
-        length_scale = _scales(robot, lengths or {}, "length", joints)
-        mass_scale = _scales(robot, masses or {}, "mass", joints)
+        length_scale = _scales(robot, lengths or {}, "length")
+        mass_scale = _scales(robot, masses or {}, "mass")
         arrays = [q, length_scale, mass_scale, *given.values()]
         sizes = {len(a) for a in arrays} - {1}
         if len(sizes) > 1:
@@ -190,8 +189,8 @@ def _check_gears(gears: Mapping[str, FloatArray]) -> None:
                 )
 
 
-def _scales(robot: Robot, given: Mapping[str, ArrayLike], what: str, joints: int) -> FloatArray:
-    scales = np.ones((1, joints))
+def _scales(robot: Robot, given: Mapping[str, ArrayLike], what: str) -> FloatArray:
+    scales = np.ones((1, robot.model.njoints - 1))
     for body, values in given.items():
         joint = robot.body_joint(body)
         array = checked(np.atleast_1d(values), (None,), f"{what} of '{body}'", DynamicsError)

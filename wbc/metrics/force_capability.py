@@ -311,15 +311,20 @@ def holding(
     gears = robot.transmission
     output = np.zeros(gears.size)
     output[list(reach.gears)] = load * (reach.torque_from_force @ reach.task.direction(direction))
-    perfect, least = (x[0] for x in holding_torques(reach.task.designs.gears, output[None]))
-    copper = gears.copper_loss
-    known = bool(np.isfinite(copper).all())
-    weight = copper if known else np.ones(gears.size)
-    spent, rest = float(weight @ perfect**2), float(weight @ least**2)
-    return Holding(
-        lossless=frozen(perfect),
-        least=frozen(least),
-        heat_lossless=spent if known else float("nan"),
-        heat_least=rest if known else float("nan"),
-        heat_saved=1.0 - rest / spent if spent > 0.0 else 0.0,
-    )
+    perfect, least = holding_torques(reach.task.designs.gears, output[None])
+    spent, rest, saved = (float(one[0]) for one in joule_heats(robot, perfect, least))
+    known = 1.0 if np.isfinite(gears.copper_loss).all() else np.nan
+    return Holding(frozen(perfect[0]), frozen(least[0]), known * spent, known * rest, saved)
+
+
+def joule_heats(
+    robot: Robot, perfect: FloatArray, least: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the heat (k,) [W] of two rotor torques (k, m), and the share that the lesser saves.
+
+    The motors count as equal where the constants of one are unknown.
+    """
+    copper = robot.transmission.copper_loss
+    weight = np.where(np.isfinite(copper).all(), copper, 1.0)
+    spent, rest = (np.sum(weight * torque**2, axis=1) for torque in (perfect, least))
+    return spent, rest, 1.0 - ratio(rest, spent, 0.0, 1.0)

@@ -293,13 +293,12 @@ def _from_rest(task: ContactTask, motor: FloatArray) -> tuple[FloatArray, FloatA
     # Only the undriven coordinates are eliminated: a driven link may have no inertia of its own
     # (a drawn wrist), its rotor has some.
     held = np.linalg.solve(H[np.ix_(rest, rest)], H[np.ix_(rest, driven)])
-    joint_from_motor = np.linalg.inv(gears.motor_from_joint)
-    M = joint_from_motor.T @ (H[np.ix_(driven, driven)] - H[np.ix_(driven, rest)] @ held)
+    M = gears.topology.T @ (H[np.ix_(driven, driven)] - H[np.ix_(driven, rest)] @ held)
     rotor, forward = gears.reflected_inertia[:, None], gears.forward_efficiency[:, None]
     backward = np.maximum(gears.backward_efficiency, _LEAST_BACKWARD)[:, None]
-    output = _gear_acceleration(M @ joint_from_motor, motor, rotor, forward, backward)
+    output = _gear_acceleration(M @ gears.topology, motor, rotor, forward, backward)
     acceleration = np.zeros((robot.model.nv, motor.shape[1]))
-    acceleration[driven] = joint_from_motor @ output
+    acceleration[driven] = gears.topology @ output
     acceleration[rest] = -held @ acceleration[driven]
     return acceleration, output
 

@@ -12,11 +12,7 @@ from numpy.typing import ArrayLike
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
 from wbc.metrics.contact_task import contact_task, upward
-from wbc.metrics.force_capability import (
-    ForceCapability,
-    force_capability,
-    holding,
-)
+from wbc.metrics.force_capability import ForceCapability, force_capability, holding
 from wbc.metrics.inertia import (
     backward_generalized_inertia,
     directional_inertia,
@@ -60,11 +56,7 @@ class Metric:
 
 
 def summary(
-    robot: Robot,
-    position: ArrayLike,
-    contact: str,
-    axes: str = "xz",
-    load: float | None = None,
+    robot: Robot, position: ArrayLike, contact: str, axes: str = "xz", load: float | None = None
 ) -> list[Metric]:
     """Return every metric of a contact, those that do not exist with the reason.
 
