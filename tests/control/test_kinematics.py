@@ -6,8 +6,7 @@ import pinocchio as pin
 from wbc.arrays import frozen
 from wbc.control import CenterOfMassTask, CentroidalMomentumTask, FramePoseTask
 from wbc.control.checking import check_task
-from wbc.control.kinematics import Kinematics
-from wbc.control.tree import place_turn
+from wbc.control.kinematics import Kinematics, place_turn
 from wbc.robot import Robot
 from wbc.transmission import Transmission
 

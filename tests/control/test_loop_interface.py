@@ -25,7 +25,7 @@ from wbc.control import (
 )
 from wbc.control.inputs import LONGEST
 from wbc.control.qp.solvers import QPProblem
-from wbc.control.rows.task import Task
+from wbc.control.rows.tasks import Task
 from wbc.effects import load_robot
 from wbc.robot import JointMap, Motion
 from wbc.sim import Plant, simulate, with_wrong_efficiencies

@@ -12,15 +12,17 @@ from wbc.control.rows.contacts import (
     PointContact as PointContact,
     SurfaceContact as SurfaceContact,
 )
-from wbc.control.rows.efforts import (
+from wbc.control.rows.limits import (
     Effort as Effort,
+    JointLimit as JointLimit,
     JouleHeatEffort as JouleHeatEffort,
     MeshLossEffort as MeshLossEffort,
     OutputTorqueEffort as OutputTorqueEffort,
     RotorTorqueEffort as RotorTorqueEffort,
+    RotorTorqueLimit as RotorTorqueLimit,
 )
-from wbc.control.rows.limits import JointLimit as JointLimit, RotorTorqueLimit as RotorTorqueLimit
-from wbc.control.rows.motions import (
+from wbc.control.rows.point_foot import PointFootBalanceTask as PointFootBalanceTask
+from wbc.control.rows.tasks import (
     AngularMomentumTask as AngularMomentumTask,
     CapturePointTask as CapturePointTask,
     CenterOfMassTask as CenterOfMassTask,
@@ -31,9 +33,8 @@ from wbc.control.rows.motions import (
     FramePositionTask as FramePositionTask,
     LinearMomentumTask as LinearMomentumTask,
     PostureTask as PostureTask,
+    Task as Task,
 )
-from wbc.control.rows.point_foot import PointFootBalanceTask as PointFootBalanceTask
-from wbc.control.rows.task import Task as Task
 from wbc.control.settings import (
     ControllerSettings as ControllerSettings,
     DisturbanceObserver as DisturbanceObserver,

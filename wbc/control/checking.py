@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.control.kinematics import Kinematics
 from wbc.control.rows.contacts import Contact, ContactSet
-from wbc.control.rows.task import Task
+from wbc.control.rows.tasks import Task
 from wbc.robot import Robot
 
 

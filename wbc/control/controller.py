@@ -20,10 +20,9 @@ from wbc.control.qp.program import Recipe
 from wbc.control.qp.solvers import QPProblem
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contacts import Contact
-from wbc.control.rows.efforts import Effort
-from wbc.control.rows.limits import JointLimit, RotorTorqueLimit
-from wbc.control.rows.task import Task
+from wbc.control.rows.limits import Effort, JointLimit, RotorTorqueLimit
 from wbc.control.rows.task_stack import TaskStack
+from wbc.control.rows.tasks import Task
 from wbc.control.settings import ControllerSettings
 from wbc.control.tick import Ticker
 from wbc.errors import ControlError

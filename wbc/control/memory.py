@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from wbc.compiled import Count, Dense, OutDense, OutPlaces, OutRow, Places, Row, Table
+from wbc.control.kinematics import RowsMemory, TreeMemory
 from wbc.control.qp.active_set import SolverMemory
 from wbc.control.rows.limits import JointsMemory
-from wbc.control.tree import RowsMemory, TreeMemory
 from wbc.structures import Structure, numbered
 
 TASKS = Structure(

@@ -30,6 +30,7 @@ from wbc.compiled import Row, Vector, compiled, view
 from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
 from wbc.control.inputs import InputCheck, Reference, State, complaint_of, size_complaint
+from wbc.control.kinematics import move_joints
 from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.level import Level, LevelAnswer, Levels
 from wbc.control.qp.program import Recipe
@@ -43,7 +44,6 @@ from wbc.control.rows.motion_rows import (
     want,
 )
 from wbc.control.settings import ControllerSettings
-from wbc.control.tree import move_joints
 from wbc.mechanics.linear import copy_to
 from wbc.robot import Motion
 

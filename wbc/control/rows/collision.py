@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.arrays import frozen, require_ranges
-from wbc.control.kinematics import Kinematics, frame_number
-from wbc.control.tree import place_distances
+from wbc.control.kinematics import Kinematics, frame_number, place_distances
 from wbc.errors import ControlError, require_known
 
 _FLAT = 1e-9  # thickness over size; coal's hull of a mesh with none (4e-17) ends the process

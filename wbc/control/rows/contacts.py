@@ -15,9 +15,8 @@ from scipy.linalg import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.arrays import FloatArray, IntArray, checked, frozen, require_ranges
-from wbc.control.kinematics import Kinematics, StateRows, rows_of
+from wbc.control.kinematics import Kinematics, RowKind, StateRows, fill_state_rows, rows_of
 from wbc.control.memory import CONTACTS
-from wbc.control.tree import RowKind, fill_state_rows
 from wbc.dynamics import Workspace, evaluate
 from wbc.errors import ControlError, require_known
 from wbc.robot import Robot

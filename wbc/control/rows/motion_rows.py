@@ -7,11 +7,11 @@ from math import isfinite, sqrt
 import numpy as np
 
 from wbc.compiled import compiled, inner
+from wbc.control.kinematics import BALANCE, CENTER_OF_MASS, fill_state_rows, place_missing
 from wbc.control.memory import COUNT, NUMBER, ProgramMemory
 from wbc.control.qp.active_set import place_row
 from wbc.control.rows.gear_rows import add_force
 from wbc.control.rows.point_foot import balancing
-from wbc.control.tree import BALANCE, CENTER_OF_MASS, fill_state_rows, place_missing
 from wbc.mechanics.kinematics import placed_at
 from wbc.mechanics.linear import add_times, dot
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from wbc.arrays import require_ranges
 from wbc.compiled import Dense, OutDense, Row, compiled, local
-from wbc.control.kinematics import Kinematics, StateRows
+from wbc.control.kinematics import Kinematics, RowKind, RowsMemory, StateRows, TreeMemory
 from wbc.control.qp.linalg import factorise_from, substitute
-from wbc.control.rows.task import Gains, StateTask, Task
-from wbc.control.tree import RowKind, RowsMemory, TreeMemory
+from wbc.control.rows.tasks import Gains, StateTask, Task
 from wbc.errors import ControlError
 from wbc.mechanics.kinematics import placed_at, product
 from wbc.mechanics.linear import dot

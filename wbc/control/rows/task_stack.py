@@ -13,8 +13,7 @@ from wbc.arrays import FloatArray
 from wbc.control.inputs import Reference, Target, TickInputError
 from wbc.control.kinematics import Kinematics, rows_of
 from wbc.control.memory import TASKS
-from wbc.control.rows.motions import PostureTask
-from wbc.control.rows.task import StateTask, Task, vector_target
+from wbc.control.rows.tasks import PostureTask, StateTask, Task, vector_target
 from wbc.errors import ControlError
 from wbc.robot import Robot
 
