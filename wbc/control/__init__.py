@@ -21,7 +21,6 @@ from wbc.control.rows.limits import (
     RotorTorqueEffort as RotorTorqueEffort,
     RotorTorqueLimit as RotorTorqueLimit,
 )
-from wbc.control.rows.point_foot import PointFootBalanceTask as PointFootBalanceTask
 from wbc.control.rows.tasks import (
     AngularMomentumTask as AngularMomentumTask,
     CapturePointTask as CapturePointTask,
@@ -32,6 +31,7 @@ from wbc.control.rows.tasks import (
     FramePoseTask as FramePoseTask,
     FramePositionTask as FramePositionTask,
     LinearMomentumTask as LinearMomentumTask,
+    PointFootBalanceTask as PointFootBalanceTask,
     PostureTask as PostureTask,
     Task as Task,
 )

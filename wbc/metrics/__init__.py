@@ -1,16 +1,16 @@
 """Inertia tensors, force capability and impact mitigation of a robot with lossy gears."""
 
-from wbc.metrics.contact_task import (
-    ContactTask as ContactTask,
-    contact_task as contact_task,
-    upward as upward,
-    with_contact_at as with_contact_at,
-)
 from wbc.metrics.design_metrics import (
     DesignMetrics as DesignMetrics,
     design_metrics as design_metrics,
 )
-from wbc.metrics.designs import Designs as Designs
+from wbc.metrics.designs import (
+    ContactTask as ContactTask,
+    Designs as Designs,
+    contact_task as contact_task,
+    upward as upward,
+    with_contact_at as with_contact_at,
+)
 from wbc.metrics.force_capability import (
     ForceCapability as ForceCapability,
     ForceRange as ForceRange,

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
-from wbc.metrics.contact_task import ContactTask, designs_task, ratio
-from wbc.metrics.designs import Designs
+from wbc.metrics.designs import ContactTask, Designs, designs_task, ratio
 from wbc.metrics.force_capability import holding_torques, joule_heats, least_force, limits_of
 from wbc.transmission import Direction
 

@@ -20,7 +20,7 @@ from scipy.spatial import HalfspaceIntersection
 
 from wbc.arrays import FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task, ratio
+from wbc.metrics.designs import NOTHING, ContactTask, contact_task, ratio
 from wbc.robot import Robot
 from wbc.transmission import Direction
 

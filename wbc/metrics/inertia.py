@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import NOTHING, ContactTask, contact_task, ratio
+from wbc.metrics.designs import NOTHING, ContactTask, contact_task, ratio
 from wbc.robot import Robot
 from wbc.transmission import Direction
 

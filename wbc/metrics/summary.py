@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.arrays import FloatArray
 from wbc.errors import DynamicsError
-from wbc.metrics.contact_task import contact_task, upward
+from wbc.metrics.designs import contact_task, upward
 from wbc.metrics.force_capability import ForceCapability, force_capability, holding
 from wbc.metrics.inertia import (
     backward_generalized_inertia,

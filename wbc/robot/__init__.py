@@ -1,6 +1,7 @@
 """The robot: bodies, transmission, contacts, effects, and how it is loaded."""
 
 from wbc.robot.body_contacts import body_surfaces as body_surfaces
+from wbc.robot.coordinates import BaseState as BaseState, JointMap as JointMap
 from wbc.robot.description import (
     bare_robot as bare_robot,
     robot_names as robot_names,
@@ -22,11 +23,10 @@ from wbc.robot.effect import (
     Usual as Usual,
     number as number,
 )
-from wbc.robot.joint_map import BaseState as BaseState, JointMap as JointMap
-from wbc.robot.model import (
+from wbc.robot.robot import (
     BodySurface as BodySurface,
     ContactPoint as ContactPoint,
     FreeBody as FreeBody,
     LinkSolid as LinkSolid,
+    Robot as Robot,
 )
-from wbc.robot.robot import Robot as Robot

@@ -16,8 +16,7 @@ import pinocchio as pin
 
 from wbc.arrays import FloatArray
 from wbc.errors import RobotError, require_known
-from wbc.robot.model import ContactPoint
-from wbc.robot.robot import Robot
+from wbc.robot.robot import ContactPoint, Robot
 
 _SAME = 1e-7
 """Share of a hull's size by which points may leave one plane: single precision of mesh files."""

@@ -1,10 +1,18 @@
-"""Axis, name and unit of the coordinates of a robot."""
+"""Coordinates of a robot: their axes and units, and states and torques in other joint orders."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, final
 
-from wbc.arrays import FloatArray
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.errors import RobotError
+from wbc.robot.effect import Motion
 from wbc.robot.robot import Robot
 
 
@@ -52,3 +60,162 @@ def _unit_twist(robot: Robot, joint: str) -> tuple[FloatArray, FloatArray]:
     own = robot.model.createData().joints[robot.model.getJointId(joint)]
     motion = np.asarray(own.S).reshape(6, -1)[:, 0]
     return motion[:3], motion[3:]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class JointMap:
+    """Turns values of joints in an order of their own into states of a robot, and torques back.
+
+    Make it with `of` (names in any order, as in a URDF or a ROS `JointState`) or `of_mujoco`. The
+    foreign software may know more joints than the robot (grippers that are locked here); those are
+    left out on the way in and get zero on the way out.
+
+    Attributes:
+        robot: the robot.
+        names: joints of the foreign software, in its order.
+        positions: where in the foreign position array the robot's one-degree joints stand (j,).
+        velocities: the same in the foreign velocity array (j,).
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    positions: IntArray
+    velocities: IntArray
+    _into_q: IntArray
+    _into_v: IntArray
+    _motors: IntArray
+
+    @classmethod
+    def of(cls, robot: Robot, names: Sequence[str]) -> JointMap:
+        """Return the map of one-degree joints whose values come in the order of `names`.
+
+        Raises:
+            RobotError: a joint of the robot is missing among them, or stands there twice.
+        """
+        places = list(range(len(names)))
+        return cls._made(robot, tuple(names), places, places)
+
+    @classmethod
+    def of_mujoco(cls, robot: Robot, model: Any) -> JointMap:
+        """Return the map of `qpos` and `qvel` of a `mujoco.MjModel`; joints go by their names.
+
+        Raises:
+            RobotError: a joint of the robot is missing in the model.
+        """
+        names = tuple(model.joint(i).name for i in range(model.njnt))
+        return cls._made(robot, names, list(model.jnt_qposadr), list(model.jnt_dofadr))
+
+    @classmethod
+    def _made(
+        cls, robot: Robot, names: tuple[str, ...], q: Sequence[int], v: Sequence[int]
+    ) -> JointMap:
+        own = robot.single_joints
+        for joint in own:
+            if joint not in names:
+                raise RobotError(
+                    f"joint '{joint}' of '{robot.name}' is missing among the names: "
+                    f"{', '.join(names) or '(none)'}. Weld it with `lock` in robot.toml if "
+                    "nothing moves it."
+                )
+            if names.count(joint) > 1:
+                raise RobotError(f"joint '{joint}' stands {names.count(joint)} times in the names.")
+        places = [names.index(joint) for joint in own]
+        driven = [own.index(joint) for joint in robot.transmission.joints]
+        return cls(
+            robot,
+            names,
+            frozen([q[i] for i in places], np.int_),
+            frozen([v[i] for i in places], np.int_),
+            frozen([robot.position_index(joint) for joint in own], np.int_),
+            frozen([robot.velocity_index(joint) for joint in own], np.int_),
+            frozen([v[places[i]] for i in driven], np.int_),
+        )
+
+    def motion(
+        self, position: ArrayLike, velocity: ArrayLike, base: BaseState | None = None
+    ) -> Motion:
+        """Return the state behind joint positions and velocities in the foreign order.
+
+        Args:
+            position, velocity: of all foreign joints [rad, rad/s].
+            base: of a free-flyer; the neutral pose at rest when left out.
+
+        Raises:
+            RobotError: a base of a robot without a free-flyer.
+        """
+        robot = self.robot
+        given, rates = np.asarray(position, dtype=np.float64), np.asarray(velocity, np.float64)
+        q, v = robot.neutral(), np.zeros(robot.model.nv)
+        q[self._into_q], v[self._into_v] = given[self.positions], rates[self.velocities]
+        if base is not None:
+            if not robot.has_free_flyer:
+                raise RobotError(f"'{robot.name}' has no free base; leave its state out.")
+            q[:7], v[:6] = base.position, base.velocity
+        return Motion(q, v)
+
+    def motion_of_mujoco(self, data: Any) -> Motion:
+        """Return the state of a `mujoco.MjData`: quaternion w first, base velocity in the world.
+
+        The free joint, where the robot has a free-flyer, is MuJoCo's first one.
+        """
+        base = None
+        if self.robot.has_free_flyer:
+            w, x, y, z = data.qpos[3:7]
+            quaternion = np.array([x, y, z, w])
+            base = BaseState.of(data.qpos[:3], quaternion, data.qvel[:3], data.qvel[3:6])
+        return self.motion(data.qpos, data.qvel, base)
+
+    def torques(self, rotor_torque: ArrayLike, size: int | None = None) -> FloatArray:
+        """Return joint torques in the foreign order, N tau_phi behind D, zero for other joints.
+
+        For a plant whose joints are driven without gears, which do not lose anything; rotors that
+        the plant does not have must be subtracted by the caller.
+
+        Args:
+            rotor_torque: tau_phi (m,) [N m], as `Command.rotor_torque`.
+            size: length of the result; that of the names when left out (MuJoCo: `model.nv`).
+        """
+        gears = self.robot.transmission
+        motor = gears.gear_ratio * np.asarray(rotor_torque, dtype=np.float64)
+        result = np.zeros(len(self.names) if size is None else size)
+        result[self._motors] = gears.motor_from_joint.T @ motor
+        return result
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class BaseState:
+    """The state of a free-flyer as pinocchio has it.
+
+    Attributes:
+        position: (7,) place [m] and quaternion x, y, z, w.
+        velocity: (6,) linear over angular, in the base's own axes [m/s, rad/s].
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+
+    @classmethod
+    def of(
+        cls, place: ArrayLike, quaternion: ArrayLike, linear: ArrayLike, angular: ArrayLike
+    ) -> BaseState:
+        """Return the state from what estimators and simulators report.
+
+        Args:
+            place: (3,) [m] in the world.
+            quaternion: (4,) x, y, z, w; it is brought to length one.
+            linear: (3,) [m/s] in the world.
+            angular: (3,) [rad/s] in the base's axes.
+
+        Raises:
+            RobotError: a quaternion of no length.
+        """
+        turn = np.array(quaternion, dtype=np.float64)
+        length = float(np.linalg.norm(turn))
+        if not length > 0.0:
+            raise RobotError("the quaternion of the base has no length.")
+        turn /= length
+        rotation = pin.Quaternion(*np.roll(turn, 1)).toRotationMatrix()
+        own = rotation.T @ np.asarray(linear, dtype=np.float64)
+        return cls(np.concatenate([place, turn]), np.concatenate([own, angular]))

@@ -15,9 +15,8 @@ from wbc.arrays import FloatArray, checked
 from wbc.errors import RobotError, require_known, unknown_name
 from wbc.files import load_table
 from wbc.robot.coordinates import unit_at
-from wbc.robot.model import BodySurface, ContactPoint
 from wbc.robot.model_file import closed_loops, driven_joints, read_model
-from wbc.robot.robot import Robot, RobotSource
+from wbc.robot.robot import BodySurface, ContactPoint, Robot, RobotSource
 from wbc.robot.table import check_keys, flag_in, number_in, numbers_in, table_in
 from wbc.transmission import GEAR_NUMBERS, Transmission, wedge_backward_efficiency
 

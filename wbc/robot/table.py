@@ -90,36 +90,20 @@ def _holds_numbers(given: Any) -> bool:
     return isinstance(given, (int, float)) and not isinstance(given, bool)
 
 
-SI_UNITS: dict[str, tuple[str, float]] = {
-    "1": ("1", 1.0),
+_SI = (
+    "1|m|rad|kg|kg m^2|N|N m|rad/s|N m s/rad|N m s^2/rad^2|N m/rad|N m/A|ohm|s|1/K|1/W|1/s|1/rad|"
+    "V|A|m/s^2"
+)
+SI_UNITS: dict[str, tuple[str, float]] = {unit: (unit, 1.0) for unit in _SI.split("|")} | {
     "rad/m": ("1", 1.0),  # of a slide's gear
-    "m": ("m", 1.0),
     "mm": ("m", 1e-3),
-    "rad": ("rad", 1.0),
     "deg": ("rad", pi / 180.0),
     "arcmin": ("rad", pi / 10800.0),
-    "kg": ("kg", 1.0),
     "g": ("kg", 1e-3),
-    "kg m^2": ("kg m^2", 1.0),
     "g cm^2": ("kg m^2", 1e-7),
     "kg cm^2": ("kg m^2", 1e-4),
-    "N": ("N", 1.0),
-    "N m": ("N m", 1.0),
     "mN m": ("N m", 1e-3),
-    "rad/s": ("rad/s", 1.0),
     "rpm": ("rad/s", pi / 30.0),
-    "N m s/rad": ("N m s/rad", 1.0),
-    "N m s^2/rad^2": ("N m s^2/rad^2", 1.0),
-    "N m/rad": ("N m/rad", 1.0),
-    "N m/A": ("N m/A", 1.0),
-    "ohm": ("ohm", 1.0),
-    "s": ("s", 1.0),
     "ms": ("s", 1e-3),
-    "1/K": ("1/K", 1.0),
-    "1/W": ("1/W", 1.0),
-    "1/s": ("1/s", 1.0),
-    "1/rad": ("1/rad", 1.0),
-    "V": ("V", 1.0),
-    "A": ("A", 1.0),
-    "m/s^2": ("m/s^2", 1.0),
 }
+"""Unit -> the SI unit of its quantity, and its size in that."""

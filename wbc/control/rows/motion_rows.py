@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import atan2, isfinite, sqrt
 
 import numpy as np
 
-from wbc.compiled import compiled, inner
-from wbc.control.kinematics import BALANCE, CENTER_OF_MASS, fill_state_rows, place_missing
+from wbc.compiled import Dense, OutDense, Row, compiled, inner, local
+from wbc.control.kinematics import (
+    BALANCE,
+    CENTER_OF_MASS,
+    RowsMemory,
+    TreeMemory,
+    fill_state_rows,
+    place_missing,
+)
 from wbc.control.memory import COUNT, NUMBER, ProgramMemory
 from wbc.control.qp.active_set import place_row
+from wbc.control.qp.linalg import factorise_from, substitute
 from wbc.control.rows.gear_rows import add_force
-from wbc.control.rows.point_foot import balancing
-from wbc.mechanics.kinematics import placed_at
+from wbc.mechanics.kinematics import placed_at, product
 from wbc.mechanics.linear import add_times, dot
 
 _MOST = 1e9
@@ -78,6 +85,104 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
                     wanted[row + 1] -= beyond * ny
         if kept:
             return
+
+
+_FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
+
+
+@compiled
+def place_rows(
+    tree: TreeMemory,
+    foot: int,
+    frame: int,
+    foot_x: float,
+    foot_z: float,
+    mass: float,
+    rows: OutDense,
+) -> None:
+    """Write what the feedback reads of each unit of v (6, nv).
+
+    The rows are x and z of the foot, x and z of the centre of mass, the angular momentum about +y,
+    and the pitch of the frame.
+
+    Args:
+        tree: a TREE.
+        foot, frame: joints that carry the foot, and the frame whose pitch is kept.
+        foot_x, foot_z: where the foot is [m].
+        mass: [kg].
+        rows: result.
+    """
+    motions, momentum, starts, columns = tree.motions, tree.momentum, tree.starts, tree.columns
+    for j in range(rows.shape[1]):
+        rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
+        rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
+        rows[_SPIN, j] = momentum[4, j]
+    for place in range(starts[foot], starts[foot + 1]):
+        j = columns[place]
+        rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * foot_z
+        rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * foot_x
+    for place in range(starts[frame], starts[frame + 1]):
+        rows[_PITCH, columns[place]] = motions[columns[place], 4]
+
+
+@compiled
+def pitch_rate(rows: Dense) -> tuple[float, float]:
+    """Return a and c of dtheta/dt = a xd + c k for the smallest motion with a resting foot.
+
+    Both are NaN where the foot cannot rest.
+
+    Args:
+        rows: as `place_rows` writes them (6, nv).
+    """
+    normal, weights = np.empty((5, 5)), np.empty(5)
+    for i in range(5):
+        weights[i] = dot(rows[i], rows[_PITCH])
+        for k in range(i + 1):
+            normal[i, k] = dot(rows[i], rows[k])
+        normal[i, i] += 1e-12
+    if not factorise_from(normal, 0, 5):
+        return np.nan, np.nan
+    substitute(normal, 5, weights)
+    return weights[_COM_X], weights[_SPIN]
+
+
+@compiled
+def balancing(
+    tree: TreeMemory, entries: RowsMemory, e: int, velocity: Row, mass: float, target: float
+) -> float:
+    """Return xdd [m/s^2], the feedback on (x, xd, k, theta) with all poles at -p.
+
+    With u = xdd, G = m g and Z = m z the loop's polynomial is
+
+        s^4 + (k2 - Z k3) s^3 + (k1 + (a - c Z) k4) s^2 + G k3 s + c G k4 = (s + p)^4.
+
+    Args:
+        tree: a TREE.
+        entries: ROWS, of which row e names the foot, the frame whose pitch is kept, and p [1/s] in
+            place of an arm, or 0 for that of the pendulum's fall, sqrt(g/z).
+        e: number of the entry.
+        velocity: v (nv,).
+        mass: m [kg].
+        target: theta wanted [rad].
+    """
+    foot, frame, com, offset = entries.plan[e, 1], entries.plan[e, 6], tree.com, entries.offsets[e]
+    at, turn, weight = local(3), local(9), mass * sqrt(dot(tree.gravity, tree.gravity))
+    placed_at(tree.poses[foot], offset[9:12], at)
+    product(tree.poses[frame], offset[15:24], turn)
+    x, z = at[0], at[2]
+    rows = np.empty((6, len(velocity)))
+    place_rows(tree, foot, frame, x, z, mass, rows)
+    from_speed, from_momentum = pitch_rate(rows)
+    place, height = com[0] - x, com[2] - z
+    speed, spin = dot(rows[_COM_X], velocity), dot(rows[_SPIN], velocity)
+    pole = offset[12] if offset[12] > 0.0 else sqrt(weight / mass / abs(height))
+    square = pole * pole
+    on_pitch = square * square / (from_momentum * weight)
+    on_spin = 4.0 * square * pole / weight
+    on_speed = 4.0 * pole + mass * height * on_spin
+    on_place = 6.0 * square - (from_speed - from_momentum * mass * height) * on_pitch
+    pitch = target - atan2(turn[2], turn[8])
+    return float(on_pitch * pitch - on_place * place - on_speed * speed - on_spin * spin)
 
 
 @inner

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import sqrt
+from math import atan2, sqrt
 from typing import Any, ClassVar, NamedTuple, final
 
 import numpy as np
@@ -561,3 +561,55 @@ class CentroidalMomentumTask(MomentumTask):
     """The whole momentum about the centre of mass, linear over angular [kg m/s, N m s]."""
 
     name: str = "centroidal_momentum"
+
+
+@final
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointFootBalanceTask(StateTask):
+    """Horizontal acceleration of the centre of mass that keeps a robot up on a point foot.
+
+    On a point no torque holds the robot: with x the horizontal distance of the centre of mass
+    from the point, z its height, k the angular momentum about the centre of mass (+y) and theta
+    the pitch of a frame,
+
+        dk/dt = m (g x - z xdd),    dtheta/dt = a xd + c k
+
+    (a, c from the Jacobians of contact, centre of mass and momentum). The task's one row is xdd;
+    it wants the state feedback that puts the four poles of (x, xd, k, theta) at -bandwidth, so
+    that the robot leans and swings like an acrobat instead of fighting for x and pitch at once.
+    Height belongs to another task. The value is theta [rad]; a reference gives the pitch to keep.
+
+    Attributes:
+        contact: frame of the point foot.
+        frame: frame whose pitch is kept.
+        bandwidth: [1/s] of the poles; None takes sqrt(g/z), the falling rate of the pendulum.
+    """
+
+    name: str = "balance"
+    contact: str
+    frame: str
+    bandwidth: float | None = None
+    kind: ClassVar[RowKind] = RowKind.BALANCE
+    own_rows: ClassVar[slice] = slice(0, 1)
+
+    def __post_init__(self) -> None:
+        """Check the bandwidth."""
+        super().__post_init__()
+        require_ranges(self, f"task '{self.name}': ", ControlError, bandwidth="> 0 1/s")
+
+    @property
+    def state_rows(self) -> StateRows:
+        """The row of the centre of mass, and what its feedback reads."""
+        pole = (self.bandwidth or 0.0, 0.0, 0.0)
+        return StateRows(self.kind, self.contact, self.rows(), pole, self.frame)
+
+    def value(self, kinematics: Kinematics) -> float:
+        """Return the pitch theta [rad], the rotation of the frame about +y."""
+        rotation = kinematics.placement(kinematics.frame_id(self.frame)).rotation
+        return atan2(rotation.item(0, 2), rotation.item(2, 2))
+
+    error = Task.error
+
+    def gains(self, gravity: float) -> Gains:
+        """Return one for the feedback, which the tick writes in place of the error."""
+        return Gains(1.0, 0.0, 0.0, 1.0)
