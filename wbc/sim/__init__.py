@@ -17,15 +17,13 @@ if TYPE_CHECKING:
         TorqueLag,
         with_wrong_efficiencies,
     )
-    from wbc.sim.energy import EnergyAudit, EnergyFlow
-    from wbc.sim.ground import Box, Plane, Sphere, Stairs, Terrain, Together
-    from wbc.sim.height_field import HeightField
+    from wbc.sim.ground import Box, HeightField, Plane, Sphere, Stairs, Terrain, Together
     from wbc.sim.plant import HuntCrossley, Plant
     from wbc.sim.result import StepEvent, StepResult
     from wbc.sim.sensors import Sensor, SensorModel
     from wbc.sim.simulation import Recorder, Simulation, simulate
-    from wbc.sim.state import SimState
-    from wbc.sim.step.stages import Impact
+    from wbc.sim.step.stages import EnergyAudit, EnergyFlow, Impact
+    from wbc.sim.step.tables import SimState
 
 __all__ = [
     "Box",
@@ -55,13 +53,12 @@ __all__ = [
     "with_wrong_efficiencies",
 ]
 
-_HOMES = "state", "ground", "height_field", "sensors", "result"
-_LOOPS = "plant", "simulation", "closed_loop"
+_HOMES = "ground", "sensors", "step.tables", "step.stages", "plant", "simulation", "closed_loop"
 """From light to heavy: a name comes from the first that has it."""
 
 
 def __getattr__(name: str) -> Any:
-    for home in (*_HOMES, *_LOOPS) if name in __all__ else ():
+    for home in _HOMES if name in __all__ else ():
         module = import_module(f"wbc.sim.{home}")
         if name in vars(module):
             return vars(module)[name]

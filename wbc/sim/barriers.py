@@ -14,8 +14,7 @@ from wbc.mechanics.kinematics import Tree
 from wbc.robot import BodySurface, Robot
 from wbc.robot.body_contacts import Hull, ground_box, hull_of
 from wbc.robot.model_file import driven_joints
-from wbc.sim.ground import BALL, BOX, Terrain
-from wbc.sim.height_field import HeightField
+from wbc.sim.ground import BALL, BOX, HeightField, Terrain
 from wbc.sim.step.tables import Bodies
 
 TOUCH = 1e-6

@@ -20,7 +20,7 @@ from wbc.errors import SimulationError
 from wbc.robot import Motion, Robot
 from wbc.sim.plant import Plant
 from wbc.sim.result import StepResult
-from wbc.sim.state import SimState
+from wbc.sim.step.tables import SimState
 
 
 class TorqueSource(Protocol):

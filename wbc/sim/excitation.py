@@ -14,7 +14,7 @@ from wbc.sim.ground import Plane
 from wbc.sim.plant import Plant
 from wbc.sim.sensors import Sensor, SensorModel
 from wbc.sim.simulation import Recorder
-from wbc.sim.state import SimState
+from wbc.sim.step.tables import SimState
 
 _TICK = 1e-3  # [s] of the control loop, and between rows of the recording
 

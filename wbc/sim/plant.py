@@ -15,15 +15,14 @@ from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import TOUCH
-from wbc.sim.energy import surveyed
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
-from wbc.sim.state import SimState
 from wbc.sim.step.arrival import DRIFT, lift, rigid_ones
 from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.stages import Course, check_outside, failure
+from wbc.sim.step.tables import SimState
 
 MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -215,7 +214,7 @@ class Plant:
 
     def mechanical_energy(self, state: SimState) -> float:
         """Return the kinetic energy of links and rotors, gravity's and the gear springs' [J]."""
-        return surveyed(self._setup, state)[0]
+        return self._setup.survey(state)[0]
 
     def encoders(self, state: SimState) -> SimState:
         """Return the state with q and v as encoders on the motors show them.

@@ -12,12 +12,10 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.mechanics.kinematics import place
 from wbc.sim.barriers import TOUCH
-from wbc.sim.energy import EnergyAudit, EnergyFlow, surveyed
 from wbc.sim.setup import Setup
-from wbc.sim.state import SimState
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
-from wbc.sim.step.stages import Course, Flow, Impact
-from wbc.sim.step.tables import RETURN_SPEED
+from wbc.sim.step.stages import Course, EnergyAudit, EnergyFlow, Flow, Impact
+from wbc.sim.step.tables import RETURN_SPEED, SimState
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
@@ -143,7 +141,7 @@ class StepResult:
     @cached_property
     def balance(self) -> EnergyAudit:
         """Work in, energy stored, losses, and what they do not close by."""
-        before, _, _ = surveyed(self.setup, self.start)
+        before, _, _ = self.setup.survey(self.start)
         return EnergyAudit(self.energy, self._end[0] - before)
 
     @cached_property
@@ -228,7 +226,7 @@ class StepResult:
     @cached_property
     def _end(self) -> tuple[float, float, int]:
         """Energy that is stored at the end [J], and the deepest body, see `survey`."""
-        return surveyed(self.setup, self.state)
+        return self.setup.survey(self.state)
 
     @staticmethod
     def joined(results: Sequence[StepResult]) -> StepResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,22 +13,103 @@ from scipy.linalg import lapack
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace
 from wbc.dynamics.equation import RotorCoupling, rotor_coupling
+from wbc.effects.tables import add_torques, effect_table, left_for_hooks
 from wbc.errors import SimulationError
 from wbc.mechanics.kinematics import Tree, tree_of
-from wbc.robot import Motion, Robot
+from wbc.robot import Memory, Motion, Robot
 from wbc.robot.body_contacts import Hull
 from wbc.sim.barriers import Barriers
 from wbc.sim.ground import Terrain
-from wbc.sim.state import EffectMemory, SimState
 from wbc.sim.step import tables
+from wbc.sim.step.books import survey
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.forces import EffectForces, PlantEffects
 from wbc.sim.step.gears import Drivetrain
 from wbc.sim.step.motion import free_bases
+from wbc.sim.step.tables import EffectMemory, SimState
 from wbc.structures import stored
 
 _Answer = ctypes.CFUNCTYPE(None)
 _STAGES = 4  # most steps have less
+
+
+class EffectForces(NamedTuple):
+    """What effects that act by their hooks do over one step.
+
+    Attributes:
+        joint: smooth torque on the coordinates (nv,).
+        friction: level of dry friction on the coordinates (nv,).
+        command: torque (m,) that reaches the drives of the table.
+        added: torque on the rotors (m,).
+        memory: of the effects, at the end of the step.
+        seen: the motion as each of them saw it.
+    """
+
+    joint: FloatArray
+    friction: FloatArray
+    command: FloatArray
+    added: FloatArray
+    memory: EffectMemory
+    seen: tuple[Motion, ...]
+
+
+class PlantEffects:
+    """The effects of a robot, prepared for stepping.
+
+    Attributes:
+        robot: whose they are.
+        table: those that compiled loops evaluate.
+        hooks: the others, one per kind; `SimState.memory` has one entry for each of them.
+        first: what these start with; empty where none has a state of its own.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Prepare the effects of `robot`."""
+        self.robot, self.table, self.hooks = robot, effect_table(robot), left_for_hooks(robot)
+        held: EffectMemory = tuple(effect.first_memory(robot) for effect in self.hooks)
+        self.first = held if any(memory is not None for memory in held) else ()
+
+    def checked(self, given: EffectMemory) -> EffectMemory:
+        """Return a memory `given`, or the first one where it is empty.
+
+        Raises:
+            SimulationError: `given` belongs to other effects than these.
+        """
+        if not given:
+            return self.first
+        if [memory is None for memory in given] != [memory is None for memory in self.first]:
+            own = [e.name for e in self.hooks if e.first_memory(self.robot) is not None]
+            raise SimulationError(
+                f"the memory of the state does not fit '{self.robot.name}' (effects with a memory: "
+                f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
+                "empty to start anew."
+            )
+        return given
+
+    def forces(
+        self, motion: Motion, command: FloatArray, memory: EffectMemory, step: float
+    ) -> EffectForces:
+        """Return what the effects do with a commanded rotor torque (m,) over a step.
+
+        Args:
+            motion: in the middle of the step; without T of the gears, effects take what they
+                remember of it.
+            command: rotor torque (m,) [N m].
+            memory: of the effects at the start of the step; empty where none has any.
+            step: h [s].
+        """
+        joint, dry = np.zeros((2, len(motion.velocity)))
+        rotor, added, seen = command, np.zeros(len(command)), [motion] * len(self.hooks)
+        following: list[FloatArray | None] = []
+        for i, effect in enumerate(self.hooks):
+            own = memory[i] if memory else None
+            if own is not None:
+                seen[i] = motion.replace(memory=Memory(own, step))
+                own = effect.next_memory(self.robot, seen[i], rotor)
+            if memory:
+                following.append(own)
+            rotor = effect.drive(self.robot, seen[i], rotor)
+            add_torques(self.robot, effect, seen[i], (joint, dry, added))
+        return EffectForces(joint, dry, rotor, added, tuple(following), tuple(seen))
 
 
 class Setup:
@@ -220,6 +301,13 @@ class Setup:
         gaps_of(self.plant, np.ascontiguousarray(position), gap)
         self.heard()
         return gap
+
+    def survey(self, state: SimState) -> tuple[float, float, int]:
+        """Return what `survey` finds in a state."""
+        self.tell_coupling(state.position, state.velocity)
+        numbers = state.position, state.velocity, *self.drive.motion(state)
+        found: tuple[float, float, int] = survey(self.plant, *map(np.ascontiguousarray, numbers))
+        return found
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
         """Return the inertial coupling at (q, v); None where rotors only feel their own spin."""

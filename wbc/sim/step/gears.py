@@ -9,8 +9,7 @@ from wbc.compiled import OutDense, OutRow, Row, inner
 from wbc.effects.tables import near_rest
 from wbc.mechanics.linear import dot
 from wbc.robot import Robot
-from wbc.sim.state import SimState
-from wbc.sim.step.tables import Gears, Opened
+from wbc.sim.step.tables import Gears, Opened, SimState
 
 
 class Drivetrain:
