@@ -183,13 +183,12 @@ class Plant:
         setup, torque = self._setup, self._command(state, rotor_torque, dt)
         if state.memory or setup.effects.first:
             state = state.replace(memory=setup.effects.checked(state.memory))
-        q, v, time, closed, *more, _ = state
+        q, v, _, closed, *more, _ = state
         q, v, impulse, deflection, speed = map(np.ascontiguousarray, (q, v, *more))
         if len(closed) != setup.barriers.size:
             check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
-        setup.begin(state, external)
-        start = q, v, impulse, deflection, speed, closed
-        failed = take_step(setup.plant, *start, torque, external is not None, time, dt)
+        setup.begin(state, dt, external)
+        failed = take_step(setup.plant, q, v, impulse, deflection, speed, closed, torque)
         stages = setup.stages()
         setup.heard()
         if failed:

@@ -282,11 +282,13 @@ class Setup:
         self._answers.append(_Answer(answer))
         return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
 
-    def begin(self, state: SimState, external: FloatArray | None) -> None:
-        """Tell the loops what acts over a step that starts in a state; see `Course`."""
+    def begin(self, state: SimState, step: float, external: FloatArray | None) -> None:
+        """Tell the loops what acts over a step h [s] that starts in a state; see `Course`."""
         if self.waits:
             self._given, self.acts = (state, external), {}
-        elif external is not None:
+        numbers, self.plant.forces.outer[:] = self.plant.now.numbers, 0.0
+        numbers[tables.TIME], numbers[tables.LENGTH] = state.time, step
+        if external is not None:
             self.plant.forces.outer[:] = external
 
     def heard(self) -> None:

@@ -178,41 +178,42 @@ _OVER = 1e-9
 
 
 @inner
-def command_motors(plant: Opened, torque: Vector, pushed: bool) -> bool:
-    """Write what is commanded within its bounds; return False where it is no number.
-
-    Arguments as of `take_step`. What acts in the middle of parts is written, too; where loops ask
-    for that it is written anew.
-    """
-    forces, command, good = plant.forces, plant.now.command, True
-    for i in range(len(torque)):
-        good = good and bool(np.isfinite(torque[i]))
-        command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
-    copy_to(command, forces.command)
-    if not pushed:
-        forces.outer[:] = 0.0
-    return good
-
-
-@inner
 def begin_step(
-    plant: Opened, q: Row, v: Row, impulse: Row, deflection: Row, speed: Row, closed: Flags
+    plant: Opened,
+    q: Row,
+    v: Row,
+    impulse: Row,
+    deflection: Row,
+    speed: Row,
+    closed: Flags,
+    torque: Vector,
 ) -> bool:
-    """Write the state in which a step starts, see `SimState`; return if it says what is closed."""
-    now = plant.now
-    known: bool = len(closed) == len(now.closed)
-    now.impulse[:], now.deflection[:], now.numbers[:] = 0.0, 0.0, 0.0
+    """Write the state in which a step starts, and what is commanded within its bounds.
+
+    Arguments as of `take_step`. Where loops ask for what acts in the middle of parts, that is
+    written anew there.
+
+    Returns:
+        False where a command is no number.
+    """
+    now, forces, good = plant.now, plant.forces, True
+    known = len(closed) == len(now.closed)
+    now.impulse[:], now.deflection[:] = 0.0, 0.0
+    now.numbers[STAGE] = now.numbers[NOTED] = 0.0
     copy_to(q, now.position)
     copy_to(v, now.velocity)
     copy_to(deflection, now.deflection)
     if len(impulse) == len(now.impulse):
         copy_to(impulse, now.impulse)
-    for i in range(len(now.motor_speed)):
+    for i in range(len(torque)):
         now.motor_speed[i] = speed[i] if len(speed) else dot(now.velocity, plant.gears.rows[i])
+        good = good and bool(np.isfinite(torque[i]))
+        now.command[i] = min(max(torque[i], forces.low[i]), forces.high[i])
+    copy_to(now.command, forces.command)
     for i in range(len(now.closed)):
         now.closed[i] = known and closed[i]
         now.kept[i], now.struck[i] = False, False
-    return known
+    return good
 
 
 @inner
@@ -283,9 +284,6 @@ def take_step(
     speed: Row,
     closed: Flags,
     torque: Vector,
-    pushed: bool,
-    time: float,
-    step: float,
 ) -> int:
     """Take a step: smooth parts, and the impacts between them.
 
@@ -294,21 +292,18 @@ def take_step(
     for all, and before it for those that close faster than what is left of it can stop.
 
     Args:
-        plant: what moves, with the forces.
-        q, v, impulse, deflection, speed, closed, time: of the `SimState` at the start.
+        plant: what moves, with outer forces; `now.numbers` has TIME and, as LENGTH, h [s].
+        q, v, impulse, deflection, speed, closed: of the `SimState` at the start.
         torque: (m,) [N m] commanded on the rotors.
-        pushed: whether `forces.outer` holds forces from outside.
-        step: h [s].
 
     Returns:
         zero, or how it failed, see NO_COMMAND; `plant.stages` holds the course of the step.
     """
-    numbers, left, over, failed = plant.now.numbers, step, False, 0
-    known = begin_step(plant, q, v, impulse, deflection, speed, closed)
-    numbers[TIME] = time
-    if not command_motors(plant, torque, pushed):
+    numbers, over, failed = plant.now.numbers, False, 0
+    left = step = numbers[LENGTH]
+    if not begin_step(plant, q, v, impulse, deflection, speed, closed, torque):
         return NO_COMMAND
-    if not known:
+    if len(closed) != len(plant.now.closed):
         failed = meet(plant, step, False)
     while failed == 0 and not over:
         result, length, more = flow_until(plant, left)
