@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutFlags, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import (
     add_all,
@@ -26,6 +26,7 @@ from wbc.mechanics.linear import (
 from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, put
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
+from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.tables import DRIFT_FROM, HERTZ, RETURN_SPEED, TOUCH, Gears, Opened
 
 DRIFT = 1e-8
@@ -129,19 +130,20 @@ def rigid_ones(plant: Opened) -> int:
 
 
 @compiled(inside=True)
-def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest: float) -> None:
+def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
     Args:
         plant: its memory stands at the end, but for `placed.inertia`: that is the middle's.
             Position, gaps and shift of the end are changed.
-        matrix: (b, nv) rows of the closed limits and normals in the middle.
-        pressed: (b,) whether they carry an impulse.
+        rows: of the part.
+        pressed: (b,) whether its closed limits and normals carry an impulse.
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
     """
-    q, gap, closed, moved = plant.end.position, plant.end.gap, plant.end.closed, plant.end.moved
-    count, off, n = len(drift), 0.0, matrix.shape[1]
+    q, gap, moved = plant.end.position, plant.end.gap, plant.end.moved
+    count, off, n = len(drift), 0.0, rows.matrix.shape[1]
+    matrix = rows.matrix[len(rows.laws) : len(rows.laws) + count]
     aim, missing, shift = np.empty(count), np.empty(count), np.empty(n)
     last, gap_last, metric = np.empty(len(q)), np.empty(len(gap)), np.empty((n, n))
     metric_of(plant.placed.inertia, plant.gears, metric)
@@ -157,12 +159,11 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
         copy_to(gap, gap_last)
         moved_along(plant.tree.joints, last, shift, 1.0, q)
         gaps_of(plant, q, gap)
-        before, off, row = off, 0.0, 0
-        for i in range(len(closed)):
-            if closed[i]:
-                missing[row] = aim[row] - gap[i] if i < rigid_ones(plant) else -FAR
-                off = max(off, abs(missing[row]) if pressed[row] else missing[row])
-                row += 1
+        before, off = off, 0.0
+        for row in range(count):
+            i = rows.held[row]
+            missing[row] = aim[row] - gap[i] if i < rigid_ones(plant) else -FAR
+            off = max(off, abs(missing[row]) if pressed[row] else missing[row])
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
             copy_to(last, q)
             copy_to(gap_last, gap)
@@ -173,65 +174,36 @@ def take_back(plant: Opened, matrix: Dense, pressed: Flags, drift: Row, furthest
             return
 
 
-@inner
-def drifts(
-    plant: Opened, pushes: Row, step: float, pressed: OutFlags, drift: OutRow
-) -> tuple[float, float]:
-    """Write the gaps (l + k,) of closed barriers at the end, and whether they are pressed.
-
-    Compliant ones do not drift.
-
-    Args:
-        plant: with the gaps.
-        pushes: (l + k,) impulses of the closed limits and normals.
-        step: h [s].
-        pressed, drift: (l + k,) to write.
-
-    Returns:
-        the largest drift that is to be taken back, and the least gap.
-    """
-    gap, closed, row, off, deepest = plant.end.gap, plant.end.closed, 0, 0.0, 0.0
-    jumped = other_place(plant, step)
-    for i in range(len(closed)):
-        if closed[i] and i >= rigid_ones(plant):
-            pressed[row], drift[row] = False, 0.0
-            row += 1
-        elif closed[i]:
-            pressed[row], drift[row] = pushes[row] > 0.0 and gap[i] < jumped, gap[i]
-            off = max(off, abs(gap[i]) if pressed[row] else -gap[i])
-            deepest = min(deepest, gap[i])
-            row += 1
-    return off, deepest
-
-
 @compiled(inside=True)
-def arrive(plant: Opened, step: float, matrix: Dense, pushes: Row) -> None:
+def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
     """Write the end of a part.
 
     These are position, velocity (with the momentum that it has in the middle), gaps, the shift out
-    of overlaps, and overlaps beyond what is taken back.
+    of overlaps, and overlaps beyond what is taken back. Compliant barriers do not drift.
 
     Args:
         plant: its memory stands at the middle, and afterwards at the end.
-        step: h [s].
-        matrix: (l + k, nv) rows of the closed limits and normals.
-        pushes: (l + k,) their impulses.
+        rows: of the part.
+        pushes: (l + k,) impulses of the closed limits and normals.
     """
-    end, half = plant.end, 0.5 * step
+    end, half, held, off, deepest = plant.end, 0.5 * rows.step, rows.held, 0.0, 0.0
     carry(plant, end.after)
     moved_along(plant.tree.joints, end.before, end.after, half, end.position)
     put(plant, end.position)
     advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
-    pressed, drift = np.empty(len(pushes), dtype=np.bool_), np.empty(len(pushes))
-    off, deepest = drifts(plant, pushes, step, pressed, drift)
+    pressed, drift = np.empty(len(held), dtype=np.bool_), np.zeros(len(held))
+    jumped, rigid = other_place(plant, rows.step), rigid_ones(plant)
+    for row in range(len(held)):
+        gap = end.gap[held[row]] if held[row] < rigid else 0.0
+        drift[row], pressed[row] = gap, pushes[row] > 0.0 and gap < jumped
+        off, deepest = max(off, abs(gap) if pressed[row] else -gap), min(deepest, gap)
     end.moved[:], end.depth[:] = 0.0, 0.0
     if off > plant.bounds[DRIFT_FROM]:
-        furthest = plant.bounds[RETURN_SPEED] * step
-        for i in range(rigid_ones(plant) if deepest < -furthest - plant.bounds[TOUCH] else 0):
-            if end.closed[i]:
-                end.depth[i] = max(-end.gap[i] - furthest, 0.0)
-        take_back(plant, matrix, pressed, drift, furthest)
+        furthest = plant.bounds[RETURN_SPEED] * rows.step
+        for row in range(len(held) if deepest < -furthest - plant.bounds[TOUCH] else 0):
+            end.depth[held[row]] = max(-drift[row] - furthest, 0.0)
+        take_back(plant, rows, pressed, drift, furthest)
     copy_to(end.after, end.velocity)
     if len(plant.placed.bases):
         look(plant)
@@ -249,36 +221,28 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         gap: (2 j + c,) at the start, to write.
     """
     n, size, d = len(stiff), len(gap), plant.obstacles.tangents
-    near, here, start = np.empty(size, dtype=np.bool_), np.empty(size), q.copy()
-    shift, last = np.empty(n), np.empty(len(q))
+    here, start, shift, last = np.empty(size), q.copy(), np.empty(n), np.empty(len(q))
     for turn in range(_TRIES):
         gaps_of(plant, q, here)
-        deepest, count, touching = 0.0, 0, 0
-        for i in range(size):
-            deepest = min(deepest, here[i])
-            near[i] = here[i] < _NEAR
-            count += near[i]
-            touching += near[i] and i >= 2 * len(plant.obstacles.limit_at)
-            if turn == 0:
-                gap[i] = here[i]
-        if deepest >= -0.5 * plant.bounds[TOUCH]:
+        if turn == 0:
+            copy_to(here, gap)
+        near, touching = (here < _NEAR).nonzero()[0], 0
+        for i in near:
+            touching += i >= 2 * len(plant.obstacles.limit_at)
+        count, missing = len(near), -here[near]
+        if count == 0 or np.max(missing) <= 0.5 * plant.bounds[TOUCH]:
             return True
         weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))
-        barrier_rows(plant, near, 0, matrix, axes, np.empty(touching, dtype=np.int64))
+        barrier_rows(plant, near, 0, matrix, axes)
         metric, most = plant.placed.inertia.copy(), 0.0
         for i in range(n):
             most = max(most, metric[i, i])
         for i in range(n):
             metric[i, i] += 1e6 * most * stiff[i]
-        missing, row = np.empty(count), 0
-        for i in range(size):
-            if near[i]:
-                missing[row] = min(-here[i], _NEAR)
-                row += 1
         copy_to(q, last)
         free = np.zeros(count, dtype=np.bool_)
-        if not shift_of(metric, matrix[:count], free, missing, shift):
+        if not shift_of(metric, matrix[:count], free, np.minimum(missing, _NEAR), shift):
             return False
         moved_along(plant.tree.joints, last, shift, 1.0, q)
     copy_to(start, q)

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutPlaces, OutRow, Row, ask, compiled, inner, local
+from wbc.compiled import Dense, Flags, OutDense, OutRow, Places, Row, ask, compiled, inner, local
 from wbc.mechanics.kinematics import place, placed_at
 from wbc.mechanics.linear import add_cross, add_times, copy_to, dot
 from wbc.sim.ground import BOX, FIELD, PLANE
@@ -229,39 +229,30 @@ def contact_axes(normal: Row, planar: bool, axes: OutDense) -> None:
 
 
 @inner
-def barrier_rows(
-    plant: Opened, closed: Flags, first: int, matrix: OutDense, axes: OutDense, which: OutPlaces
-) -> None:
-    """Write the rows of the closed barriers: limits, contact normals, contact tangents.
+def barrier_rows(plant: Opened, held: Places, first: int, matrix: OutDense, axes: OutDense) -> None:
+    """Write the rows of some barriers: limits, contact normals, contact tangents.
 
     A ball touches a radius below its centre: its point of contact turns with the link, and rolls.
 
     Args:
         plant: whose poses, columns and touches stand where the robot is.
-        closed: (2 j + c,).
+        held: (l + k,) their numbers, in order.
         first: row of `matrix` at which they start.
         matrix: (r, nv) to write.
-        axes: (closed contacts (1 + d), 3) to write.
-        which: numbers of the closed contact barriers to write.
+        axes: (k (1 + d), 3) to write.
     """
-    limit_at = plant.obstacles.limit_at
-    j, row, count = len(limit_at), first, 0
-    for i in range(2 * j):
-        if closed[i]:
-            matrix[row] = 0.0
-            matrix[row, limit_at[i % j, 1]] = 1.0 if i < j else -1.0
-            row += 1
-    for i in range(2 * j, len(closed)):
-        if closed[i]:
-            which[count] = i - 2 * j
-            count += 1
-    size = 1 + plant.obstacles.tangents
+    limit_at, size = plant.obstacles.limit_at, 1 + plant.obstacles.tangents
+    j, count = len(limit_at), len(axes) // size
+    limits = len(held) - count
+    for row in range(limits):
+        matrix[first + row] = 0.0
+        matrix[first + row, limit_at[held[row] % j, 1]] = 1.0 if held[row] < j else -1.0
     for c in range(count):
-        own = axes[size * c : size * (c + 1)]
-        contact_axes(plant.obstacles.touch[which[c], 1:4], size == 2, own)
+        which, own = held[limits + c] - 2 * j, axes[size * c : size * (c + 1)]
+        contact_axes(plant.obstacles.touch[which, 1:4], size == 2, own)
         for a in range(size):
-            at = row + c if a == 0 else row + count + c * (size - 1) + a - 1
-            contact_row(plant, which[c], own[a], matrix[at])
+            at = c if a == 0 else count + c * (size - 1) + a - 1
+            contact_row(plant, which, own[a], matrix[first + limits + at])
 
 
 @inner
@@ -272,7 +263,7 @@ def other_place(plant: Opened, step: float) -> float:
 
 
 @inner
-def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> None:
+def lowest_speeds(plant: Opened, held: Places, step: float, rows: Dense, targets: OutRow) -> None:
     """Write the lowest speeds (l + k,) at which the closed barriers may open over a part.
 
     A barrier that was kept ahead of its closing, or is at another place now (the nearest place in a
@@ -285,18 +276,17 @@ def lowest_speeds(plant: Opened, step: float, rows: Dense, targets: OutRow) -> N
     energy, whatever else happens in the part.
 
     Args:
-        plant: with closed barriers, gaps and speeds of the middle.
+        plant: with gaps and speeds of the middle.
+        held: (l + k,) numbers of the closed barriers.
         step: h [s].
         rows: (l + k, nv) of the closed barriers.
         targets: to write.
     """
-    row, limits, end = 0, 2 * len(plant.obstacles.limit_at), plant.end
+    limits, end = 2 * len(plant.obstacles.limit_at), plant.end
     gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant, step)
-    for i in range(len(end.kept)):
-        if end.closed[i]:
-            targets[row] = 0.0
-            if end.kept[i] or (i >= limits and gap[i] > jumped):
-                targets[row] = -2.0 / step * max(gap[i], 0.0)
-            elif i >= limits:
-                targets[row] = -max(dot(speed, rows[row]) - rate[i], 0.0)
-            row += 1
+    for row in range(len(held)):
+        i, targets[row] = held[row], 0.0
+        if end.kept[i] or (i >= limits and gap[i] > jumped):
+            targets[row] = -2.0 / step * max(gap[i], 0.0)
+        elif i >= limits:
+            targets[row] = -max(dot(speed, rows[row]) - rate[i], 0.0)

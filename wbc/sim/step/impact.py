@@ -141,11 +141,10 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
     What is kept, or was reached in the step before, does not spring back. Arguments as of
     `impact_at`; found[SHARE] is that share where any springs back.
     """
-    end, now, v, row, coming = plant.end, plant.now, plant.now.velocity, 0, False
+    end, now, v, coming = plant.end, plant.now, plant.now.velocity, False
     before = now.closed
-    for i in range(len(before)):
-        if not end.closed[i]:
-            continue
+    for row in range(len(rows.held)):
+        i = rows.held[row]
         approach = dot(v, rows.matrix[len(rows.laws) + row])
         ahead = not before[i] and not end.fresh[i]
         least = -2.0 * end.gap[i] / left if ahead else 0.0
@@ -155,7 +154,6 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
             end.hit[SHARE] = share
         coming = coming or (not before[i] and approach < least - _SLOW)
         end.aims[row] = rows.targets[row] = least + opening
-        row += 1
     return coming
 
 
@@ -212,12 +210,10 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     world_pushes(plant, rows, solved.impulse, end.pushes)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-    row = len(rows.laws)
-    for i in range(len(before)):
-        if end.closed[i]:
-            parts = solved.speed[row] > max(plant.bounds[TOUCH], slow)
-            end.closed[i] = (before[i] or end.fresh[i]) and not parts
-            row += 1
+    for row in range(len(rows.held)):
+        i, speed = rows.held[row], solved.speed[len(rows.laws) + row]
+        parts = speed > max(plant.bounds[TOUCH], slow)
+        end.closed[i] = (before[i] or end.fresh[i]) and not parts
     return HIT
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Row, ask, compiled, inner
+from wbc.compiled import Places, Row, ask, compiled, inner
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.arrival import arrive, rigid_ones
@@ -83,24 +83,24 @@ def keep(plant: Opened, rows: PartRows, solved: Solved) -> None:
 
 
 @inner
-def hold_or_land(plant: Opened, pushes: Row) -> int:
+def hold_or_land(plant: Opened, held: Places, pushes: Row) -> int:
     """Write which barriers stay closed, pressed ones or in touch; return LANDED or SMOOTH.
 
     One that is passed by more than a touch has landed. Compliant ones neither close nor land.
 
     Args:
         plant: with the gaps of the end.
-        pushes: (l + k,) impulses of the closed limits and normals.
+        held: (l + k,) numbers of the closed limits and normals.
+        pushes: (l + k,) their impulses.
     """
-    result, row, touch, rigid = SMOOTH, 0, plant.bounds[TOUCH], rigid_ones(plant)
+    result, touch, rigid = SMOOTH, plant.bounds[TOUCH], rigid_ones(plant)
     gap, closed = plant.end.gap, plant.end.closed
-    for i in range(len(gap)):
-        if closed[i]:
-            closed[i] = gap[i] <= touch or (pushes[row] > 0.0 and gap[i] < FAR)
-            closed[i] = closed[i] and i < rigid
-            row += 1
-        elif gap[i] < -touch and i < rigid:
+    for i in range(rigid):
+        if gap[i] < -touch and not closed[i]:
             result = LANDED
+    for row in range(len(held)):
+        i = held[row]
+        closed[i] = i < rigid and (gap[i] <= touch or (pushes[row] > 0.0 and gap[i] < FAR))
     return result
 
 
@@ -138,8 +138,7 @@ def part_of_step(plant: Opened, step: float) -> int:
     rounding = _ROUNDING * np.sum(np.abs(pressed))
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0
-    matrix = rows.matrix[elements : elements + both]
-    arrive(plant, step, matrix, pressed)
+    arrive(plant, rows, pressed)
     if not np.isfinite(np.sum(end.velocity)):  # it blew up on the way
         return 10 + NO_INERTIA
     for i in range(len(end.motor_speed) if plant.gears.loose else 0):
@@ -147,7 +146,7 @@ def part_of_step(plant: Opened, step: float) -> int:
             end.deflection[i] -= dot(end.moved, plant.gears.rows[i])
     if not 0.5 * step * turns <= TURN:
         keep_passive(plant, step)
-    return hold_or_land(plant, pressed)
+    return hold_or_land(plant, rows.held, pressed)
 
 
 @compiled(inside=True)

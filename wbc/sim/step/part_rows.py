@@ -35,7 +35,7 @@ class PartRows(NamedTuple):
         frictions: (k,).
         free: v (nv,) without the rows.
         axes: (k (1 + d), 3) of the closed contacts.
-        which: (k,) their numbers.
+        held: (l + k,) numbers of the closed barriers, limits first.
         places: (r,) of the rows among the impulses that a state keeps.
         motor: (m,) speeds of the motor outputs before.
         relative: (m,) the same less those of the joints.
@@ -51,7 +51,7 @@ class PartRows(NamedTuple):
     frictions: OutRow
     free: OutRow
     axes: OutDense
-    which: OutPlaces
+    held: OutPlaces
     places: OutPlaces
     motor: OutRow
     relative: OutRow
@@ -113,21 +113,6 @@ def rubs_alone(plant: Opened, c: int) -> bool:
     return True
 
 
-@inner
-def place_barriers(plant: Opened, closed: Flags, row: int, rows: PartRows) -> None:
-    """Write the places of the closed barriers among kept impulses, from `row` on, and frictions."""
-    first, d = len(plant.gears.rows) + rows.matrix.shape[1], plant.obstacles.tangents
-    for i in range(len(closed)):
-        if closed[i]:
-            rows.places[row] = first + i
-            row += 1
-    for c in range(len(rows.which)):
-        rows.frictions[c] = plant.obstacles.frictions[rows.which[c]]
-        for a in range(d):
-            rows.places[row] = first + len(closed) + d * rows.which[c] + a
-            row += 1
-
-
 @compiled(inside=True)
 def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move before.
@@ -136,18 +121,17 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     `lower[0, 0]` is no number where H_l is not positive.
     """
     gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
-    n, m = len(v), len(gears.rows)
-    d, limits, held, touching = obstacles.tangents, 2 * len(obstacles.limit_at), 0, 0
+    n, m, d, limits = len(v), len(gears.rows), obstacles.tangents, 2 * len(obstacles.limit_at)
+    held, both, elements, touching = np.empty(len(closed), dtype=np.int64), 0, m + rubbing, 0
     for i in range(len(closed)):
-        held += closed[i] and i < limits
-        touching += closed[i] and i >= limits
-    elements, both = m + rubbing, held + touching
+        if closed[i]:
+            held[both], both, touching = i, both + 1, touching + (i >= limits)
     total = elements + both + d * touching
     soft = touching if plant.bounds[HERTZ] > 0.0 else 0
     rows = PartRows(
         np.empty((total, n)), np.empty((n, n)), np.zeros((elements, 9)), np.zeros(both),
         np.empty(touching), v.copy(),
-        np.empty((touching * (1 + d), 3)), np.empty(touching, dtype=np.int64),
+        np.empty((touching * (1 + d), 3)), held[:both],
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
         np.zeros(total), step,
     )  # fmt: skip
@@ -157,9 +141,14 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
         copy_to(gears.rows[i], rows.matrix[i])
         if gears.yields[i]:
             rows.relative[i] = rows.motor[i] - dot(v, gears.rows[i])
-    if both > 0:
-        barrier_rows(plant, closed, elements, rows.matrix, rows.axes, rows.which)
-        place_barriers(plant, closed, elements, rows)
+    barrier_rows(plant, rows.held, elements, rows.matrix, rows.axes)
+    for row in range(both):
+        rows.places[elements + row] = m + n + held[row]
+    for c in range(touching):
+        which, row = held[both - touching + c] - limits, elements + both + d * c
+        rows.frictions[c] = obstacles.frictions[which]
+        for a in range(d):
+            rows.places[row + a] = m + n + len(closed) + d * which + a
     if not factor_inertia(plant.placed.inertia, rows.lower):
         rows.lower[0, 0] = np.nan
     return rows
@@ -181,12 +170,11 @@ def rub(plant: Opened, rows: PartRows) -> None:
 @inner
 def aim(plant: Opened, rows: PartRows) -> None:
     """Write lowest speeds of the closed barriers, and depths of soft contacts."""
-    elements, touching = len(rows.laws), len(rows.which)
-    contacts = elements + len(rows.targets) - touching
-    lowest_speeds(plant, rows.step, rows.matrix[elements:], rows.targets)
+    elements, limits = len(rows.laws), len(rows.targets) - len(rows.frictions)
+    lowest_speeds(plant, rows.held, rows.step, rows.matrix[elements:], rows.targets)
     for c in range(len(rows.depths)):
-        opens = dot(plant.end.speed, rows.matrix[contacts + c])
-        gap = plant.end.gap[2 * len(plant.obstacles.limit_at) + rows.which[c]]
+        opens = dot(plant.end.speed, rows.matrix[elements + limits + c])
+        gap = plant.end.gap[rows.held[limits + c]]
         rows.depths[c, 0], rows.depths[c, 1] = 0.5 * rows.step * opens - gap, -gap
 
 
@@ -236,11 +224,13 @@ def world_pushes(plant: Opened, rows: PartRows, impulse: Row, pushes: OutRow) ->
         impulse: (r,) of the rows.
         pushes: to write, world.
     """
-    d, count, axes = plant.obstacles.tangents, len(rows.which), rows.axes
-    first = len(rows.laws) + len(rows.targets) - count
+    obstacles, count, axes = plant.obstacles, len(rows.frictions), rows.axes
+    d, limits = obstacles.tangents, len(rows.targets) - count
+    first = len(rows.laws) + limits
     pushes[:] = 0.0
     for c in range(count):
-        pushed = pushes[3 * plant.obstacles.sides[rows.which[c], 2] :]
+        which = rows.held[limits + c] - 2 * len(obstacles.limit_at)
+        pushed = pushes[3 * obstacles.sides[which, 2] :]
         add_times(impulse[first + c], axes[c * (1 + d)], pushed)
         for a in range(d):
             along = impulse[first + count + c * d + a]
