@@ -45,11 +45,11 @@ class Drivetrain:
         numbers = ratio, gears.reflected_inertia, viscous, coulomb, 1.0 / self.forward
         flanks = gears.stiffness, gears.damping, gears.backlash
         arrays = map(np.array, (*numbers, self.backward, *flanks, self.rows))
-        at = self.robot.actuated.astype(np.int64), self.loose
+        direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
+        row = np.where(direct & (self.backward >= 0.0), self.robot.actuated, -1)
         coupled = m if self.robot.rotors_turn_with_links else 0
         room = np.zeros((coupled, nv)), np.zeros((1, nv + m))
-        direct = not self.any_loose and np.array_equal(gears.topology, np.eye(m))
-        return Gears._make((*arrays, *at, *room, direct, self.any_loose))
+        return Gears._make((*arrays, row, self.loose, *room, self.any_loose))
 
     def motion(self, state: SimState) -> tuple[FloatArray, FloatArray]:
         """Return deflections (m,) [rad] and speeds (m,) [rad/s] of the motor outputs."""
@@ -96,7 +96,7 @@ def gear_laws(plant: Opened, speed: Row, step: float, laws: OutDense) -> None:
         if rest > 0.0:
             share = near_rest(dot(plant.end.speed, gears.rows[i]), rest, slowness)
             law[3], law[4] = law[3] / (1.0 - share), law[4] / (1.0 + share)
-        if gears.direct and gears.backward[i] >= 0.0:
+        if gears.row[i] >= 0:
             law[5] = step * forces.friction[gears.row[i]]
         law[7], law[8] = np.inf, 0.0
 

@@ -101,18 +101,6 @@ def free_velocity(plant: Opened, rows: PartRows) -> None:
     add_times(1.0, speed, free)
 
 
-@inner
-def rubs_alone(plant: Opened, c: int) -> bool:
-    """Return whether a coordinate has dry friction, and no gear that shares it."""
-    gears = plant.gears
-    if not plant.forces.friction[c] > 0.0:
-        return False
-    for i in range(len(gears.rows) if gears.direct else 0):
-        if gears.row[i] == c and gears.backward[i] >= 0.0:
-            return False
-    return True
-
-
 @compiled(inside=True)
 def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartRows:
     """Return rows where the memory stands: their directions, and how the motors move before.
@@ -154,53 +142,28 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     return rows
 
 
-@inner
-def rub(plant: Opened, rows: PartRows) -> None:
-    """Write rows and laws of the coordinates that rub alone."""
-    row = m = len(plant.gears.rows)
-    for c in range(rows.matrix.shape[1] if len(rows.laws) > m else 0):
-        if rubs_alone(plant, c):
-            law = rows.laws[row]
-            rows.matrix[row], rows.places[row] = 0.0, m + c
-            rows.matrix[row, c] = law[3] = law[4] = 1.0
-            law[5], law[7] = rows.step * plant.forces.friction[c], np.inf
-            row += 1
-
-
-@inner
-def aim(plant: Opened, rows: PartRows) -> None:
-    """Write lowest speeds of the closed barriers, and depths of soft contacts."""
-    elements, limits = len(rows.laws), len(rows.targets) - len(rows.frictions)
-    lowest_speeds(plant, rows.held, rows.step, rows.matrix[elements:], rows.targets)
-    for c in range(len(rows.depths)):
-        opens = dot(plant.end.speed, rows.matrix[elements + limits + c])
-        gap = plant.end.gap[rows.held[limits + c]]
-        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * rows.step * opens - gap, -gap
-
-
-@inner
-def act(plant: Opened) -> None:
-    """Write the forces in the middle, the level of dry friction, and torques on the rotors."""
-    forces, end, dry = plant.forces, plant.end, plant.forces.friction
-    fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
-    fill_delivered(forces.drives, forces.command, end.torque)
-    add_times(1.0, forces.outer, end.force)
-    add_times(1.0, forces.dry, dry)
-    add_times(1.0, forces.added, end.torque)
-
-
 @compiled(inside=True)
 def rows_of(plant: Opened, step: float) -> PartRows:
     """Return the rows of a part; `lower[0, 0]` is no number where H_l is not positive.
 
     Args:
-        plant: whose memory stands in the middle; gaps are written where any barrier is closed.
+        plant: whose memory stands in the middle; forces there are written, and gaps where any
+            barrier is closed.
         step: h [s].
     """
-    end, rubbing, touches = plant.end, 0, False
-    act(plant)
-    for c in range(len(end.speed)):
-        rubbing += rubs_alone(plant, c)
+    gears, forces, end, rubbing, touches = plant.gears, plant.forces, plant.end, 0, False
+    dry, row = forces.friction, len(gears.rows)
+    fill_joint_torques(forces.joints, forces.numbers, end.before, end.speed, end.force, dry)
+    fill_delivered(forces.drives, forces.command, end.torque)
+    add_times(1.0, forces.outer, end.force)
+    add_times(1.0, forces.dry, dry)
+    add_times(1.0, forces.added, end.torque)
+    alone = dry.copy()
+    for i in range(len(gears.row)):
+        if gears.row[i] >= 0:
+            alone[gears.row[i]] = 0.0
+    for c in range(len(alone)):
+        rubbing += alone[c] > 0.0
     for i in range(len(end.closed)):
         touches = touches or end.closed[i]
     if touches:
@@ -208,9 +171,17 @@ def rows_of(plant: Opened, step: float) -> PartRows:
     rows = rows_where(plant, end.closed, rubbing, step)
     free_velocity(plant, rows)
     gear_laws(plant, rows.motor, step, rows.laws)
-    rub(plant, rows)
-    if touches:
-        aim(plant, rows)
+    for c in range(len(alone) if rubbing else 0):
+        if alone[c] > 0.0:
+            law, rows.matrix[row], rows.places[row] = rows.laws[row], 0.0, len(gears.rows) + c
+            rows.matrix[row, c] = law[3] = law[4] = 1.0
+            law[5], law[7], row = step * alone[c], np.inf, row + 1
+    contacts = len(rows.targets) - len(rows.frictions)
+    lowest_speeds(plant, rows.held, step, rows.matrix[row:], rows.targets)
+    for c in range(len(rows.depths)):
+        opens = dot(end.speed, rows.matrix[row + contacts + c])
+        gap = end.gap[rows.held[contacts + c]]
+        rows.depths[c, 0], rows.depths[c, 1] = 0.5 * step * opens - gap, -gap
     return rows
 
 

@@ -95,12 +95,11 @@ class Gears(NamedTuple):
         inverse, backward: 1/eta_f, eta_b (m,), as they are in impacts.
         stiffness, damping, play: of the flanks (m,).
         rows: (m, nv) speed of the joints per v, as the motor outputs turn where gears are rigid.
-        row: (m,) of v of each joint.
+        row: (m,) of v whose dry friction shares the gear's row, as the gear turns this joint alone
+            and rigidly; -1 where there is none.
         yields: (m,) whether the motor output may leave its joint: the gear is loose.
         coupling: (m, nv) memory: N C, see `StepCoupling`; empty where rotors feel their spin alone.
         gyration: (1, nv + m) memory: torques on links and on rotors that come with it.
-        direct: whether each gear turns its joint alone and rigidly, so that joint friction and
-            gear share a row.
         loose: whether any gear is.
     """
 
@@ -118,7 +117,6 @@ class Gears(NamedTuple):
     yields: OutFlags
     coupling: OutDense
     gyration: OutDense
-    direct: bool
     loose: bool
 
 
