@@ -150,8 +150,7 @@ def meeting_speed(law: Row, point: float, slope: float) -> float:
     sign, gain, bring = branch_of(law, point, slope)
     if sign == 0.0:
         return 0.0
-    speed: float = (bring - gain * (point + sign * law[5])) / (law[2] + gain * (law[6] + slope))
-    return speed
+    return float((bring - gain * (point + sign * law[5])) / (law[2] + gain * (law[6] + slope)))
 
 
 @inner

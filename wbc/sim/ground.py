@@ -292,9 +292,10 @@ class HeightField(Solid):
         bends = [surface(*finer, *order) for order in ((2, 0), (1, 1), (0, 2))]
         bend = np.sqrt(bends[0] ** 2 + 2.0 * bends[1] ** 2 + bends[2] ** 2)
         most = maximum_filter(bend, 3)[1::2, 1::2]
+        spacing = min(np.ptp(self.x) / (shape[0] - 1), np.ptp(self.y) / (shape[1] - 1))
         parts = (
-            [FIELD, *shape], self.x, self.y, np.stack(nodes, axis=-1).ravel(), [bend.max()],
-            np.stack([*cells, most], axis=-1).ravel(),
+            [FIELD, *shape, bend.max(), spacing], self.x, self.y,
+            np.stack(nodes, axis=-1).ravel(), np.stack([*cells, most], axis=-1).ravel(),
         )  # fmt: skip
         object.__setattr__(self, "_numbers", frozen(np.concatenate(parts)))
 

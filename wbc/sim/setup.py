@@ -286,8 +286,9 @@ class Setup:
         """Tell the loops what acts over a step h [s] that starts in a state; see `Course`."""
         if self.waits:
             self._given, self.acts = (state, external), {}
-        numbers, self.plant.forces.outer[:] = self.plant.now.numbers, 0.0
+        numbers = self.plant.now.numbers
         numbers[tables.TIME], numbers[tables.LENGTH] = state.time, step
+        self.plant.forces.outer.fill(0.0)
         if external is not None:
             self.plant.forces.outer[:] = external
 

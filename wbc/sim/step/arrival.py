@@ -227,8 +227,8 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
         if turn == 0:
             copy_to(here, gap)
         near, touching = (here < _NEAR).nonzero()[0], 0
-        for i in near:
-            touching += i >= 2 * len(plant.obstacles.limit_at)
+        for row in range(len(near)):
+            touching += near[row] >= 2 * len(plant.obstacles.limit_at)
         count, missing = len(near), -here[near]
         if count == 0 or np.max(missing) <= 0.5 * plant.bounds[TOUCH]:
             return True

@@ -43,8 +43,7 @@ def spring_energy(gears: Gears, which: int, deflection: float) -> float:
     """Return what a compliant gear stores at a deflection [rad], beyond its play [J]."""
     half = 0.5 * gears.play[which]
     bent = deflection - min(max(deflection, -half), half)
-    stored: float = 0.5 * gears.stiffness[which] * bent * bent
-    return stored
+    return float(0.5 * gears.stiffness[which] * bent * bent)
 
 
 @inner
@@ -117,8 +116,7 @@ def soft_loss(plant: Opened, rows: PartRows, solved: Solved, contact: int) -> fl
     row = len(rows.laws) + len(rows.targets) - len(rows.frictions) + contact
     after = rows.depths[contact, 1] - 0.5 * rows.step * solved.speed[row]
     taken = stored_at(stiffness, after) - stored_at(stiffness, before)
-    lost: float = solved.impulse[row] / rows.step * (after - before) - taken
-    return lost
+    return float(solved.impulse[row] / rows.step * (after - before) - taken)
 
 
 @inner
@@ -195,7 +193,7 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
         energy -= dot(tree.gravity, body[1:]) + body[0] * dot(tree.gravity, about)
         gap = np.inf
         for s in range(len(solids)):
-            gap = min(gap, solid_gap(solids[s], poses[i, 9:], normal))
+            gap = min(gap, solid_gap(solids[s], poses[i, 9:], np.inf, normal))
         if body[0] > 0.0 and gap < deepest:
             deepest, lowest = gap, i
     motor_speeds(gears, v, speed, motor)
@@ -204,7 +202,7 @@ def survey(plant: Opened, q: Row, v: Row, deflection: Row, speed: Row) -> tuple[
         if gears.stiffness[g] < np.inf:
             energy += spring_energy(gears, g, deflection[g])
     if plant.bounds[HERTZ] > 0.0:
-        touch_ground(plant, np.zeros(0, dtype=np.bool_))
+        touch_ground(plant, plant.now.closed[:0])
         for b in range(len(plant.obstacles.touch)):
             energy += stored_at(plant.bounds[HERTZ], -plant.obstacles.touch[b, 0])
     return energy, deepest, lowest
@@ -224,8 +222,7 @@ def fastest_turn(plant: Opened, v: Row) -> float:
 def stored_in_end(plant: Opened, v: Row) -> float:
     """Return what is stored at the end of a part with other speeds v (nv,) [J]."""
     end = plant.end
-    energy, _, _ = survey(plant, end.position, v, end.deflection, end.motor_speed)
-    return energy
+    return survey(plant, end.position, v, end.deflection, end.motor_speed)[0]
 
 
 @compiled(inside=True)

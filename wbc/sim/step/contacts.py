@@ -52,16 +52,18 @@ def box_gap(box: Row, point: Row, normal: OutRow) -> float:
 
 
 @inner
-def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
-    """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it."""
+def solid_gap(solid: Row, point: Row, reach: float, normal: OutRow) -> float:
+    """Return the distance of a point (3,) from a solid, and write the normal (3,) out of it.
+
+    From a field it is known up to `reach` [m], see `field_gap`.
+    """
     if solid[0] == PLANE:
         copy_to(solid[1:4], normal)
-        gap: float = dot(normal, point) - solid[4]
-        return gap
+        return float(dot(normal, point) - solid[4])
     if solid[0] == BOX:
         return box_gap(solid, point, normal)
     if solid[0] == FIELD:
-        return field_gap(solid, point, np.inf, normal)
+        return field_gap(solid, point, reach, normal)
     copy_to(point, normal)
     add_times(-1.0, solid[1:4], normal)
     length = sqrt(dot(normal, normal))
@@ -69,15 +71,14 @@ def solid_gap(solid: Row, point: Row, normal: OutRow) -> float:
         normal[k] /= length if length > 0.0 else 1.0
     if length == 0.0:
         normal[2] = 1.0
-    gap = length - solid[4]
-    return gap
+    return float(length - solid[4])
 
 
 @compiled(counted=False)
 def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> None:
     """Write the distances (k,) of points (k, 3) from a solid, and the normals (k, 3)."""
     for i in range(len(points)):
-        gaps[i] = solid_gap(solid, points[i], normals[i])
+        gaps[i] = solid_gap(solid, points[i], np.inf, normals[i])
 
 
 @inner
@@ -113,23 +114,23 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
             place_contact(plant, contact)
         radius = contacts[contact, 3]
         if obstacles.asked == 0:
-            solid, point = obstacles.solids[b // count], points[contact]
-            if solid[0] == FIELD:
-                one[0] = field_gap(solid, point, radius + AHEAD, one[1:4])
-            else:
-                one[0] = solid_gap(solid, point, one[1:4])
+            solid, reach = obstacles.solids[b // count], radius + AHEAD
+            one[0] = solid_gap(solid, points[contact], reach, one[1:4])
         one[0] -= radius
         for k in range(3):
             one[4 + k] = points[contact, k] - radius * one[1 + k]
     for pair in range(len(pairs)):
         first, end = ground + pairs[pair, 2], ground + pairs[pair, 4]
-        asked = not some
+        asked, own = not some, touch[first:end]
         for i in range(limits + first, limits + end if some else 0):
             asked = asked or closed[i]
+        for i in range(len(own) if asked else 0):
+            own[i] = 0.0
+            own[i, 0], own[i, 3] = FAR, 1.0
         if asked and pairs[pair, 5] < 0:
-            meet(plant.bodies, poses, pair, touch[first:end])
+            meet(plant.bodies, poses, pair, own)
         elif asked:
-            meet_field(plant, pair, some, touch[first:end])
+            meet_field(plant, pair, some, own)
 
 
 @inner
@@ -258,8 +259,7 @@ def barrier_rows(plant: Opened, held: Places, first: int, matrix: OutDense, axes
 @inner
 def other_place(plant: Opened, step: float) -> float:
     """Return the gap [m] from which on a closed barrier is at another place, in a part of h [s]."""
-    gap: float = min(_JUMPED * plant.bounds[RETURN_SPEED] * step, 0.5 * FAR)
-    return gap
+    return min(_JUMPED * float(plant.bounds[RETURN_SPEED]) * step, 0.5 * FAR)
 
 
 @inner

@@ -1,10 +1,10 @@
 """Ground given by heights on a grid, for compiled loops: the nearest place of a smooth surface.
 
-A field is a row of numbers like any solid: FIELD, the lengths a and b of both axes, x (a,), y (b,),
-then for each of the nodes (a, b) height, slopes along x and along y, and mixed derivative, then the
-largest curvature [1/m], and for each of the cells (a - 1, b - 1) height and both slopes in its
-middle, and its own largest curvature. Between nodes there is one bicubic (Hermite) patch per cell;
-the surface is level beyond its border.
+A field is a row of numbers like any solid: FIELD, the lengths a and b of both axes, the largest
+curvature [1/m], the mean spacing of the finer axis [m], from AXES on x (a,) and y (b,), then for
+each of the nodes (a, b) height, slopes along x and along y, and mixed derivative, and for each of
+the cells (a - 1, b - 1) height and both slopes in its middle, and its own largest curvature.
+Between nodes there is one bicubic (Hermite) patch per cell; the surface is level beyond its border.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from wbc.compiled import OutRow, Row, inner, local
 from wbc.mechanics.linear import apart
 from wbc.sim.step.pairs import to_segment
 
+BEND, SPACING, AXES = 3, 4, 5
 AHEAD = 0.02
 """[m] up to which gaps are known at most before they close: 20 m/s in steps of 1 ms."""
 _ROUNDS = 20  # of Newton's iteration, which settles in 1 to 4 where a place is near
@@ -50,9 +51,8 @@ def cubics(field: Row, first: int, count: int, at: float, found: OutRow) -> int:
     """
     low, last = cell_of(field, first, count, at), field[first + count - 1]
     inside = field[first] <= at <= last
-    place = min(max(at, field[first]), last)
     width = field[first + low + 1] - field[first + low]
-    s = (place - field[first + low]) / width
+    s = (min(max(at, field[first]), last) - field[first + low]) / width
     found[0], found[1] = (1.0 + 2.0 * s) * (1.0 - s) ** 2, s * (1.0 - s) ** 2 * width
     found[2], found[3] = s * s * (3.0 - 2.0 * s), s * s * (s - 1.0) * width
     one, two = (1.0 / width, 1.0 / width**2) if inside else (0.0, 0.0)
@@ -67,12 +67,11 @@ def cubics(field: Row, first: int, count: int, at: float, found: OutRow) -> int:
 @inner
 def surface_at(field: Row, x: float, y: float, found: OutRow) -> None:
     """Write z, its slopes along x and y, and its derivatives xx, xy and yy (6,) at a place."""
-    a, b = int(field[1]), int(field[2])
-    along_x, along_y = local(12), local(12)
-    i, j = cubics(field, 3, a, x, along_x), cubics(field, 3 + a, b, y, along_y)
+    a, b, along_x, along_y = int(field[1]), int(field[2]), local(12), local(12)
+    i, j = cubics(field, AXES, a, x, along_x), cubics(field, AXES + a, b, y, along_y)
     found[:] = 0.0
     for p in range(4):
-        node = 3 + a + b + 4 * ((i + p // 2) * b + j) + p % 2
+        node = AXES + a + b + 4 * ((i + p // 2) * b + j) + p % 2
         value = slope = bend = 0.0
         for q in range(4):
             own = field[node + 4 * (q // 2) + 2 * (q % 2)]
@@ -134,8 +133,7 @@ def go_nearest(
             if square > reach * reach:
                 return False
         elif settled:
-            outside: bool = deep * side >= 0.0
-            return outside
+            return bool(deep * side >= 0.0)
         elif square > least:
             place[0], place[1] = 0.5 * (place[0] + last_x), 0.5 * (place[1] + last_y)
             continue
@@ -165,10 +163,10 @@ def field_gap(field: Row, point: Row, reach: float, normal: OutRow) -> float:
     Where it does not settle on the point's side, the place is straight below; and where curvature
     cannot bring the field within `reach` [m] of the point.
     """
-    at, place, a, b = local(6), local(3), int(field[1]), int(field[2])
+    at, place = local(6), local(3)
     place[0], place[1] = point[0], point[1]
     surface_at(field, point[0], point[1], at)
-    steep, bend = sqrt(at[1] * at[1] + at[2] * at[2]), field[3 + a + b + 4 * a * b]
+    steep, bend = sqrt(at[1] * at[1] + at[2] * at[2]), field[BEND]
     if point[2] - at[0] < reach * (1.0 + steep + 0.5 * bend * reach) and not go_nearest(
         field, point, point, np.inf, np.inf, place, at
     ):
@@ -176,6 +174,5 @@ def field_gap(field: Row, point: Row, reach: float, normal: OutRow) -> float:
         surface_at(field, point[0], point[1], at)
     above = point[2] - at[0]
     way_out(at, normal)
-    gap: float = above * normal[2]
-    gap += (point[0] - place[0]) * normal[0] + (point[1] - place[1]) * normal[1]
-    return gap
+    aside = (point[0] - place[0]) * normal[0] + (point[1] - place[1]) * normal[1]
+    return float(above * normal[2] + aside)

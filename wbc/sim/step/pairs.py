@@ -73,8 +73,7 @@ def to_segment(start: Row, end: Row, point: Row, nearest: OutRow) -> float:
 @inner
 def beyond(plane: Row, point: Row) -> float:
     """Return the distance of a point (3,) from a plane (4,), see `Hull`."""
-    height: float = dot(point, plane) - plane[3]
-    return height
+    return float(dot(point, plane) - plane[3])
 
 
 @inner
@@ -147,8 +146,7 @@ def corner_gap(
     for k in range(3):
         found[k] = (point[k] - near[k]) / away
         found[3 + k] = near[k] + own * found[k]
-    distance: float = away - own - radius
-    return distance
+    return float(away - own - radius)
 
 
 @inner
@@ -253,12 +251,12 @@ def doubled(touch: OutDense, i: int) -> bool:
 
 @compiled(inside=True)
 def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
-    """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints."""
+    """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints.
+
+    None is there before.
+    """
     a, b, whole = bodies.pairs[pair, 0], bodies.pairs[pair, 1], bodies.pairs[pair, 3] == 1
     one, other, shapes = bodies.hulls[a], bodies.hulls[b], bodies.shapes
-    touch[:] = 0.0
-    for i in range(len(touch)):
-        touch[i, 0], touch[i, 3] = FAR, 1.0
     first, second, seen, back = local(12), local(12), local(12), local(12)
     middle, found, size = local(3), local(6), shapes[a, 3]
     pose_of(poses, one[0], first)

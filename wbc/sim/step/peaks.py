@@ -20,6 +20,9 @@ from wbc.mechanics.kinematics import turned
 from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.field import (
     AHEAD,
+    AXES,
+    BEND,
+    SPACING,
     cell_of,
     field_gap,
     go_nearest,
@@ -43,9 +46,7 @@ _STARTS = 512  # most places from which to look for touches of a body
 @inner
 def is_same(field: Row, touch: Row, place: Row) -> bool:
     """Return whether a touch (7,) is at a place (3,), or so near that both close together."""
-    a, b = int(field[1]), int(field[2])
-    same: bool = apart(touch[4:], place) * max(field[3 + a + b + 4 * a * b], 2.0) < _SAME
-    return same
+    return bool(apart(touch[4:], place) * max(field[BEND], 2.0) < _SAME)
 
 
 @inner
@@ -55,11 +56,11 @@ def offer(field: Row, touch: OutDense, feature: int, gap: float, normal: Row, pl
     Its row follows from its feature and the nearest node, so that it stays the same from step to
     step; where it is taken, the next that is free. Where all are taken the nearest touches stay.
     """
-    a, b = int(field[1]), int(field[2])
-    i, j = cell_of(field, 3, a, place[0]), cell_of(field, 3 + a, b, place[1])
-    i += place[0] - field[3 + i] > field[4 + i] - place[0]
-    j += place[1] - field[3 + a + j] > field[4 + a + j] - place[1]
-    size, at, free = len(touch), -1, False
+    a, b, size, at, free = int(field[1]), int(field[2]), len(touch), -1, False
+    xs, ys = field[AXES:], field[AXES + a :]
+    i, j = cell_of(xs, 0, a, place[0]), cell_of(ys, 0, b, place[1])
+    i += place[0] - xs[i] > xs[i + 1] - place[0]
+    j += place[1] - ys[j] > ys[j + 1] - place[1]
     for k in range(size):
         slot = (7 * feature + 9 * i + 5 * j + k) % size
         if touch[slot, 0] >= FAR:
@@ -70,17 +71,8 @@ def offer(field: Row, touch: OutDense, feature: int, gap: float, normal: Row, pl
             at = slot
     if at >= 0:
         touch[at, 0] = gap
-        for x in range(3):
-            touch[at, 1 + x], touch[at, 4 + x] = normal[x], place[x]
-
-
-@inner
-def spacing_of(field: Row) -> float:
-    """Return the mean spacing of the grid along its finer axis [m]."""
-    a, b = int(field[1]), int(field[2])
-    along, across = field[2 + a] - field[3], field[2 + a + b] - field[3 + a]
-    finer: float = min(along / (a - 1), across / (b - 1))
-    return finer
+        copy_to(normal[:3], touch[at, 1:])
+        copy_to(place[:3], touch[at, 4:])
 
 
 @inner
@@ -107,8 +99,7 @@ def may_touch(
             return False
         off_x, off_y = x - near[0] + deep * at[1], y - near[1] + deep * at[2]
         turns = 1.0 + steepest * steepest + bend * (abs(deep) + size * (1.0 + steepest))
-        even: bool = off_x * off_x + off_y * off_y <= (turns * size) ** 2
-        return even
+        return bool(off_x * off_x + off_y * off_y <= (turns * size) ** 2)
     highest, slope, level = -np.inf, 0.0, False
     for f in range(len(under)):
         height = under[f, 0] + under[f, 1] * x + under[f, 2] * y - at[0]
@@ -133,16 +124,17 @@ def starts_of(
         places: to write.
     """
     a, b, count, at, left = int(field[1]), int(field[2]), 0, local(6), local(96)
-    for i in range(cell_of(field, 3, a, low[0]), a - 1):
-        if field[3 + i] > high[0]:
+    xs, ys = field[AXES:], field[AXES + a :]
+    for i in range(cell_of(xs, 0, a, low[0]), a - 1):
+        if xs[i] > high[0]:
             break
-        for j in range(cell_of(field, 3 + a, b, low[1]), b - 1):
-            if field[3 + a + j] > high[1]:
+        for j in range(cell_of(ys, 0, b, low[1]), b - 1):
+            if ys[j] > high[1]:
                 break
-            cell, depth = 4 + a + b + 4 * a * b + 4 * (i * (b - 1) + j), 0
-            wide, long = 0.5 * (field[4 + i] - field[3 + i]), field[4 + a + j] - field[3 + a + j]
-            x, y, bend, long = field[3 + i] + wide, field[3 + a + j], field[cell + 3], 0.5 * long
-            y, size = y + long, sqrt(wide * wide + long * long)
+            cell, depth = AXES + a + b + 4 * (a * b + i * (b - 1) + j), 0
+            wide, long = 0.5 * (xs[i + 1] - xs[i]), 0.5 * (ys[j + 1] - ys[j])
+            x, y, bend = xs[i] + wide, ys[j] + long, field[cell + 3]
+            size = sqrt(wide * wide + long * long)
             copy_to(field[cell : cell + 3], at)
             if may_touch(at, bend, size, x, y, under, tube):
                 left[0], left[1], left[2], depth = x, y, 1.0, 1
@@ -184,7 +176,7 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
     place, at, spot, normal, low, high = (
         local(3), local(6), local(3), local(3), local(3), local(3)
     )  # fmt: skip
-    fine, tube, reach = min(spacing_of(field), radius), local(7), radius + AHEAD
+    fine, tube, reach = min(field[SPACING], radius), local(7), radius + AHEAD
     tube[6] = radius
     for k in range(3):
         tube[k], tube[3 + k] = start[k], end[k]
@@ -203,14 +195,6 @@ def meet_round(plant: Opened, which: int, field: Row, touch: OutDense) -> None:
         add_times(-radius, normal, spot)
         if -radius < gap < AHEAD:
             offer(field, touch, 0, gap, normal, spot)
-
-
-@inner
-def rise_along(at: Row, way: Row) -> float:
-    """Return how fast the slope of a height over the field rises along a way (3,)."""
-    x, y = way[0], way[1]
-    rise: float = -at[3] * x * x - 2.0 * at[4] * x * y - at[5] * y * y
-    return rise
 
 
 @inner
@@ -256,9 +240,10 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
     The height over the field is least where its slope along the edge rises through zero.
     """
     bodies, points, touches = plant.bodies, plant.obstacles.points, plant.obstacles.touch
-    hull, a, b = bodies.hulls[which], int(field[1]), int(field[2])
-    way, spot, at, normal, spacing = local(3), local(3), local(6), local(3), spacing_of(field)
-    bend, deepest = field[3 + a + b + 4 * a * b], -0.5 * bodies.shapes[which, 5]
+    hull, bend, spacing = bodies.hulls[which], field[BEND], field[SPACING]
+    way, spot, at, normal, deepest = (
+        local(3), local(3), local(6), local(3), -0.5 * bodies.shapes[which, 5]
+    )  # fmt: skip
     for e in range(hull[7]):
         first, last = bodies.ends[hull[6] + e, 0], bodies.ends[hull[6] + e, 1]
         start = points[hull[8] + first]
@@ -279,7 +264,8 @@ def meet_edges(plant: Opened, which: int, field: Row, known: int, touch: OutDens
                 copy_to(start, spot)
                 add_times(here, way, spot)
                 way_out(at, normal)
-                gap, rise = (spot[2] - at[0]) * normal[2], rise_along(at, way)
+                gap, rise = (spot[2] - at[0]) * normal[2], -at[3] * way[0] * way[0]
+                rise -= 2.0 * at[4] * way[0] * way[1] + at[5] * way[1] * way[1]
                 corner = is_same(field, touches[known + first], spot)
                 corner = corner or is_same(field, touches[known + last], spot)
                 bulges = 0.125 * rise * spacing**2 > _BULGE * square
@@ -340,7 +326,7 @@ def meet_faces(plant: Opened, which: int, field: Row, pose: Row, touch: OutDense
     """Write the touches in the faces of a hull, in a pose (12,); the rest as of `meet_round`."""
     bodies, points, hull = plant.bodies, plant.obstacles.points, plant.bodies.hulls[which]
     faces, down, up = hull[5], 0, hull[5]
-    planes, own, spacing = np.empty((faces, 4)), local(3), spacing_of(field)
+    planes, own, spacing = np.empty((faces, 4)), local(3), field[SPACING]
     place, at, normal, low, high = local(3), local(6), local(3), local(3), local(3)
     low[:], high[:], deepest = np.inf, -np.inf, -0.5 * bodies.shapes[which, 5]
     for i in range(hull[8], hull[8] + hull[3]):
@@ -388,10 +374,6 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
     bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)
     which, solid = bodies.pairs[pair, 0], bodies.pairs[pair, 5]
     hull, field = bodies.hulls[which], obstacles.solids[solid]
-    for i in range(len(touch)):
-        if touch[i, 0] < FAR:
-            touch[i] = 0.0
-            touch[i, 0], touch[i, 3] = FAR, 1.0
     known, least = solid * len(obstacles.contacts) + hull[8], np.inf
     radius = bodies.shapes[which, 4]
     for i in range(hull[3]):
@@ -403,8 +385,8 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
         least = min(least, one[0])
         if radius > 0.0:
             one[0] = FAR
-    a, b, around = int(field[1]), int(field[2]), bodies.shapes[which, 3]
-    if least > AHEAD + 0.5 * field[3 + a + b + 4 * a * b] * around * around:
+    around = bodies.shapes[which, 3]
+    if least > AHEAD + 0.5 * field[BEND] * around * around:
         return
     if radius > 0.0:
         meet_round(plant, which, field, touch)
