@@ -9,35 +9,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from wbc.errors import needs
+from wbc.view.palette import DARK as DARK, LIGHT as LIGHT, Theme as Theme
 
 if TYPE_CHECKING:
-    from wbc.view.palette import DARK, LIGHT, Theme
-    from wbc.view.pictures import write_animation, write_picture
-    from wbc.view.playback import write_playback
-    from wbc.view.track import Ghost, model_ghost
+    from wbc.view.pictures import write_animation as write_animation, write_picture as write_picture
+    from wbc.view.playback import write_playback as write_playback
+    from wbc.view.track import Ghost as Ghost, model_ghost as model_ghost
 
-__all__ = [
-    "DARK",
-    "LIGHT",
-    "Ghost",
-    "Theme",
-    "model_ghost",
-    "write_animation",
-    "write_picture",
-    "write_playback",
-]
-
-_HOMES = ("palette", "track", "playback", "pictures")  # each loads those before it, or takes little
+_HOMES = {
+    "Ghost": "track",
+    "model_ghost": "track",
+    "write_animation": "pictures",
+    "write_picture": "pictures",
+    "write_playback": "playback",
+}
 
 
 def __getattr__(name: str) -> Any:
-    for home in _HOMES if name in __all__ else ():
-        with needs("view", f"{name} of wbc.view"):
-            module = import_module(f"wbc.view.{home}")
-        if hasattr(module, name):
-            return getattr(module, name)
-    raise AttributeError(f"module 'wbc.view' has no attribute '{name}'")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'wbc.view' has no attribute '{name}'")
+    with needs("view", f"{name} of wbc.view"):
+        return getattr(import_module(f"wbc.view.{_HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return ["DARK", "LIGHT", "Theme", *_HOMES]

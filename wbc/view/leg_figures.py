@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from textwrap import fill
 
 import numpy as np
@@ -164,19 +163,16 @@ def _draw_force(
     ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
 ) -> None:
     capability = force_capability(robot, q, contact, axes)
-    polygons = {
-        "hold (backward)": (_BACKWARD, partial(capability.vertices, Direction.BACKWARD)),
-        "perfect gears": (_PERFECT, partial(capability.vertices, Direction.STUCK)),
-        "lift (forward)": (_FORWARD, partial(capability.vertices, Direction.FORWARD)),
-        f"combined, about to move along {axes[1]}": (
-            _COMBINED,
-            partial(capability.moving, (0.0, 1.0)),
-        ),
-    }
+    polygons = (
+        ("hold (backward)", _BACKWARD, Direction.BACKWARD),
+        ("perfect gears", _PERFECT, Direction.STUCK),
+        ("lift (forward)", _FORWARD, Direction.FORWARD),
+        (f"combined, about to move along {axes[1]}", _COMBINED, None),
+    )
     reason = ""
-    for label, (number, find) in polygons.items():
+    for label, number, way in polygons:
         try:
-            corners = find()
+            corners = capability.moving((0.0, 1.0)) if way is None else capability.vertices(way)
         except DynamicsError as cause:
             reason = str(cause)
             continue

@@ -90,16 +90,16 @@ def _gear(robot: Robot, track: Track, k: int, residual: Mapping[str, FloatArray]
     }
 
 
-def _arrow_scale(track: Track, reach: float) -> float:
+def _arrow_scale(track: Track, weight: float, reach: float) -> float:
     """Return the length of a force arrow [m/N], 0.45 reach for a large force that is no impact.
 
     Many arrows are shorter, so that all of them cover about as much of the robot as one does.
     """
     forces = [np.linalg.norm(force, axis=1) for force in track.forces.values()]
     largest = np.max(forces, axis=0, initial=0.0)
-    loaded = largest[largest > _LOADED * track.weight]
+    loaded = largest[largest > _LOADED * weight]
     # A robot without weight that touches nothing shows no arrow, whatever its scale.
-    usual = float(np.quantile(loaded, 0.9)) if loaded.size else track.weight or 1.0
+    usual = float(np.quantile(loaded, 0.9)) if loaded.size else weight or 1.0
     return float(0.45 * reach / usual / max(len(forces), 1) ** 0.5)
 
 
@@ -202,7 +202,7 @@ def write_playback(
     track = make_track(robot, log)
     recorder = _Recorder()
     root = Visualizer(window=recorder)["/wbc"]
-    ground, center = ground or _level_ground(track), track.center_of_mass
+    ground, center = ground or _level_ground(track, robot.weight), track.center_of_mass
     middle = 0.5 * (center.min(axis=0) + center.max(axis=0))
     slabs = terrain_slabs(ground, middle, float(np.ptp(center, axis=0).max()) + 2.5)
     shapes = robot_shapes(robot)
@@ -230,10 +230,10 @@ def write_playback(
         "gears": [_gear(robot, track, k, residual) for k in range(robot.transmission.size)],
         "marks": shown,
         "mark_name": "mark" if len(shown) > len(track.impacts) else "impact",
-        "weight": track.weight,
+        "weight": robot.weight,
         "reach": reach,
         "arrow_head": ARROW_HEAD * reach,
-        "metres_per_newton": _arrow_scale(track, reach),
+        "metres_per_newton": _arrow_scale(track, robot.weight, reach),
         "camera": _camera(track, shapes, poses, leaves),
         "floating": robot.floating_size > 0,
         "planned": track.planned,
@@ -261,10 +261,10 @@ def embedded(value: object) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _level_ground(track: Track) -> Plane | None:
+def _level_ground(track: Track, weight: float) -> Plane | None:
     """Return the plane on which the loaded contacts stand, None where no contact is loaded."""
     heights = [
-        track.points[name][np.linalg.norm(force, axis=1) > 0.05 * track.weight, 2]
+        track.points[name][np.linalg.norm(force, axis=1) > 0.05 * weight, 2]
         for name, force in track.forces.items()
     ]
     loaded = np.concatenate([np.zeros(0), *heights])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
+from scipy.integrate import cumulative_trapezoid
 
 from wbc.arrays import FloatArray
 from wbc.dynamics import contact_torque
@@ -27,8 +28,7 @@ from wbc.view.channels import (
 from wbc.view.palette import LIGHT, Theme
 from wbc.view.style import (
     DASHES,
-    direction_patches,
-    display_window,
+    SHOWN,
     drawing,
     fill_power,
     legend_above,
@@ -50,20 +50,18 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
         theme: page colours.
     """
     gears = robot.transmission
-    flow = gear_flow(robot, log, display_window(log.time))
+    flow = gear_flow(robot, log, SHOWN * log.duration)
     impacts = log_impacts(robot, log)
     with drawing(theme):
         figure, grid = new_figure(gears.size, 2, 9.0, 2.1 * gears.size + 0.6, share_x=True)
         for i, joint in enumerate(gears.joints):
-            power, loss = grid[i]
-            fill_power(power, log.time, flow.mesh_power[:, i], flow.direction[:, i])
-            power.plot(log.time, flow.mesh_power[:, i], color=theme.ink, linewidth=0.5)
+            (power, loss), entering, lost = grid[i], flow.mesh_power[:, i], flow.loss[:, i]
+            fill_power(power, log.time, entering, flow.direction[:, i])
+            power.plot(log.time, entering, color=theme.ink, linewidth=0.5)
             power.set_title(f"{joint}: power into the teeth")
-            heat = _sum(log.time, 0.5 * (flow.loss[1:, i] + flow.loss[:-1, i]))
-            loss.fill_between(
-                log.time, flow.loss[:, i], color=theme.series[5], alpha=0.5, linewidth=0.0
-            )
-            loss.plot(log.time, flow.loss[:, i], color=theme.series[5], linewidth=0.9)
+            heat = cumulative_trapezoid(lost, log.time, initial=0.0)
+            loss.fill_between(log.time, lost, color=theme.series[5], alpha=0.5, linewidth=0.0)
+            loss.plot(log.time, lost, color=theme.series[5], linewidth=0.9)
             total = loss.twinx()
             total.plot(log.time, heat, color=theme.series[1])
             total.set_ylabel("heat so far [J]", color=theme.series[1])
@@ -80,7 +78,7 @@ def power_figure(robot: Robot, log: Log, theme: Theme = LIGHT) -> Figure:
                 mark_impacts(ax, impacts, theme.ink)
         for ax in grid[-1]:
             ax.set(xlabel="time [s]", xlim=(log.time[0], log.time[-1]))
-        figure.legend(handles=direction_patches(), loc="outside upper center", ncols=3)
+        legend_above(figure, grid[0][0], 3)
     return figure
 
 

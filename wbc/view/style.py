@@ -12,13 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from wbc.arrays import FloatArray
 from wbc.errors import ViewError
 from wbc.files import atomic_write
 from wbc.identification.answer.figure import ShownFigure
-from wbc.transmission import Direction
 from wbc.view.channels import RecordedImpact, window_mean
 from wbc.view.palette import DIRECTION_COLOURS, DIRECTION_LABELS, LIGHT, Theme
 
@@ -133,22 +131,17 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
 
 def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
     """Fill the area between a power and zero in the colour of its direction."""
-    for mode in Direction:
+    for mode, colour in DIRECTION_COLOURS.items():
         axes.fill_between(
             time,
             power,
             where=directions == mode,
-            color=DIRECTION_COLOURS[mode],
+            color=colour,
             alpha=0.75,
             linewidth=0.0,
             step="mid",
+            label=DIRECTION_LABELS[mode],
         )
-
-
-def direction_patches() -> list[Patch]:
-    """Return the legend entries of the directions of power."""
-    modes = (Direction.FORWARD, Direction.BACKWARD, Direction.STUCK)
-    return [Patch(color=DIRECTION_COLOURS[m], alpha=0.75, label=DIRECTION_LABELS[m]) for m in modes]
 
 
 def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> None:
@@ -157,13 +150,9 @@ def mark_impacts(axes: Axes, impacts: Sequence[RecordedImpact], colour: str) -> 
         axes.axvline(impact.time, color=colour, linewidth=0.8, linestyle=(0, (2, 2)))
 
 
-_SHARE = 1.0 / 150.0
+SHOWN = 1.0 / 150.0
+"""Share of its span over which a plot can average without hiding anything."""
 _ROUGH = 0.1
-
-
-def display_window(time: FloatArray) -> float:
-    """Return the time [s] over which a plot of this span can average without hiding anything."""
-    return float(time[-1] - time[0]) * _SHARE
 
 
 def plot_mean(
@@ -186,7 +175,7 @@ def plot_mean(
         samples: whether the samples of a rough signal are drawn; several such signals hide one
             another.
     """
-    rows = round(len(time) * _SHARE)
+    rows = round(len(time) * SHOWN)
     mean = window_mean(values, rows, jumps)
     rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
     if not rough:

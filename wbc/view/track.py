@@ -78,7 +78,7 @@ def model_ghost(
     joints = model.transmission.joints
     return Ghost(
         label=label,
-        time=record.motion.time if record.motion.time is not None else log.time,
+        time=np.asarray(record.motion.time),
         position=_answer(model, record),
         residual_time=record.time,
         residual={name: residual[:, i] / level[i] for i, name in enumerate(joints)},
@@ -155,7 +155,6 @@ class Track:
         power: (F, m) [W] mesh power, NaN likewise.
         direction: (F, m) of +1, 0, -1.
         impacts: instants at which a contact force jumps.
-        weight: [N] of the robot.
         planned: whether it is a planned motion.
     """
 
@@ -168,7 +167,6 @@ class Track:
     power: FloatArray
     direction: FloatArray
     impacts: tuple[RecordedImpact, ...]
-    weight: float
     planned: bool
 
 
@@ -196,7 +194,6 @@ def make_track(robot: Robot, log: Log) -> Track:
         power=flow.mesh_power[rows],
         direction=flow.direction[rows],
         impacts=find_impacts(log.time, forces, robot.weight),
-        weight=robot.weight,
         planned=planned,
     )
 
@@ -207,19 +204,18 @@ def is_planned(robot: Robot, log: Log) -> bool:
     joints = robot.transmission.joints
     return (
         robot.floating_size == 0
-        and all(log.has(f"{joint}.{what}") for joint in joints for what in motion)
+        and log.has(*(f"{joint}.{what}" for joint in joints for what in motion))
         and not np.isfinite(rotor_torque(robot, log)).any()
     )
 
 
 def with_needed_torques(robot: Robot, log: Log) -> Log:
     """Return a planned motion with the rotor torques that the model needs for it."""
-    acceleration = np.zeros((len(log), robot.model.nv))
-    for joint in robot.transmission.joints:
-        acceleration[:, robot.velocity_index(joint)] = log.column(f"{joint}.acceleration")
+    joints, acceleration = robot.transmission.joints, np.zeros((len(log), robot.model.nv))
+    acceleration[:, robot.actuated] = log.stack("acceleration", joints)
     motion = Motion(configuration(robot, log), velocity(robot, log), acceleration, log.time)
     torque, _ = needed_torque(robot, motion, link_torque(robot, motion))
-    names = (f"{joint}.rotor_torque" for joint in robot.transmission.joints)
+    names = (f"{joint}.rotor_torque" for joint in joints)
     return log.with_columns(dict(zip(names, torque.T, strict=True)))
 
 
