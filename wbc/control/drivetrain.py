@@ -125,8 +125,13 @@ class GearModel:
         if self._varying is not None:
             speed = self._ratio * self.speed(motion.velocity)
             self._take_limits(*self._varying.bounds(self.robot, speed), added)
-        if self.coupled:
-            self._couple()
+        if self.coupled:  # what rotors and their housings ask of one another
+            state = self._kinematics
+            inertia, on_links, on_rotors = rotor_coupling(self.robot, state.velocity, state.data)
+            np.add(state.mass_matrix, inertia.T @ self._turns, out=memory.mass)
+            np.add(self._rotor_own, self._ratio[:, None] * inertia, out=memory.rotor)
+            np.multiply(self._ratio, on_rotors, out=memory.rotor_added)
+            memory.effects[:] -= on_links
         if self.learns and contacts != self._contacts:
             self.interrupt()
 
@@ -181,15 +186,6 @@ class GearModel:
         one, other = self._ratio * (low + added), self._ratio * (high + added)
         np.minimum(one, other, out=self.memory.lower)
         np.maximum(one, other, out=self.memory.upper)
-
-    def _couple(self) -> None:
-        """Write what rotors and their housings ask of one another."""
-        kinematics, memory = self._kinematics, self.memory
-        coupling = rotor_coupling(self.robot, kinematics.velocity, kinematics.data)
-        np.add(kinematics.mass_matrix, coupling.inertia.T @ self._turns, out=memory.mass)
-        np.add(self._rotor_own, self._ratio[:, None] * coupling.inertia, out=memory.rotor)
-        np.multiply(self._ratio, coupling.rotor_bias, out=memory.rotor_added)
-        memory.effects[:] -= coupling.link_bias
 
     def remember(self, velocity: FloatArray, contacts: object) -> None:
         """Take the velocity (nv,) that a tick with a solution leads to; learn from it next time."""

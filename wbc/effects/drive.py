@@ -13,7 +13,6 @@ from wbc.effects.joint_effect import GearNumbers, JointEffect, ScaledDrive, rang
 from wbc.robot import (
     Effect,
     Evidence,
-    Memory,
     Motion,
     Robot,
     Screen,
@@ -201,25 +200,21 @@ class ActuationDelay(JointEffect):
 
     def drive(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` earlier for this gear, (..., m)."""
-        if motion.memory is not None:
-            result, gear = np.array(torque), self.gear(robot)
-            result[gear] = self._arriving(motion.memory, np.ravel(torque[gear])).reshape(
-                np.shape(self.delay)
-            )
-            return result
-        return self._shifted(robot, motion, torque, -1.0)
+        if motion.memory is None:
+            return self._shifted(robot, motion, torque, -1.0)
+        # the mean of the command over a step, delayed; its last part begins now
+        sent, step, delay = motion.memory.value, motion.memory.step, np.ravel(self.delay)
+        result, gear = np.array(torque), self.gear(robot)
+        starts = np.concatenate(([-np.inf], -sent[1:, 0], [0.0, step]))
+        held = np.vstack((sent[:, 1:], np.ravel(torque[gear])))
+        passed = np.clip(starts[:, None], -delay, step - delay)
+        mean = np.sum(np.diff(passed, axis=0) * held, axis=0) / step
+        result[gear] = mean.reshape(np.shape(self.delay))
+        return result
 
     def drive_inverse(self, robot: Robot, motion: Motion, torque: FloatArray) -> FloatArray:
         """Return the torque of `delay` later for this gear, (..., m)."""
         return self._shifted(robot, motion, torque, 1.0)
-
-    def _arriving(self, memory: Memory, torque: FloatArray) -> FloatArray:
-        """Return the mean (k,) of the command (steps, the last one now) over a step, delayed."""
-        starts = np.concatenate((-memory.value[:, 0], [0.0, memory.step]))
-        starts[0] = -np.inf
-        held = np.vstack((memory.value[:, 1:], torque))
-        passed = np.clip(starts[:, None], -np.ravel(self.delay), memory.step - np.ravel(self.delay))
-        return np.asarray(np.sum(np.diff(passed, axis=0) * held, axis=0) / memory.step)
 
     def _shifted(self, robot: Robot, motion: Motion, torque: FloatArray, way: float) -> FloatArray:
         if motion.time is None or np.ndim(motion.time) != 1:

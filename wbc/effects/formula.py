@@ -15,13 +15,20 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.errors import EffectError, require_known
 from wbc.robot import Motion, Parameter, Robot, SearchOffer
 
-QUANTITIES = ("q", "v", "a", "load", "gravity")
 SOFT_SPEED = 0.05
 """Speed [rad/s, m/s] at which the softened sign of another joint's velocity is 0.7."""
 
+# Exponents of (N m or N), s and (rad or m) in the unit of each quantity.
+_DIMENSION = {
+    "q": (0, 0, 1),
+    "v": (0, -1, 1),
+    "a": (0, -2, 1),
+    "load": (1, 0, 0),
+    "gravity": (1, 0, 0),
+}
 _PRODUCT = " * "
 _NAME = r"(?P<joint>[^\s|()^*]+)"
-_VARIABLE = rf"(?P<quantity>{'|'.join(QUANTITIES)})_{_NAME}"
+_VARIABLE = rf"(?P<quantity>{'|'.join(_DIMENSION)})_{_NAME}"
 _NUMBER = r"(?P<number>\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 _ANGLE = rf"\((?:{_NUMBER} )?(?P<quantity>q)_{_NAME}\)"
 _SHAPES: dict[str, tuple[str, Callable[[FloatArray, float], FloatArray]]] = {
@@ -38,14 +45,6 @@ _HELP = (
     "v_JOINT, a_JOINT, load_JOINT, gravity_JOINT, their powers ^2 to ^5 and sizes |...|, "
     "sign(v_JOINT), sin(K q_JOINT), cos(K q_JOINT)"
 )
-# Exponents of (N m or N), s and (rad or m) in the unit of each quantity.
-_DIMENSION = {
-    "q": (0, 0, 1),
-    "v": (0, -1, 1),
-    "a": (0, -2, 1),
-    "load": (1, 0, 0),
-    "gravity": (1, 0, 0),
-}
 
 
 @dataclass(frozen=True)
@@ -82,10 +81,6 @@ class Factor:
                 return cls(shape, found["quantity"], found["joint"], number, text)
         raise EffectError(f"'{text}' is no factor of a torque term: {_HELP}.")
 
-    def __str__(self) -> str:
-        """Return the text that was parsed."""
-        return self.text
-
     def value(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return the factor (...) along a motion; a sign is softened."""
         quantity = _quantity(robot, motion, self.quantity, self.joint)
@@ -118,7 +113,7 @@ class TorqueTerm:
     @property
     def text(self) -> str:
         """The product without its coefficient, as `parse` reads it."""
-        return _PRODUCT.join(str(factor) for factor in self.factors) or "1"
+        return _PRODUCT.join(factor.text for factor in self.factors) or "1"
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -313,20 +308,20 @@ class CustomTorque(JointEffect):
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the smooth part of the formula at the joint, (..., nv) [N m]."""
-        smooth = [term for term in self.terms if term.direction_of(self.where) is None]
-        if not smooth:
-            return None
-        parts = [getattr(self, term.text) * term.value(robot, motion) for term in smooth]
-        return self.on_joint(robot, motion, np.sum(parts, axis=0))
+        smooth = self._sum(robot, motion, signed=False)
+        return None if smooth is None else self.on_joint(robot, motion, smooth)
 
     def joint_friction(self, robot: Robot, motion: Motion) -> FloatArray | None:
         """Return the level of the terms with the joint's own sign(v), (..., nv) [N m], >= 0."""
-        parts = []
-        for term in self.terms:
-            direction = term.direction_of(self.where)
-            if direction is not None:
-                size = term.value(robot, motion, without=direction)
-                parts.append(-getattr(self, term.text) * size)
-        if not parts:
-            return None
-        return self.on_joint(robot, motion, np.maximum(np.sum(parts, axis=0), 0.0))
+        level = self._sum(robot, motion, signed=True)
+        return None if level is None else self.on_joint(robot, motion, np.maximum(-level, 0.0))
+
+    def _sum(self, robot: Robot, motion: Motion, signed: bool) -> FloatArray | None:
+        """Return the sum (...) of the terms with or without the joint's own sign(v), less that."""
+        own = [(term, term.direction_of(self.where)) for term in self.terms]
+        parts = [
+            getattr(self, term.text) * term.value(robot, motion, without=sign)
+            for term, sign in own
+            if (sign is not None) == signed
+        ]
+        return np.sum(parts, axis=0) if parts else None

@@ -246,17 +246,15 @@ def _acted(robot: Robot, effects: Sequence[Effect], motion: Motion) -> list[Floa
     gears = robot.transmission
     smooth, dry = np.zeros_like(motion.velocity), np.zeros_like(motion.velocity)
     given = np.broadcast_to(np.linspace(-1.0, 1.0, gears.size), (*samples, gears.size))
-    added, torque, command = np.zeros(given.shape), given, given
+    added, torque, command, shown, seen = np.zeros(given.shape), given, given, motion, motion
     eta = gears.forward_efficiency, gears.backward_efficiency
     for effect in effects:
         add_torques(robot, effect, motion, (smooth, dry, added))
         torque = effect.drive(robot, motion, torque)
         eta = effect.gear_efficiencies(robot, motion, *eta)
+        shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
     for effect in reversed(effects):
         command = effect.drive_inverse(robot, motion, command)
-    shown, seen = motion, motion
-    for effect in effects:
-        shown, seen = effect.measured(robot, shown), effect.true(robot, seen)
     return [smooth, dry, added, torque, command, *eta, shown.position, seen.position]
 
 

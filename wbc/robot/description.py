@@ -154,23 +154,23 @@ def build_robot(path: Path, table: Mapping[str, Any]) -> Robot:
     if not isinstance(lock, list):
         raise RobotError(f"{path}: lock: a list of joint names expected, got {lock!r}.")
     file = find_model(str(table["model"]), path.parent)
-    model, notes = read_model(
-        file, base=str(table.get("base", "")), lock=[str(name) for name in lock]
-    )
+    model, notes = read_model(file, str(table.get("base", "")), list(map(str, lock)))
     if "gravity" in table:
         gravity = numbers_in(table["gravity"], "m/s^2", f"{path}: gravity")
         model.gravity.linear = checked(gravity, (3,), f"{path}: gravity", RobotError)
     settings = table_in(table.get("transmission", {}), _TRANSMISSION_KEYS, f"{path}: transmission")
     cut = flag_in(table, "cut_loops", f"{path}")
+    full, name = path.resolve(), path.parent.name
+    shipped = name in robot_names() and full == find_description(name).resolve()
     gears = _gears(table.get("gears", {}), model, path)
     only = tuple(j for j, gear in gears.items() if gear.get(_SENSOR) and "gear_ratio" not in gear)
     robot = Robot(
-        name=str(table.get("name", path.resolve().parent.name)),
+        name=str(table.get("name", full.parent.name)),
         model=model,
         transmission=_transmission(gears, only, settings.get("topology"), path),
         contacts=_contacts(table.get("contacts", []), path),
         rotors_turn_with_links=flag_in(settings, "rotor_coupling", f"{path}"),
-        source=RobotSource(_source_name(path), model=file),
+        source=RobotSource(name if shipped else str(full), model=file),
         notes=notes,
         loops=() if cut or "topology" in settings else closed_loops(file),
         sensor_only=only,
@@ -192,14 +192,6 @@ def with_gear_numbers(robot: Robot, gears: Any, path: Path) -> Robot:
         numbers = {_FIELDS.get(key, key): _gear_number(gear, key, place) for key in gear}
         changed = changed.with_values(joint, numbers)
     return robot.with_transmission(changed)
-
-
-def _source_name(path: Path) -> str:
-    """Return a shipped robot's bare name, or the full path of any other description."""
-    shipped = path.parent.name
-    if shipped in robot_names() and path.resolve() == find_description(shipped).resolve():
-        return shipped
-    return str(path.resolve())
 
 
 def _gear_tables(entry: Any, more: tuple[str, ...], path: Path) -> dict[str, Mapping[str, Any]]:

@@ -81,8 +81,7 @@ def number(
 
     Arguments as of `Parameter`, whose name is the field's.
     """
-    given = {"unit": unit, "null": null, "low": low, "high": high, "scale": scale, **more}
-    return {"parameter": given}
+    return {"parameter": Parameter("", unit, null, low, high, scale, **more)}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -381,13 +380,13 @@ class Effect(ABC):
         super().__init_subclass__()
         if "name" not in vars(cls):
             cls.name = re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
-        given = {
-            name: value.metadata["parameter"]
+        given = [
+            replace(value.metadata["parameter"], name=name)
             for name, value in vars(cls).items()
             if isinstance(value, Field) and "parameter" in value.metadata
-        }
+        ]
         if given:
-            cls.parameters = tuple(Parameter(name, **numbers) for name, numbers in given.items())
+            cls.parameters = tuple(given)
         hooks: tuple[Hook, ...] = get_args(Hook)
         own = (hook for hook in hooks if getattr(cls, hook) is not getattr(Effect, hook))
         cls.acts_by = frozenset(own)

@@ -134,37 +134,6 @@ class RotorMounting:
     axis: FloatArray
 
 
-def rotor_mounting(model: pin.Model, transmission: Transmission) -> RotorMounting:
-    """Return where the rotors sit.
-
-    A motor sits on the link that the transmission names, else on the link before its joint, and
-    spins about the joint's axis (along the slide for a prismatic joint) as it lies in the neutral
-    configuration.
-
-    Raises:
-        RobotError: a housing that is no link of the model.
-    """
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    housings, axes = [], []
-    links = transmission.housings or ("",) * transmission.size
-    for joint, link in zip(transmission.joints, links, strict=True):
-        number = model.getJointId(joint)
-        housing = _joint_of(model, joint, link) if link else model.parents[number]
-        subspace = np.asarray(data.joints[number].S).reshape(6, -1)[:, 0]
-        axis = data.oMi[number].rotation @ (subspace[3:] + subspace[:3])
-        housings.append(int(housing))
-        axes.append(data.oMi[housing].rotation.T @ axis)
-    return RotorMounting(frozen(housings, np.int_), frozen(np.reshape(axes, (-1, 3))))
-
-
-def _joint_of(model: pin.Model, joint: str, link: str) -> int:
-    if not model.existBodyName(link):
-        known = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-        raise RobotError(f"housing of the motor of '{joint}': " + unknown_name("link", link, known))
-    return int(model.frames[model.getBodyId(link)].parentJoint)
-
-
 def require_sound(name: str, model: pin.Model, contacts: Sequence[ContactPoint]) -> None:
     """Check a robot's links and contacts.
 
@@ -381,10 +350,29 @@ class Robot(Remade):
     def mounting(self) -> RotorMounting:
         """Which link carries each motor and about which axis its rotor spins.
 
+        A motor sits on the link that the transmission names, else on the link before its joint,
+        and spins about the joint's axis (along the slide for a prismatic joint) as it lies in the
+        neutral configuration.
+
         Raises:
             RobotError: the transmission names a housing that is no link.
         """
-        return rotor_mounting(self.model, self.transmission)
+        model, gears, data = self.model, self.transmission, self.model.createData()
+        pin.forwardKinematics(model, data, pin.neutral(model))
+        links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+        housings, axes = [], []
+        for joint, link in zip(gears.joints, gears.housings or ("",) * gears.size, strict=True):
+            number = model.getJointId(joint)
+            housing = model.parents[number]
+            if link:
+                place = f"housing of the motor of '{joint}'"
+                require_known(RobotError, "link", link, links, place)
+                housing = model.frames[model.getBodyId(link)].parentJoint
+            subspace = np.asarray(data.joints[number].S).reshape(6, -1)[:, 0]
+            axis = data.oMi[number].rotation @ (subspace[3:] + subspace[:3])
+            housings.append(int(housing))
+            axes.append(data.oMi[housing].rotation.T @ axis)
+        return RotorMounting(frozen(housings, np.int_), frozen(np.reshape(axes, (-1, 3))))
 
     @property
     def floating_size(self) -> int:

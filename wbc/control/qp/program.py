@@ -195,7 +195,6 @@ class Program:
         bounds: how many bounds there are, two for every gear that has a limit.
         has_efforts: whether it bears efforts.
         repeats: whether some rows of the contacts repeat others, so that `place_basis` is needed.
-        gears: numbers of the gears that have a torque limit.
         labels: of every bound.
         at, rows, size: parts of the block of results, see `wbc.control.memory`, its rows of the
             gears (m,), and its size.
@@ -203,12 +202,10 @@ class Program:
 
     def __init__(self, recipe: Recipe, contacts: ContactSet, rank: int) -> None:
         """Lay out the rows of a level for some contacts."""
-        robot, drivetrain = recipe.robot, recipe.drivetrain
-        last = rank == len(recipe.stacks) - 1
+        robot, last = recipe.robot, rank == len(recipe.stacks) - 1
         self.contacts, self.stack, self.recipe = contacts, recipe.stacks[rank], recipe
         self.nv, self.n = robot.model.nv, robot.model.nv + contacts.rows
         self.force_scale = 0.1 * recipe.load
-        self.gears = drivetrain.limited
         self._efforts = recipe.efforts if last else recipe.efforts[:0]
         self.has_efforts, self.repeats = len(self._efforts) > 0, contacts.rank < contacts.rows
         self._undriven, m = robot.floating_size, robot.transmission.size
@@ -232,9 +229,9 @@ class Program:
         """Number and name the bounds by kind: torques, cones, normal forces, joints, distances."""
         contacts, recipe, scale = self.contacts, self.recipe, self.force_scale
         names, apart = recipe.robot.transmission.joints, recipe.collision
-        torques = [f"rotor torque limit of '{names[i]}'" for i in (*self.gears, *self.gears)]
+        torques = [f"rotor torque limit of '{names[i]}'" for i in recipe.drivetrain.limited]
         kinds: list[list[Label]] = [
-            [(label, 1.0, "N m at the motor output") for label in torques],
+            [(label, 1.0, "N m at the motor output") for label in torques] * 2,
             [(f"contact {label}", scale, unit) for label, unit in contacts.cone_labels],
             [(f"contact {c.name}: normal force", scale, "N") for c in contacts.contacts],
             [(f"joint limit of '{joint}'", 1.0, "rad/s^2") for joint in recipe.joint_limit.joints],
@@ -273,7 +270,7 @@ class Program:
             gears=recipe.drivetrain.memory,
             joints=recipe.joints,
             solver=solver,
-            limited=np.array(self.gears, dtype=np.int_),
+            limited=np.array(recipe.drivetrain.limited, dtype=np.int_),
             undriven=np.array(recipe.robot.unactuated, dtype=np.int_),
             joint=self.joint.start,
             ends=parts,

@@ -6,7 +6,7 @@ from math import atan2, isfinite, sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, Row, compiled, inner, local
+from wbc.compiled import Dense, Row, compiled, inner, local
 from wbc.control.kinematics import (
     BALANCE,
     CENTER_OF_MASS,
@@ -88,41 +88,8 @@ def keep_over_feet(program: ProgramMemory, vx: float, vy: float, row: int) -> No
 
 
 _FOOT_X, _FOOT_Z, _COM_X, _COM_Z, _SPIN, _PITCH = range(6)
-
-
-@compiled
-def place_rows(
-    tree: TreeMemory,
-    foot: int,
-    frame: int,
-    foot_x: float,
-    foot_z: float,
-    mass: float,
-    rows: OutDense,
-) -> None:
-    """Write what the feedback reads of each unit of v (6, nv).
-
-    The rows are x and z of the foot, x and z of the centre of mass, the angular momentum about +y,
-    and the pitch of the frame.
-
-    Args:
-        tree: a TREE.
-        foot, frame: joints that carry the foot, and the frame whose pitch is kept.
-        foot_x, foot_z: where the foot is [m].
-        mass: [kg].
-        rows: result.
-    """
-    motions, momentum, starts, columns = tree.motions, tree.momentum, tree.starts, tree.columns
-    for j in range(rows.shape[1]):
-        rows[_FOOT_X, j], rows[_FOOT_Z, j], rows[_PITCH, j] = 0.0, 0.0, 0.0
-        rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
-        rows[_SPIN, j] = momentum[4, j]
-    for place in range(starts[foot], starts[foot + 1]):
-        j = columns[place]
-        rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * foot_z
-        rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * foot_x
-    for place in range(starts[frame], starts[frame + 1]):
-        rows[_PITCH, columns[place]] = motions[columns[place], 4]
+"""What balancing reads of each unit of v: x and z of the foot, x and z of the centre of mass, the
+angular momentum about +y, and the pitch of a frame."""
 
 
 @compiled
@@ -132,7 +99,7 @@ def pitch_rate(rows: Dense) -> tuple[float, float]:
     Both are NaN where the foot cannot rest.
 
     Args:
-        rows: as `place_rows` writes them (6, nv).
+        rows: of the foot, the centre of mass, its spin and the pitch, as above (6, nv).
     """
     normal, weights = np.empty((5, 5)), np.empty(5)
     for i in range(5):
@@ -170,8 +137,15 @@ def balancing(
     placed_at(tree.poses[foot], offset[9:12], at)
     product(tree.poses[frame], offset[15:24], turn)
     x, z = at[0], at[2]
-    rows = np.empty((6, len(velocity)))
-    place_rows(tree, foot, frame, x, z, mass, rows)
+    rows, motions, momentum = np.zeros((6, len(velocity))), tree.motions, tree.momentum
+    for j in range(len(velocity)):
+        rows[_COM_X, j], rows[_COM_Z, j] = momentum[0, j] / mass, momentum[2, j] / mass
+        rows[_SPIN, j] = momentum[4, j]
+    for j in tree.columns[tree.starts[foot] : tree.starts[foot + 1]]:
+        rows[_FOOT_X, j] = motions[j, 0] + motions[j, 4] * z
+        rows[_FOOT_Z, j] = motions[j, 2] - motions[j, 4] * x
+    for j in tree.columns[tree.starts[frame] : tree.starts[frame + 1]]:
+        rows[_PITCH, j] = motions[j, 4]
     from_speed, from_momentum = pitch_rate(rows)
     place, height = com[0] - x, com[2] - z
     speed, spin = dot(rows[_COM_X], velocity), dot(rows[_SPIN], velocity)
