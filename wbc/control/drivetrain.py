@@ -73,17 +73,15 @@ class GearModel:
         varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._varying = limit if varies else None
         self._contacts: object = None
-        from_joints, turns = np.array(gears.motor_from_joint), np.zeros((gears.size, nv))
-        turns[:, robot.actuated] = from_joints
-        self._turns = self._ratio[:, None] * turns
-        self._rotor_own = gears.reflected_inertia[:, None] * turns
+        self._turns = self._ratio[:, None] * robot.motor_rows
+        self._rotor_own = gears.reflected_inertia[:, None] * robot.motor_rows
         rate = 0.0 if observer is None else observer.rate
         self.learns = rate > 0.0
         unlimited = np.full(gears.size, np.inf)
         self.memory: Any = GEARS.of(
             {"m": gears.size, "v": nv},
             driven=np.array(robot.actuated, dtype=np.int_),
-            from_joints=from_joints,
+            from_joints=np.array(gears.motor_from_joint),
             topology=np.array(gears.topology),
             inverse_ratio=1.0 / gears.gear_ratio,
             mass=np.zeros((nv, nv)) if self.coupled else kinematics.mass_matrix,
@@ -97,7 +95,7 @@ class GearModel:
             drives=self._table.drives,
             predicted=np.full(nv, np.nan),
             bound=np.zeros(nv) if observer is None else observer.bounds(nv),
-            inertia=turns.T @ self._rotor_own,
+            inertia=robot.motor_rows.T @ self._rotor_own,
             blend=np.array([blend.trusted_error, blend.full_speed, blend.correction, rate]),
         )
         self._take_efficiencies(gears.forward_efficiency, gears.backward_efficiency)

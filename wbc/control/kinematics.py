@@ -234,8 +234,7 @@ def place_apart(
         sign, at, point = 2.0 * side - 1.0, other if side == 1 else joint, points[3 * side :]
         pull[3:] = 0.0
         add_cross(1.0, point, normal, pull[3:])
-        for place in range(tree.starts[at], tree.starts[at + 1]):
-            column = tree.columns[place]
+        for column in tree.columns[tree.starts[at] : tree.starts[at + 1]]:
             row[column] += sign * dot(pull, tree.motions[column])
         _move(tree, at, point, velocity, drift)
         add_times(sign, velocity, rate)
@@ -306,8 +305,7 @@ def fill_state_rows(tree: TreeMemory, rows: RowsMemory, mass: float) -> None:
         placed_at(tree.poses[joint], offsets[e, 9:], place[9:])
         for a in range(3):
             touches[a] = place[9 + a] - offsets[e, 12 + a]
-        for at in range(tree.starts[joint], tree.starts[joint + 1]):
-            column = tree.columns[at]
+        for column in tree.columns[tree.starts[joint] : tree.starts[joint + 1]]:
             copy_to(tree.motions[column], six)
             add_cross(1.0, tree.motions[column, 3:], touches, six)
             if kind == OWN:

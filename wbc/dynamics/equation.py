@@ -201,7 +201,7 @@ def redundant_model(robot: Robot, terms: Terms) -> RedundantModel:
         bias[:nv] += coupling.link_bias
         bias[nv:] += coupling.rotor_bias
     nullspace = np.eye(nv + m, nv)
-    nullspace[nv:, robot.actuated] = gears.gear_ratio[:, None] * gears.motor_from_joint
+    nullspace[nv:] = gears.gear_ratio[:, None] * robot.motor_rows
     return RedundantModel(inertia, bias, nullspace)
 
 
@@ -242,10 +242,8 @@ def dissipative_equation(robot: Robot, terms: Terms, directions: FloatArray) -> 
     nv = robot.model.nv
     weighted = model.nullspace.copy()
     weighted[nv:] *= eta[:, None]
-    actuation = np.zeros((nv, gears.size))
-    actuation[robot.actuated] = gears.distribution * eta
     return DissipativeEquation(
         inertia=weighted.T @ model.inertia @ model.nullspace,
         bias=weighted.T @ model.bias,
-        actuation=actuation,
+        actuation=robot.motor_rows.T * gears.gear_ratio * eta,
     )

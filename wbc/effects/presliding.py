@@ -333,18 +333,12 @@ class LoadPresliding(Bristles):
         mean, difference = self._coefficients(robot)
         return np.asarray(mean * np.abs(load) * bent + difference * load * bent**2)
 
-    def _row(self, robot: Robot) -> FloatArray:
-        """Return (m,) or (k, m) how the gear's output turns with the driven joints."""
-        return np.asarray(robot.transmission.motor_from_joint[self.gear(robot)])
-
     def _way(self, robot: Robot) -> FloatArray:
-        row = self._row(robot)
-        way = np.zeros((*row.shape[:-1], robot.model.nv))
-        way[..., robot.actuated] = row
-        return way
+        return np.asarray(robot.motor_rows[self.gear(robot)])
 
     def _place(self, robot: Robot, motion: Motion) -> FloatArray:
-        return np.asarray(motion.position[:, robot.actuated_position] @ self._row(robot).T)
+        row = robot.transmission.motor_from_joint[self.gear(robot)]
+        return np.asarray(motion.position[:, robot.actuated_position] @ row.T)
 
     def _carried(self, robot: Robot, motion: Motion) -> tuple[FloatArray, ...]:
         """Return T (...) [N m] during a simulator's step; that of the last one where not solved."""
@@ -371,10 +365,9 @@ def inertia_along(robot: Robot, motion: Motion, direction: FloatArray) -> FloatA
 
     The torque acts alone.
     """
-    model, gears = robot.model, robot.transmission
+    model, rows = robot.model, robot.motor_rows
     inertia = pin.crba(model, model.createData(), motion.position, pin.Convention.WORLD)
     inertia = np.triu(inertia) + np.triu(inertia, 1).T
-    rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
-    inertia[np.ix_(robot.actuated, robot.actuated)] += rotors
+    inertia += rows.T * robot.transmission.reflected_inertia @ rows
     moved = np.linalg.solve(inertia, direction.T).T
     return np.asarray(1.0 / np.sum(direction * moved, axis=-1))

@@ -280,11 +280,7 @@ class ContactTask:
     def forward_mobility(self) -> FloatArray:
         """Return J H^-1 B E_m B^-1 J' (k, n, n) [1/kg], every gear driven by its motor."""
         robot, forward = self.designs.robot, self.designs.gears["forward_efficiency"]
-        passed = robot.transmission.motor_from_joint.T @ (
-            forward[:, :, None] * self.torque_from_force
-        )
-        torque = np.zeros((len(passed), robot.model.nv, len(self.axes)))
-        torque[:, robot.actuated] = passed
+        torque = robot.motor_rows.T @ (forward[:, :, None] * self.torque_from_force)
         return self.jacobian @ self.response(Direction.FORWARD, torque)
 
     def blocked(self) -> FloatArray:
@@ -302,9 +298,7 @@ class ContactTask:
         locked = (mode < 0.0) & (backward <= 0.0)
         driven = np.where(mode < 0.0, ratio(1.0, backward, 0.0, 1.0), 1.0)
         eta = np.where(mode > 0.0, gears["forward_efficiency"], driven)
-        speeds = np.zeros((robot.transmission.size, robot.model.nv))
-        speeds[:, robot.actuated] = robot.transmission.motor_from_joint
-        turned, rotor = gears["gear_ratio"][:, :, None] * speeds, gears["rotor_inertia"]
+        turned, rotor = gears["gear_ratio"][:, :, None] * robot.motor_rows, gears["rotor_inertia"]
         inertia = self.mass_matrix + np.swapaxes((eta * rotor)[:, :, None] * turned, 1, 2) @ turned
         if self.spin is not None:  # the rotor rows of H_s K hold I_r a'J_omega, too
             coupled = self.spin * rotor[:, :, None]
@@ -317,7 +311,7 @@ class ContactTask:
         forces = np.broadcast_to(forces, (k, *forces.shape[1:]))
         moved = np.empty(forces.shape)
         for pattern in np.unique(locked, axis=0):
-            members, stuck = (locked == pattern).all(axis=1), speeds[pattern]
+            members, stuck = (locked == pattern).all(axis=1), robot.motor_rows[pattern]
             free = np.linalg.svd(stuck)[2][len(stuck) :].T
             left = free.T @ inertia[members] @ free
             moved[members] = free @ np.linalg.solve(left, free.T @ forces[members])

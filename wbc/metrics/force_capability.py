@@ -125,10 +125,10 @@ class ForceCapability:
     def interval(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest gear torque (k,), (k,) [N m] of a motion; see `moving`."""
         n = self.task.direction(direction)
-        robot, jacobian = self.task.designs.robot, self.task.jacobian[0]
+        jacobian = self.task.jacobian[0]
         moved = self.task.response(Direction.STUCK, jacobian.T[None])[0]
         path = moved @ np.linalg.lstsq(jacobian @ moved, n, rcond=None)[0]
-        turning = (robot.transmission.motor_from_joint @ path[robot.actuated])[list(self.gears)]
+        turning = (self.task.designs.robot.motor_rows @ path)[list(self.gears)]
         turning[np.abs(turning) <= NOTHING * np.abs(turning).max(initial=0.0)] = 0.0
         lift, hold = self.limits(Direction.FORWARD), self.limits(Direction.BACKWARD)
         high = np.where(turning > 0.0, lift, hold)

@@ -374,6 +374,13 @@ class Robot(Remade):
             axes.append(data.oMi[housing].rotation.T @ axis)
         return RotorMounting(frozen(housings, np.int_), frozen(np.reshape(axes, (-1, 3))))
 
+    @cached_property
+    def motor_rows(self) -> FloatArray:
+        """How the motors turn, behind their gears, with the coordinates: dpsi = rows v, (m, nv)."""
+        rows = np.zeros((self.transmission.size, self.model.nv))
+        rows[:, self.actuated] = self.transmission.motor_from_joint
+        return frozen(rows)
+
     @property
     def floating_size(self) -> int:
         """b, the number of coordinates that no gear drives."""
