@@ -108,7 +108,11 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
     estimates = estimated(problem, found.fit)
     return Discovery(
         outcome=outcome,
-        proposals=proposals_of(found, estimates),
+        proposals=tuple(
+            proposal_of(effect, found.formulas[effect.where], estimates)
+            for effect in found.fit.effects
+            if isinstance(effect, CustomTorque)
+        ),
         known=found.known,
         dropped=tuple(e.key for e in known if e.key not in {kept.key for kept in found.known}),
         error=ErrorLevel(
@@ -258,43 +262,30 @@ def estimated(problem: EstimationProblem, fit: Fit) -> dict[tuple[str, str, str]
     return result
 
 
-def proposals_of(
-    found: Attempt, estimates: Mapping[tuple[str, str, str], Estimate]
-) -> tuple[Proposal, ...]:
-    """Return one proposal per formula.
+def proposal_of(
+    effect: CustomTorque, formula: Formula, estimates: Mapping[tuple[str, str, str], Estimate]
+) -> Proposal:
+    """Return a formula as it is proposed.
 
     Args:
-        found: what the search has chosen.
+        effect: the formula, refitted.
+        formula: as it was found.
         estimates: every parameter by effect, place and name.
     """
-    proposals = []
-    for effect in found.fit.effects:
-        if not isinstance(effect, CustomTorque):
-            continue
-        formula = found.formulas[effect.where]
-        terms = [term.text for term in effect.terms]
-        own = {term: estimates[effect.name, effect.where, term] for term in terms}
-        others = dict.fromkeys(joint for term in effect.terms for joint in term.joints)
-        others.pop(effect.where, None)
-        proposals.append(
-            Proposal(
-                effect=effect,
-                coefficients=own,
-                share=formula.share,
-                stability=dict(zip(terms, formula.stability, strict=True)),
-                rivals=dict(zip(terms, formula.rivals, strict=True)),
-                joints=(effect.where, *others),
-                warnings=tuple(_warnings(effect, own)),
-            )
-        )
-    return tuple(proposals)
-
-
-def _warnings(effect: CustomTorque, estimates: Mapping[str, Estimate]) -> list[str]:
-    texts = []
-    loose = [name for name, e in estimates.items() if e.low <= 0.0 <= e.high]
+    own = {term.text: estimates[*effect.key, term.text] for term in effect.terms}
+    joints = [effect.where, *(joint for term in effect.terms for joint in term.joints)]
+    warnings = []
+    loose = [name for name, e in own.items() if e.low <= 0.0 <= e.high]
     if loose:
-        texts.append(f"the interval of {', '.join(loose)} holds zero")
+        warnings.append(f"the interval of {', '.join(loose)} holds zero")
     if effect.needs_acceleration:
-        texts.append("needs accelerations: for logs only, not for controller or simulator")
-    return texts
+        warnings.append("needs accelerations: for logs only, not for controller or simulator")
+    return Proposal(
+        effect=effect,
+        coefficients=own,
+        share=formula.share,
+        stability=dict(zip(own, formula.stability, strict=True)),
+        rivals=dict(zip(own, formula.rivals, strict=True)),
+        joints=tuple(dict.fromkeys(joints)),
+        warnings=tuple(warnings),
+    )

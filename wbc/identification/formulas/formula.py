@@ -95,9 +95,16 @@ class SparseRegression:
 
     def _extensions(self, rest: Sequence[int]) -> list[tuple[int, ...]]:
         """Return the most promising supports of `rest` and one term more."""
-        losses = self._losses(rest)
-        order = np.argsort(losses)[:_TRIED]
-        return [(*rest, int(k)) for k in order if np.isfinite(losses[k])]
+        index = list(rest)
+        inverse = np.linalg.inv(self._gram[np.ix_(index, index)])
+        across = self._gram[:, index]
+        free = np.diag(self._gram) - np.einsum("ci,ij,cj->c", across, inverse, across)
+        pull = self._moment - across @ inverse @ self._moment[index]
+        usable = self._usable & (free > 1e-5)
+        usable[index] = False
+        gains = np.where(usable, pull**2 / np.where(usable, free, 1.0), -np.inf)
+        order = np.argsort(-gains)[:_TRIED]
+        return [(*rest, int(k)) for k in order if usable[k]]
 
     def _pairs(self) -> list[tuple[int, ...]]:
         """Return the best pairs of all."""
@@ -110,18 +117,6 @@ class SparseRegression:
         best = np.argsort(-gain, axis=None)[:_PAIRS]
         rows, columns = np.unravel_index(best, gain.shape)
         return [(int(usable[i]), int(usable[j])) for i, j in zip(rows, columns, strict=True)]
-
-    def _losses(self, rest: Sequence[int]) -> FloatArray:
-        """Return (c,) what is left with `rest` and each of the terms."""
-        index = list(rest)
-        inverse = np.linalg.inv(self._gram[np.ix_(index, index)])
-        across = self._gram[:, index]
-        free = np.diag(self._gram) - np.einsum("ci,ij,cj->c", across, inverse, across)
-        pull = self._moment - across @ inverse @ self._moment[index]
-        base = self._energy - float(self._moment[index] @ inverse @ self._moment[index])
-        usable = self._usable & (free > 1e-5)
-        usable[index] = False
-        return np.where(usable, base - pull**2 / np.where(usable, free, 1.0), np.inf)
 
     def _allowed(self, offers: Sequence[tuple[int, ...]]) -> Iterator[TermSet]:
         """Yield supports of one size from the least loss on.
@@ -152,25 +147,17 @@ def block_errors(table: TermTable, losses: FloatArray) -> FloatArray:
     return np.asarray(np.bincount(blocks, losses) / np.bincount(blocks, table.count))
 
 
-def fold_regressions(table: TermTable) -> list[tuple[BoolArray, SparseRegression]]:
-    """Return, for every fold, its cells and the regression on all others."""
-    return [
-        (table.folds == fold, SparseRegression(table, table.folds != fold))
-        for fold in np.unique(table.folds)
-    ]
+_Folds: TypeAlias = Sequence[tuple[BoolArray, SparseRegression]]
+"""Of every fold its cells and the regression on all others."""
 
 
-def held_out(
-    table: TermTable, chosen: Sequence[int], folds: Sequence[tuple[BoolArray, SparseRegression]]
-) -> FloatArray:
-    """Return cell losses (cells,) of these terms, each fold with coefficients of the others."""
+def held_out(table: TermTable, chosen: Sequence[int], folds: _Folds) -> FloatArray:
+    """Return errors (blocks,) of these terms, each fold with coefficients of the others."""
     losses = np.zeros(len(table.folds))
     for inside, others in folds:
         losses[inside] = cell_losses(table, others.fitted(chosen), inside)
-    return losses
+    return block_errors(table, losses)
 
-
-_Folds: TypeAlias = Sequence[tuple[BoolArray, SparseRegression]]
 
 MOST_TERMS = 4
 _STANDARD_ERRORS = 2.0
@@ -240,9 +227,9 @@ def _widening(table: TermTable) -> list[list[bool]]:
 
 
 def _formula(table: TermTable) -> Formula | None:
-    folds = fold_regressions(table)
-    paths, losses = _nested(table, folds)
-    errors = [block_errors(table, loss) for loss in losses]
+    cells = [table.folds == fold for fold in np.unique(table.folds)]
+    folds = [(inside, SparseRegression(table, ~inside)) for inside in cells]
+    paths, errors = _nested(table, folds)
     count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
     if count == 0 or not _pays(errors[0], errors[count], least):
         return None
@@ -272,13 +259,12 @@ def _formula(table: TermTable) -> Formula | None:
 
 
 def _nested(table: TermTable, folds: _Folds) -> tuple[list[list[TermSet]], list[FloatArray]]:
-    """Return each fold's supports, and the cell losses (cells,) for every number of terms."""
+    """Return each fold's supports, and the errors (blocks,) for every number of terms."""
     paths = [others.path(MOST_TERMS) for _, others in folds]
-    losses = [np.zeros(len(table.folds)) for _ in range(min(map(len, paths)))]
+    losses = np.zeros((min(map(len, paths)), len(table.folds)))
     for (inside, _), path in zip(folds, paths, strict=True):
-        for loss, support in zip(losses, path, strict=False):
-            loss[inside] = cell_losses(table, support, inside)
-    return paths, losses
+        losses[:, inside] = [cell_losses(table, own, inside) for own in path[: len(losses)]]
+    return paths, [block_errors(table, loss) for loss in losses]
 
 
 def _fewest(errors: Sequence[FloatArray]) -> int:
@@ -323,18 +309,17 @@ def _simplified(
 
 def _ties(table: TermTable, folds: _Folds, support: TermSet) -> list[list[int]]:
     """Return, for each term, those that do as well in its place on held-out folds, best first."""
-    present = block_errors(table, held_out(table, support.chosen, folds))
+    present = held_out(table, support.chosen, folds)
     result = []
     for place, own in enumerate(support.chosen):
         rest = [*support.chosen[:place], *support.chosen[place + 1 :]]
-        near = _alike(table, own, rest)
         close = []
-        for k in near:
-            error = block_errors(table, held_out(table, [*rest, int(k)], folds))
+        for k in _alike(table, own, rest):
+            error = held_out(table, [*rest, k], folds)
             difference = error - present
             equal = _SAME_ERROR * float(np.mean(present))
             if float(np.mean(difference)) <= max(sem(difference), equal):
-                close.append((float(np.mean(error)), int(k)))
+                close.append((float(np.mean(error)), k))
         result.append([k for _, k in sorted(close)])
     return result
 
@@ -357,12 +342,14 @@ def _cosines(table: TermTable, own: int, rest: Sequence[int]) -> FloatArray:
 
 
 def _stability(table: TermTable, support: TermSet, others: Sequence[TermSet]) -> tuple[float, ...]:
-    result = []
-    for own in support.chosen:
+    """Return, for each term, the share of other supports that hold it or one just like it."""
+
+    def share(own: int) -> float:
         alike = np.abs(_cosines(table, own, [k for k in support.chosen if k != own])) > _SAME
         alike[own] = True
-        result.append(float(np.mean([alike[list(other.chosen)].any() for other in others])))
-    return tuple(result)
+        return float(np.mean([alike[list(other.chosen)].any() for other in others]))
+
+    return tuple(map(share, support.chosen))
 
 
 def complexity(term: TorqueTerm, joint: str) -> float:
@@ -384,6 +371,13 @@ def complexity(term: TorqueTerm, joint: str) -> float:
 
 
 Outcome = Literal["formula", "partial", "none"]
+_SUMMARIES: dict[Outcome, str] = {
+    "formula": "These formulas explain what was left; they are proposals, not causes.",
+    "partial": "These formulas remove a part only; the rest has a memory or depends on something "
+    "outside the library.",
+    "none": "No formula found: no product of position, speed, acceleration and load explains what "
+    "is left on held-out data.",
+}
 
 
 @dataclass(frozen=True)
@@ -449,17 +443,7 @@ class Discovery:
     @property
     def summary(self) -> str:
         """One sentence that says how far to believe it."""
-        if self.outcome == "none":
-            return (
-                "No formula found: no product of position, speed, acceleration and load explains "
-                "what is left on held-out data."
-            )
-        if self.outcome == "partial":
-            return (
-                "These formulas remove a part only; the rest has a memory or depends on "
-                "something outside the library."
-            )
-        return "These formulas explain what was left; they are proposals, not causes."
+        return _SUMMARIES[self.outcome]
 
     def rows(self) -> TextTable:
         """Return the terms of the formulas that were proposed."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.signal import lombscargle
 
 from wbc.arrays import FloatArray, IntArray
 from wbc.effects import CustomTorque, TorqueTerm
@@ -313,14 +314,10 @@ def _peaks(
             continue
         # A peak is placed within an eighth of its width 2 pi / span; look closer.
         ends = max(peak - 0.6 * np.pi / span, 1e-3 * peak), peak + 0.6 * np.pi / span
-        closer = minimize_scalar(lambda k: -_power(place, torque, k), bounds=ends)
+        closer = minimize_scalar(
+            lambda k: -lombscargle(place, torque, [k], floating_mean=True).item(), bounds=ends
+        )
         sharp = float(f"{closer.x:.4g}")
         if all(abs(sharp - other) > _DISTINCT * max(sharp, other) for other in (*found, 1.0, 2.0)):
             found.append(sharp)
     return set(found[:_HARMONICS])
-
-
-def _power(position: FloatArray, torque: FloatArray, order: float) -> float:
-    """Return how much of a torque one wave explains."""
-    wave = np.stack([np.sin(order * position), np.cos(order * position), np.ones_like(position)])
-    return float((wave @ torque) @ np.linalg.lstsq(wave @ wave.T, wave @ torque, rcond=None)[0])
