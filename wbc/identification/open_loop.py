@@ -15,7 +15,7 @@ from wbc.dynamics import contact_torque
 from wbc.errors import LogError, SimulationError
 from wbc.files import as_json
 from wbc.identification.answer.shown import told
-from wbc.identification.records.channels import DriveLaw, contact_forces, drive_law
+from wbc.identification.records.channels import contact_forces, drive_law
 from wbc.identification.records.preparation import prepare
 from wbc.identification.records.record import Record
 from wbc.measurement import Log, cut_at_gaps
@@ -24,7 +24,7 @@ from wbc.robot.coordinates import unit_at
 from wbc.tables import TextTable
 
 if TYPE_CHECKING:
-    from wbc.sim import Plant, SimState
+    from wbc.sim import SimState
 
 _STEP = 2e-3  # [s]; with 1 ms the errors on the sample logs of the leg change by at most 4 %
 _FAR = 1e6  # [m] below, so that no contact point finds ground: recorded forces act instead
@@ -35,7 +35,6 @@ _STARTS = 12  # over all logs: an rms of as many independent errors is known wit
 _APART = 0.5  # [s] between starts at least; closer ones say the same
 
 
-@dataclass(frozen=True, eq=False)
 class SimulatedLog:
     """A robot that moves as one log tells its drives.
 
@@ -51,18 +50,7 @@ class SimulatedLog:
         length: how long they are [s].
     """
 
-    robot: Robot
-    plant: Plant
-    laws: tuple[DriveLaw, ...]
-    time: FloatArray
-    forces: dict[str, FloatArray]
-    motion: Motion
-    states: FloatArray
-    first: float
-    length: float
-
-    @classmethod
-    def of(cls, robot: Robot, log: Log, record: Record) -> SimulatedLog:
+    def __init__(self, robot: Robot, log: Log, record: Record) -> None:
         """Prepare a log and its smoothed record.
 
         Raises:
@@ -80,19 +68,16 @@ class SimulatedLog:
                 f"{log.source.label}: the forces at {', '.join(unknown)} were not recorded, and "
                 "without them the robot cannot be simulated along the log."
             )
-        states = np.asarray(record.motion.time)
-        edge = record.edge / record.rate
-        return cls(
-            robot=own,
-            plant=Plant(_without_limits(own), Plane(height=-_FAR), bodies="feet"),
-            laws=tuple(drive_law(log, gears, k) for k in range(gears.size)),
-            time=np.asarray(log.time - log.time[0]),
-            forces=contact_forces(own, log),
-            motion=record.motion_of(own),
-            states=states,
-            first=float(states[0]) + edge,
-            length=float(states[-1] - states[0]) - 2.0 * edge,
-        )
+        endless = own.model.copy()  # a log may pass the limits of a drawing
+        endless.lowerPositionLimit = np.full(endless.nq, -np.inf)
+        endless.upperPositionLimit = np.full(endless.nq, np.inf)
+        self.plant = Plant(replace(own, model=endless), Plane(height=-_FAR), bodies="feet")
+        self.robot, self.time = own, log.time - log.time[0]
+        self.laws = [drive_law(log, gears, k) for k in range(gears.size)]
+        self.forces, self.motion = contact_forces(own, log), record.motion_of(own)
+        self.states, edge = np.asarray(record.motion.time), record.edge / record.rate
+        self.first = float(self.states[0]) + edge
+        self.length = float(self.states[-1] - self.states[0]) - 2.0 * edge
 
     def missed(self, start: float, horizons: Sequence[float]) -> tuple[FloatArray, FloatArray]:
         """Return (j, h) simulated minus measured position, and the measured displacement.
@@ -143,14 +128,6 @@ class SimulatedLog:
         angle = to_motor @ motion.position[robot.actuated_position]
         speed = to_motor @ motion.velocity[robot.actuated]
         return np.array([law.at(row, angle[k], speed[k]) for k, law in enumerate(self.laws)])
-
-
-def _without_limits(robot: Robot) -> Robot:
-    """Return the robot with joints that do not end: a log may pass the limits of a drawing."""
-    model = robot.model.copy()
-    model.lowerPositionLimit = np.full(model.nq, -np.inf)
-    model.upperPositionLimit = np.full(model.nq, np.inf)
-    return replace(robot, model=model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +224,7 @@ def open_loop(
     try:
         records = prepare(robot.without_effects().lossless(), pieces)
         simulated = [
-            SimulatedLog.of(robot, log, record) for log, record in zip(pieces, records, strict=True)
+            SimulatedLog(robot, log, record) for log, record in zip(pieces, records, strict=True)
         ]
     except (LogError, SimulationError) as error:
         return replace(nothing, reason=str(error))

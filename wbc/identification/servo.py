@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
+from scipy.stats import sem
 
 from wbc.arrays import FloatArray
 from wbc.effects.friction import CoulombFriction, StribeckFriction, ViscousFriction
@@ -268,7 +269,7 @@ def fit_rollouts(
         seen = float(np.mean(fits[0].error(runs, _STEP)))
         found.append(RolloutModel(name, fits[0], seen, np.array(errors)))
     drive = DcDrive(float(robot.transmission.supply_voltage[0]))
-    given = ServoFit({}, robot, drive, 0.0, ()).error(runs, _STEP)
+    given = ServoFit({}, robot, drive, ()).error(runs, _STEP)
     return Rollouts(
         models=tuple(found),
         best=_smallest(found),
@@ -311,12 +312,8 @@ def _setting(log: Log) -> tuple[float, ...]:
 def _smallest(models: Sequence[RolloutModel]) -> int:
     """Return the first model within one standard error of the least held-out error."""
     least = min(models, key=lambda model: model.error)
-    for k, model in enumerate(models):
-        gap = model.held_out - least.held_out
-        doubt = float(np.std(gap, ddof=1) / np.sqrt(gap.size)) if gap.size > 1 else 0.0
-        if gap.mean() <= doubt:
-            return k
-    return models.index(least)
+    gaps = [model.held_out - least.held_out for model in models]
+    return next(k for k, gap in enumerate(gaps) if np.mean(gap) <= sem(gap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,14 +323,12 @@ class ServoFit:
     Attributes:
         values: the fitted numbers by name.
         robot, drive: built from them.
-        cost: of the fit, to compare starts.
         at_bound: names of the numbers that ended on a bound.
     """
 
     values: Mapping[str, float]
     robot: Robot
     drive: DcDrive
-    cost: float
     at_bound: tuple[str, ...]
 
     def error(self, runs: Sequence[ServoRun], step: float) -> FloatArray:
@@ -416,5 +411,5 @@ def fit_servos(
         edge = np.minimum(least.x - low, high - least.x) < 1e-3 * (high - low)
         at_bound = tuple(name for name, close in zip(spans, edge, strict=True) if close)
         values = dict(zip(spans, map(float, least.x), strict=True))
-        best.append(ServoFit(values, *built(least.x), float(least.cost), at_bound))
+        best.append(ServoFit(values, *built(least.x), at_bound))
     return best

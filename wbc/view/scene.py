@@ -99,7 +99,7 @@ def _box(shape: LinkShape, place: pin.SE3, near: float) -> FloatArray:
 _THICKNESS = 0.02  # [m] of a slab of the ground
 
 
-class GroundSlab(NamedTuple):
+class GroundSlab:
     """A thin box whose upper face is walked on.
 
     Attributes:
@@ -107,8 +107,10 @@ class GroundSlab(NamedTuple):
         sides: (3,) [m] lengths.
     """
 
-    placement: pin.SE3
-    sides: FloatArray
+    def __init__(self, turn: FloatArray, face: list[float], length: float, width: float) -> None:
+        """Place the middle of the upper face at `face`; z of `turn` is its normal."""
+        self.placement = pin.SE3(turn, np.asarray(face) - 0.5 * _THICKNESS * turn[:, 2])
+        self.sides = np.array([length, width, _THICKNESS])
 
 
 def surface(terrain: Terrain | None, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -119,10 +121,8 @@ def surface(terrain: Terrain | None, points: FloatArray) -> tuple[FloatArray, Fl
     Raises:
         ViewError: a kind of terrain that has no picture yet.
     """
-    heights, normal = np.zeros(len(points)), np.array([0.0, 0.0, 1.0])
-    match terrain:
-        case None:
-            pass
+    normal = np.array([0.0, 0.0, 1.0])
+    match terrain := terrain or Plane():
         case Plane():
             normal = np.asarray(terrain.normal)
             heights = terrain.height - points[:, :2] @ normal[:2] / normal[2]
@@ -147,27 +147,21 @@ def terrain_slabs(
         return ()
     if not isinstance(terrain, Stairs):
         heights, normals = surface(terrain, center[None])
-        return (_slab(along(normals[0]), [*center[:2], heights[0]], size, size),)
+        return (GroundSlab(along(normals[0]), [*center[:2], heights[0]], size, size),)
     low, high = center[0] - 0.5 * size, center[0] + 0.5 * size
     ends = [low, *(x for x in terrain.edges.tolist() if low < x < high), high]
     middles = [0.5 * (a + b) for a, b in pairwise(ends)]
     heights, _ = surface(terrain, np.array(middles)[:, None])
     slabs = [
-        _slab(np.eye(3), [x, 0.0, z], b - a, size)
+        GroundSlab(np.eye(3), [x, 0.0, z], b - a, size)
         for x, z, (a, b) in zip(middles, heights, pairwise(ends), strict=True)
     ]
     for x, (below, above) in zip(ends[1:-1], pairwise(heights), strict=True):
         if below != above:  # a riser, which faces the lower side
             turn = np.asarray(pin.utils.rotate("y", -0.5 * np.pi * np.sign(above - below)))
             middle = [x, 0.0, 0.5 * (below + above)]
-            slabs.append(_slab(turn, middle, abs(above - below), size))
+            slabs.append(GroundSlab(turn, middle, abs(above - below), size))
     return tuple(slabs)
-
-
-def _slab(turn: FloatArray, face: list[float], length: float, width: float) -> GroundSlab:
-    """Return the slab whose upper face has its middle at `face`; z of `turn` is its normal."""
-    middle = np.asarray(face) - 0.5 * _THICKNESS * turn[:, 2]
-    return GroundSlab(pin.SE3(turn, middle), np.array([length, width, _THICKNESS]))
 
 
 def add_paths(root: Any, paths: Mapping[str, FloatArray]) -> None:

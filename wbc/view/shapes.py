@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -109,7 +108,6 @@ def along(direction: FloatArray) -> FloatArray:
 _NEUTRALS = ("#5F6B7A", "#8C98A8", "#B4BECB")
 
 
-@dataclass(frozen=True, eq=False)
 class LinkShape:
     """One drawn body.
 
@@ -122,22 +120,16 @@ class LinkShape:
         low, high: (3,) [m] corners of its box in the frame of the joint.
     """
 
-    name: str
-    joint: int
-    placement: pin.SE3
-    geometry: Any
-    colour: str
-    low: FloatArray
-    high: FloatArray
-
-    @classmethod
-    def of(cls, name: str, joint: int, place: pin.SE3, body: Any, colour: str = "") -> LinkShape:
-        """Return a shape of coal as it is drawn, in a neutral colour if none is told."""
+    def __init__(self, name: str, joint: int, place: pin.SE3, body: Any, colour: str = "") -> None:
+        """Draw a shape of coal, in a neutral colour if none is told."""
         body.computeLocalAABB()
         moved = _box_corners(body.aabb_local.min_, body.aabb_local.max_) @ place.rotation.T
-        ends = moved.min(axis=0) + place.translation, moved.max(axis=0) + place.translation
-        colour = colour or _NEUTRALS[joint % len(_NEUTRALS)]
-        return cls(name, joint, place, meshcat_geometry(body), colour, *ends)
+        self.low, self.high = (end + place.translation for end in (moved.min(0), moved.max(0)))
+        self.name, self.joint, self.placement = name, joint, place
+        self.geometry, self.colour = (
+            meshcat_geometry(body),
+            colour or _NEUTRALS[joint % len(_NEUTRALS)],
+        )
 
     @property
     def corners(self) -> FloatArray:
@@ -157,7 +149,7 @@ def robot_shapes(robot: Robot) -> tuple[LinkShape, ...]:
         # pinocchio's own default for "no material" tells nothing; a neutral per link does.
         told = not np.allclose(item.meshColor[:3], 0.9)
         colour = f"#{red:02X}{green:02X}{blue:02X}" if told else ""
-        shapes.append(LinkShape.of(item.name, joint, place, item.geometry, colour))
+        shapes.append(LinkShape(item.name, joint, place, item.geometry, colour))
     drawn = [shape for shape in shapes if shape.geometry is not None]
     return tuple(drawn) if any(shape.joint > 0 for shape in drawn) else stick_shapes(robot)
 
@@ -179,11 +171,11 @@ def stick_shapes(robot: Robot) -> tuple[LinkShape, ...]:
         for i, end in enumerate(far):
             rod = coal.Capsule(own, float(np.linalg.norm(end)))
             place = pin.SE3(along(end), 0.5 * end)
-            shapes.append(LinkShape.of(f"{name}_{i}", joint, place, rod))
+            shapes.append(LinkShape(f"{name}_{i}", joint, place, rod))
         if not far and model.inertias[joint].mass > 0.0:
             place, sides = _inertia_box(model.inertias[joint])
             box = coal.Box(*np.maximum(sides, radius).tolist())
-            shapes.append(LinkShape.of(f"{name}_box", joint, place, box))
+            shapes.append(LinkShape(f"{name}_box", joint, place, box))
     return tuple(shapes)
 
 

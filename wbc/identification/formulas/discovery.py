@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from wbc.identification.answer.diagnosis import ErrorLevel, Estimate
 from wbc.identification.answer.findings import estimates_of
 from wbc.identification.answer.remainder import describe, remainders
 from wbc.identification.choice.candidate_columns import evidence
-from wbc.identification.choice.evidence import Hypothesis, log_densities
+from wbc.identification.choice.evidence import log_densities
 from wbc.identification.choice.trials import hypothesis_of
 from wbc.identification.formulas.formula import Discovery, Formula, Outcome, Proposal, find_formula
 from wbc.identification.formulas.term_table import term_table, torque_terms
@@ -99,10 +99,10 @@ def _with_drives(found: Discovery, whole: EstimationProblem) -> Discovery:
 
 def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Effect]) -> Discovery:
     """Return formulas for what the rows of one problem leave."""
-    start = Attempt.of(problem, known, {})
+    start = Attempt(problem, known, {})
     found = _search(problem, start, progress)
     if known:
-        fresh = _search(problem, Attempt.of(problem, (), {}), progress)
+        fresh = _search(problem, Attempt(problem, (), {}), progress)
         found = _preferred(problem, fresh, found)
     outcome = _outcome(start, found)
     estimates = estimated(problem, found.fit)
@@ -137,7 +137,7 @@ def _search(problem: EstimationProblem, start: Attempt, progress: Report) -> Att
         formula = offers.pop(joint)
         waiting.remove(joint)
         effects = (*current.fit.effects, CustomTorque(joint, formula.terms))
-        wider = Attempt.of(problem, effects, {**current.formulas, joint: formula})
+        wider = Attempt(problem, effects, {**current.formulas, joint: formula})
         if better_somewhere(problem, current, wider):
             current = wider
             progress(f"formula at {joint}")
@@ -178,7 +178,7 @@ def _pruned(problem: EstimationProblem, attempt: Attempt) -> Attempt:
     current = attempt
     for effect in attempt.known if attempt.formulas else ():
         effects = [e for e in current.fit.effects if e.key != effect.key]
-        smaller = Attempt.of(problem, effects, current.formulas)
+        smaller = Attempt(problem, effects, current.formulas)
         if not better_somewhere(problem, smaller, current):
             current = smaller
     return current
@@ -201,7 +201,6 @@ def _outcome(start: Attempt, found: Attempt) -> Outcome:
     return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
 
 
-@dataclass(frozen=True, eq=False)
 class Attempt:
     """Named effects and formulas with their fit.
 
@@ -211,17 +210,12 @@ class Attempt:
         formulas: by joint.
     """
 
-    fit: Fit
-    hypothesis: Hypothesis
-    formulas: Mapping[str, Formula]
-
-    @classmethod
-    def of(
-        cls, problem: EstimationProblem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
-    ) -> Attempt:
+    def __init__(
+        self, problem: EstimationProblem, effects: Sequence[Effect], formulas: Mapping[str, Formula]
+    ) -> None:
         """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
-        fit = problem.fit(effects)
-        return cls(fit, hypothesis_of(problem, fit), formulas)
+        self.fit = problem.fit(effects)
+        self.hypothesis, self.formulas = hypothesis_of(problem, self.fit), formulas
 
     @property
     def error(self) -> float:

@@ -231,7 +231,7 @@ def _formula(table: TermTable) -> Formula | None:
     folds = [(inside, SparseRegression(table, ~inside)) for inside in cells]
     paths, errors = _nested(table, folds)
     count, least = _fewest(errors), _LEAST_SHARE * _excess(errors[0])
-    if count == 0 or not _pays(errors[0], errors[count], least):
+    if not _pays(errors[0], errors[count], least):
         return None
     everything = SparseRegression(table, np.ones(len(table.folds), dtype=bool))
     for fewer in range(count, 0, -1):
@@ -251,8 +251,8 @@ def _formula(table: TermTable) -> Formula | None:
                 after=errors[fewer],
                 stability=stability,
                 rivals=tuple(
-                    tuple(table.terms[k].text for k in ties[:FEW])
-                    for ties in _ties(table, folds, support)
+                    tuple(table.terms[k].text for k in _ties(table, folds, support, place)[:FEW])
+                    for place in range(fewer)
                 ),
             )
     return None
@@ -272,11 +272,8 @@ def _fewest(errors: Sequence[FloatArray]) -> int:
     means = [float(np.mean(error)) for error in errors]
     best = int(np.argmin(means))
     slack = _SHARE_PER_TERM * max(means[0] - means[best], 0.0)
-    for count in range(best):
-        difference = errors[count] - errors[best]
-        if float(np.mean(difference)) <= max(sem(difference), slack):
-            return count
-    return best
+    gaps = [error - errors[best] for error in errors]
+    return next(k for k, gap in enumerate(gaps) if np.mean(gap) <= max(sem(gap), slack))
 
 
 def _pays(without: FloatArray, with_it: FloatArray, least: float) -> bool:
@@ -297,7 +294,7 @@ def _simplified(
     chosen = list(support.chosen)
     for place in range(len(chosen)):
         own = complexity(table.terms[chosen[place]], table.joint)
-        for k in _ties(table, folds, everything.fitted(chosen))[place]:
+        for k in _ties(table, folds, everything.fitted(chosen), place):
             trial = [*chosen[:place], k, *chosen[place + 1 :]]
             fitted = everything.fitted(trial)
             simpler = complexity(table.terms[k], table.joint) < own
@@ -307,21 +304,17 @@ def _simplified(
     return everything.fitted(chosen)
 
 
-def _ties(table: TermTable, folds: _Folds, support: TermSet) -> list[list[int]]:
-    """Return, for each term, those that do as well in its place on held-out folds, best first."""
-    present = held_out(table, support.chosen, folds)
-    result = []
-    for place, own in enumerate(support.chosen):
-        rest = [*support.chosen[:place], *support.chosen[place + 1 :]]
-        close = []
-        for k in _alike(table, own, rest):
-            error = held_out(table, [*rest, k], folds)
-            difference = error - present
-            equal = _SAME_ERROR * float(np.mean(present))
-            if float(np.mean(difference)) <= max(sem(difference), equal):
-                close.append((float(np.mean(error)), k))
-        result.append([k for _, k in sorted(close)])
-    return result
+def _ties(table: TermTable, folds: _Folds, support: TermSet, place: int) -> list[int]:
+    """Return the terms that do as well in the place of one on held-out folds, best first."""
+    own, present = support.chosen[place], held_out(table, support.chosen, folds)
+    rest = [k for k in support.chosen if k != own]
+    equal, close = _SAME_ERROR * float(np.mean(present)), []
+    for k in _alike(table, own, rest):
+        error = held_out(table, [*rest, k], folds)
+        difference = error - present
+        if float(np.mean(difference)) <= max(sem(difference), equal):
+            close.append((float(np.mean(error)), k))
+    return [k for _, k in sorted(close)]
 
 
 def _alike(table: TermTable, own: int, rest: Sequence[int]) -> list[int]:
