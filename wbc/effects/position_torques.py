@@ -13,6 +13,7 @@ from wbc.effects.joint_effect import JointEffect
 from wbc.robot import Evidence, Motion, Robot, Screen, SearchOffer, number
 
 _LEAST_TRAVEL = 5e-3  # [rad or m]
+_UNIT = 1e-3  # [N m/rad, N m] so small that it turns no gear's power round
 
 
 def spring(q: FloatArray, stiffness: float, rest: float) -> FloatArray:
@@ -32,11 +33,11 @@ def _spring_screens(
     middle = float(np.mean([np.mean(motion.position[:, position]) for motion in evidence.motions]))
 
     def combine(coefficients: FloatArray) -> dict[str, float]:
-        stiffness = float(np.sum(coefficients))
-        aside = float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
+        stiffness = _UNIT * float(np.sum(coefficients))
+        aside = _UNIT * float(coefficients[1]) / stiffness if stiffness != 0.0 else 0.0
         return {"stiffness": stiffness, "rest": middle + aside}
 
-    units = tuple({"stiffness": 1.0, "rest": middle + aside} for aside in (0.0, 1.0))
+    units = tuple({"stiffness": _UNIT, "rest": middle + aside} for aside in (0.0, 1.0))
     return (Screen(units, combine),)
 
 
@@ -92,11 +93,11 @@ def _ripple_screens(
 
     def screen(order: float) -> Screen:
         units = tuple(
-            {"amplitude": 1.0, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
+            {"amplitude": _UNIT, "order": order, "phase": phase} for phase in (0.0, 0.5 * np.pi)
         )
 
         def combine(coefficients: FloatArray) -> dict[str, float]:
-            sine, cosine = (float(c) for c in coefficients)
+            sine, cosine = (_UNIT * float(c) for c in coefficients)
             return {
                 "amplitude": float(np.hypot(sine, cosine)),
                 "order": order,

@@ -227,7 +227,7 @@ class Screen:
 
     @classmethod
     def shapes(
-        cls, linear: str, shape: str, tried: Iterable[float], step: float = 1.0
+        cls, linear: str, shape: str, tried: Iterable[float], step: float = 1e-3
     ) -> tuple[Screen, ...]:
         """Return the screens of an effect with two parameters, one per value of its shape.
 

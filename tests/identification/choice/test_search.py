@@ -226,7 +226,9 @@ def test_a_cause_of_fixed_size_is_expected_where_one_fold_alone_shows_it() -> No
     errors = []
     for expected in (0.0, 1.0):
         shape = Screen(({"level": 1.0},), lambda c: {"level": 1.0}, expected)
-        once = Regressor(CoulombFriction, "hip", shape, SparseColumns.of(column), np.zeros((1, 1)))
+        once = Regressor(
+            CoulombFriction, "hip", shape, SparseColumns.at(np.arange(2), column), np.zeros((1, 1))
+        )
         made = LinearScreen(replace(fit, residual=residual), [once], np.eye(2), problem.folds)
         errors.append(made.error([0]))
     assert errors[0] == pytest.approx(np.mean(residual**2), rel=0.01)

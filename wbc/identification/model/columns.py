@@ -1,19 +1,17 @@
 """What a cause adds to the torque, and how that changes with its numbers: one column for each.
 
-What links need is linear in their inertias, and what only adds torque adds it whatever else the
-robot has; a gear that loses a share of its load passes both on by one slope at every sample. Other
-columns are differences of two residuals. What a gear must give depends on its own mesh, rotor and
-drive, not on those of others: changes at several gears that do not share an output are made
-together, and each output shows its own (Curtis, Powell, Reid, "On the estimation of sparse Jacobian
-matrices", 1974).
+What links need is linear in their inertias. Other columns are differences of two residuals. What a
+gear must give depends on its own mesh, rotor, drive and joint, not on those of others: changes at
+several gears that do not share an output are made together, and each output shows its own (Curtis,
+Powell, Reid, "On the estimation of sparse Jacobian matrices", 1974).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -21,10 +19,10 @@ from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import inertial_parameters
 from wbc.identification.model.residual import (
     IMPOSSIBLE,
+    Asked,
     Evaluation,
     Slots,
     by_link_torque,
-    mesh_slopes,
     raw_residual,
     swings_of,
     torques_of,
@@ -55,37 +53,22 @@ class SparseColumns:
     count: int
 
     @classmethod
-    def of(cls, columns: FloatArray) -> SparseColumns:
-        """Return columns (rows, outputs, r) without zeros; nothing is shared with them."""
-        return cls.at(np.arange(columns.shape[1]), columns)
-
-    @classmethod
     def at(cls, outputs: IntArray, columns: FloatArray) -> SparseColumns:
-        """Return what some outputs feel of columns (rows, outputs, r), without zeros."""
+        """Return what some outputs feel of columns (rows, outputs, r), without zeros.
+
+        Nothing is shared with them.
+        """
         felt = outputs[[bool(columns[:, output].any()) for output in outputs]]
         return cls(felt, columns[:, felt], columns.shape[1])
 
     @classmethod
-    def stacked(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
-        """Return the rows of several logs, one after the other."""
-        return cls._joined(parts, axis=0)
-
-    @classmethod
     def beside(cls, parts: Sequence[SparseColumns]) -> SparseColumns:
         """Return the columns of several, one beside the other."""
-        return cls._joined(parts, axis=2)
-
-    @classmethod
-    def _joined(cls, parts: Sequence[SparseColumns], axis: int) -> SparseColumns:
         if len(parts) == 1:
             return parts[0]
         outputs = np.unique(np.concatenate([part.outputs for part in parts]))
-        values = np.concatenate([part.full()[:, outputs] for part in parts], axis=axis)
+        values = np.concatenate([part.full()[:, outputs] for part in parts], axis=2)
         return cls(outputs, values, parts[0].count)
-
-    def over(self, sizes: FloatArray) -> SparseColumns:
-        """Return the columns with each output divided by its sizes (rows, outputs)."""
-        return replace(self, values=self.values / sizes[:, self.outputs, None])
 
     @cached_property
     def finite(self) -> bool:
@@ -121,131 +104,39 @@ class SparseColumns:
         return self if used.all() else replace(self, values=self.values[:, :, used])
 
 
-_AT_GEAR = frozenset(
+_IN_GEAR = frozenset(
     {"drive", "drive_inverse", "gear_efficiencies", "meshed", "rotor_torque", "change"}
 )
+_AT_JOINT = frozenset({"joint_torque", "joint_friction"})
 _PER_JOINT = ("gear_ratio", "topology")  # numbers of gears by which they share what links need
 
 
-def own_gear(robot: Robot, effect: Effect, records: Sequence[Record]) -> int | None:
-    """Return the number of the gear that alone feels an effect, None where more may.
+def outputs_of(robot: Robot, effect: Effect, records: Sequence[Record]) -> IntArray | None:
+    """Return the numbers of the outputs that alone feel an effect, None where all may.
+
+    Those of its gear, or of all gears that move its joint, and of sensors behind them.
 
     Args:
         robot: that lacks the effect.
         effect: that the robot can have.
         records: the logs.
     """
-    if effect.where not in robot.transmission.joints or not effect.acts_by <= _AT_GEAR:
+    gears = robot.transmission
+    if effect.where not in gears.joints or not effect.acts_by <= _IN_GEAR | _AT_JOINT:
         return None
     # Contact forces that nobody measured follow from all gears; rotors that turn with links move
     # other joints.
     if robot.rotors_turn_with_links or any(record.balance is not None for record in records):
         return None
     changed = effect.change(robot)
-    if changed.model is not robot.model:
+    other = changed.transmission
+    same = all(np.array_equal(getattr(gears, name), getattr(other, name)) for name in _PER_JOINT)
+    if changed.model is not robot.model or not same:
         return None
-    one, other = robot.transmission, changed.transmission
-    if not all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _PER_JOINT):
-        return None
-    return one.index(effect.where)
-
-
-def outputs_of(robot: Robot, gear: int) -> IntArray:
-    """Return the numbers of the outputs of a gear: its own, and that of a sensor behind it."""
+    own = gears.index(effect.where)
+    moving = np.flatnonzero(gears.topology[own]).tolist() if effect.acts_by & _AT_JOINT else [own]
     every = range(output_count(robot))
-    return np.array([k for k in every if output_gear(robot, k) == gear], dtype=np.int_)
-
-
-def added_torque(
-    robot: Robot, effect: Effect, record: Record, slopes: FloatArray | None = None
-) -> dict[int, FloatArray] | None:
-    """Return what an effect takes away (N,) from the residual of a log, by number of the output.
-
-    It holds beside any other effects as long as no link is simulated, and drives are perfect.
-
-    Args:
-        robot: that lacks the effect.
-        effect: that only adds torque (`ADDS`).
-        record: one log, along the true motion.
-        slopes: (N, m) torque of the motors per torque at the outputs of their gears, None where
-            none loses a share of it.
-
-    Returns:
-        Before weights, without outputs that feel nothing. None where contact forces were not
-        measured: what carries the robot then depends on it.
-    """
-    if not effect.acts_by <= ADDS or record.balance is not None:
-        return None
-    gears, felt = robot.transmission, _at_joints(robot, effect, record)
-    outputs: dict[int, FloatArray] = {}
-    driven = {int(row): k for k, row in enumerate(robot.actuated)}
-    places = {int(k): gears.size + robot.floating_size + s for s, k in enumerate(robot.sensed)}
-    for row, torque in felt.items():
-        if row not in driven:
-            k = gears.size + int(np.flatnonzero(robot.unactuated == row)[0])
-            outputs[k] = torque
-            continue
-        shares = gears.topology[driven[row]]
-        for k in np.flatnonzero(shares).tolist():
-            # What a sensor behind a gear measures holds it already: the gear's row does not.
-            place, sign = (places[k], 1.0) if k in places else (k, np.sign(gears.gear_ratio[k]))
-            own = sign * shares[k] * torque
-            if slopes is not None and k not in places:
-                own = own * slopes[:, k]
-            outputs[place] = outputs[place] + own if place in outputs else own
-    for k, added in _felt(effect.rotor_torque(robot, record.motion)):
-        own = added * np.abs(gears.gear_ratio[k])
-        outputs[k] = outputs[k] - own if k in outputs else -own
-    return outputs
-
-
-def _at_joints(robot: Robot, effect: Effect, record: Record) -> dict[int, FloatArray]:
-    """Return what the joints need more (N,), by row of v; rows that feel nothing are left out."""
-    motion = record.motion
-    felt = {row: -torque for row, torque in _felt(effect.joint_torque(robot, motion))}
-    for row, level in _felt(effect.joint_friction(robot, motion)):
-        rubbed = level * np.sign(motion.velocity[:, row])
-        felt[row] = felt[row] + rubbed if row in felt else rubbed
-    return felt
-
-
-def _felt(torque: FloatArray | None) -> list[tuple[int, FloatArray]]:
-    """Return the columns (N,) of an array (N, k) that are not all zero, with their numbers."""
-    if torque is None:
-        return []
-    power = np.einsum("nk,nk->k", torque, torque)  # a fourth of the time of `any`
-    return [(int(k), torque[:, k]) for k in np.flatnonzero(power != 0.0)]
-
-
-def _less(
-    one: Mapping[int, FloatArray], other: Mapping[int, FloatArray], size: float
-) -> dict[int, FloatArray]:
-    """Return by how much one is more than another, over a size; what is absent is zero."""
-    zero = np.zeros(1)
-    return {k: (one.get(k, zero) - other.get(k, zero)) / size for k in one.keys() | other.keys()}
-
-
-def condensed(record: Record, torques: Sequence[Mapping[int, FloatArray]]) -> list[SparseColumns]:
-    """Return what several effects take away from the condensed residual, one column for each.
-
-    All are filtered at once: sixteen columns take hardly longer than one.
-
-    Args:
-        record: one log.
-        torques: what each takes away (N,), by number of the output.
-    """
-    pairs = [pair for torque in torques for pair in sorted(torque.items())]
-    outputs = np.array([output for output, _ in pairs], dtype=np.int_)
-    values = np.empty((len(record.torque), outputs.size))
-    for column, (_, own) in enumerate(pairs):
-        values[:, column] = own
-    found = record.condense_driven(values * record.scale[:, outputs])
-    felt = np.einsum("rk,rk->k", found, found) != 0.0
-    count, result = output_count(record.robot), []
-    for first, end in pairwise(np.cumsum([0, *map(len, torques)])):
-        own = first + np.flatnonzero(felt[first:end])
-        result.append(SparseColumns(outputs[own], found[:, own, None], count))
-    return result
+    return np.array([k for k in every if output_gear(robot, k) in moving], dtype=np.int_)
 
 
 STEP = 1e-3
@@ -259,6 +150,9 @@ _UNFELT = 1e-4  # share of its neighbours below which a parameter is left where 
 _BATCH = 64  # columns filtered together; more only costs memory
 # Slopes are differences by 1e-7 of the largest load: rounding leaves seven of their digits.
 _STEADY, _DIGITS = 1e-6, 6
+
+
+Known = Literal["asked", "loads", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -302,21 +196,9 @@ class Columns:
             None where the robot cannot be changed so. Not finite where a link flies off.
         """
         found = self._inertial(at, changes, held)
-        adding = {k: c for k, c in enumerate(changes) if c.after.acts_by <= ADDS}
-        if adding and not some_deflect(at.robot.effects):
-            found |= self._along(at)._adding(at, adding)
         others = {k: change for k, change in enumerate(changes) if k not in found}
         found.update(self._by_difference(at, others, held))
         return [found.get(k) for k in range(len(changes))]
-
-    def _along(self, at: Evaluation) -> Columns:
-        """Return the columns along the motion that the robot takes for true."""
-        motions = [None if asked is None else asked.motion for asked in at.asked]
-        pairs = list(zip(self.records, motions, strict=True))
-        if all(motion is None or motion is record.motion for record, motion in pairs):
-            return self
-        along = (record if motion is None else record.along(motion) for record, motion in pairs)
-        return Columns(self.robot, tuple(along))
 
     def _whole(self, at: Evaluation, changes: Iterable[Change]) -> Robot:
         """Return the robot with its effects and some changes.
@@ -367,60 +249,10 @@ class Columns:
             return found
         along = np.stack(list(moved.values()), axis=-1)
         whole = inertial_columns(at.robot, at.records, at.swinging, along)
-        found.update((k, SparseColumns.of(whole[:, :, [n]])) for n, k in enumerate(moved))
-        return found
-
-    def _adding(self, at: Evaluation, changes: Mapping[int, Change]) -> dict[int, SparseColumns]:
-        """Return the columns of what only adds torque, by number; those that do more are left out.
-
-        Arguments as those of `of`, the changes by number.
-        """
-        slopes = [
-            None if asked is None else mesh_slopes(at.robot, record, asked.output)
-            for record, asked in zip(self.records, at.asked, strict=True)
-        ]
-        parts: dict[int, list[dict[int, FloatArray]]] = {}
-        here: dict[Effect, list[dict[int, FloatArray]] | None] = {}
-        known = {effect.key: effect for effect in at.effects}
-        for k, change in changes.items():
-            there = self._adds(change.after, slopes)
-            if there is None:
-                continue
-            if change.parameter:
-                own = known[change.after.key]
-                if own not in here:
-                    here[own] = self._adds(own, slopes)
-                if (less := here[own]) is None:
-                    continue
-                parts[k] = [_less(*pair, change.size) for pair in zip(less, there, strict=True)]
-            else:
-                parts[k] = [_less({}, own, change.size) for own in there]
-        return {k: column.over(at.sizes) for k, column in self._filtered(parts).items()}
-
-    def _adds(
-        self, effect: Effect, slopes: Sequence[FloatArray | None]
-    ) -> list[dict[int, FloatArray]] | None:
-        """Return what an effect takes away from the residuals, None where it does not only add."""
-        pairs = zip(self.records, slopes, strict=True)
-        try:
-            parts = [added_torque(self.robot, effect, record, own) for record, own in pairs]
-        except IMPOSSIBLE:
-            return None
-        return [part for part in parts if part is not None] if None not in parts else None
-
-    def _filtered(
-        self, parts: Mapping[int, Sequence[Mapping[int, FloatArray]]]
-    ) -> dict[int, SparseColumns]:
-        found: dict[int, SparseColumns] = {}
-        numbers = list(parts)
-        for first in range(0, len(numbers), _BATCH):
-            batch = numbers[first : first + _BATCH]
-            each = [
-                condensed(record, [parts[k][log] for k in batch])
-                for log, record in enumerate(self.records)
-            ]
-            for k, *columns in zip(batch, *each, strict=True):
-                found[k] = SparseColumns.stacked(columns)
+        found.update(
+            (k, SparseColumns.at(np.arange(whole.shape[1]), whole[:, :, [n]]))
+            for n, k in enumerate(moved)
+        )
         return found
 
     def _by_difference(
@@ -437,9 +269,8 @@ class Columns:
             held: as of `of`.
         """
         found: dict[int, SparseColumns | None] = {}
-        alone: dict[int, IntArray] = {}
-        gears: set[int] = set()
-        rest: list[int] = []
+        felt: dict[int, IntArray] = {}
+        reach: dict[int, Known] = {}
         judged: dict[type[Effect], bool] = {}
         robots: dict[int, Robot] = {}
         bends = not held and some_deflect(at.effects)
@@ -447,66 +278,68 @@ class Columns:
             effect = change.after
             try:
                 robots[k] = self._whole(at, [change])
-                gear = None if bends else own_gear(self.robot, effect, at.records)
+                outputs = None if bends else outputs_of(self.robot, effect, at.records)
             except IMPOSSIBLE:
                 found[k] = None
                 continue
-            if gear is not None and type(effect) not in judged:
-                judged[type(effect)] = self._one_gear_feels(at, robots[k], gear)
-            if gear is not None and judged[type(effect)]:
-                alone[k] = outputs_of(self.robot, gear)
-                gears.add(k)
-            else:
-                rest.append(k)
-        groups = _disjoint(alone)
+            reach[k] = "loads" if effect.acts_by <= ADDS and not bends else "nothing"
+            if outputs is not None:
+                within: Known = "asked" if effect.acts_by <= _IN_GEAR else "loads"
+                if type(effect) not in judged:
+                    moved = np.delete(next(self._moved(at, robots[k], within)), outputs, axis=1)
+                    judged[type(effect)] = not np.any(moved)
+                if judged[type(effect)]:
+                    felt[k], reach[k] = outputs, within
+        # People write effects of their own: what other outputs feel is made alone.
+        groups = [
+            group
+            for known in ("asked", "loads")
+            for group in _disjoint({k: own for k, own in felt.items() if reach[k] == known})
+        ]
+        rest = [k for k in reach if k not in felt]
+        groups += [[k] for k in rest]
         bent = {k for k in rest if bends and self.swings(at, changes[k].after)}
         ahead = self._ahead(at) if bent else []
-        for first in range(0, len(groups) + len(rest), _BATCH):
-            several = [*groups, *([k] for k in rest)][first : first + _BATCH]
-            moved = []
+        for first in range(0, len(groups), _BATCH):
+            several, parts = groups[first : first + _BATCH], []
             for group in several:
                 one, together = group[0], [changes[k] for k in group]
                 changed = robots[one] if len(group) == 1 else self._whole(at, together)
                 if one in bent:
-                    moved.append(self._bent(at, changed, ahead))
+                    parts.append(self._bent(at, changed, ahead))
                 else:
-                    moved.append(self._moved(at, changed, gears.issuperset(group)))
+                    parts.append(list(self._moved(at, changed, reach[one])))
             whole = np.concatenate(
                 [
-                    record.condense(np.stack([own[log] for own in moved], axis=-1))
+                    record.condense(np.stack([own[log] for own in parts], axis=-1))
                     for log, record in enumerate(at.records)
                 ]
             )
             for place, group in enumerate(several):
                 for k in group:
-                    outputs = alone.get(k, np.arange(whole.shape[1]))
+                    outputs = felt.get(k, np.arange(whole.shape[1]))
                     own = SparseColumns.at(outputs, whole[:, :, [place]])
                     found[k] = replace(own, values=own.values / changes[k].size)
         return found
 
-    def _one_gear_feels(self, at: Evaluation, whole: Robot, gear: int) -> bool:
-        """Whether it is so: people write effects of their own."""
-        moved = np.array(self._moved(at, whole, inside=True)[0])
-        moved[:, outputs_of(self.robot, gear)] = 0.0
-        return not np.any(moved)
-
-    def _moved(self, at: Evaluation, whole: Robot, inside: bool) -> list[FloatArray]:
-        """Return per record (N, m + b) what changes move, links swinging as before.
+    def _moved(self, at: Evaluation, whole: Robot, known: Known) -> Iterator[FloatArray]:
+        """Yield per record (N, m + b) what changes move, links swinging as before.
 
         Args:
             at: the robot with effects.
             whole: the same with changes.
-            inside: whether all act within gears: what the motion asks of these is known.
+            known: what stays as it is: what the motion asks of the gears, the loads of the links
+                and contacts, or nothing.
         """
-        asked = at.asked if inside else [None] * len(at.records)
-        each = zip(at.records, at.raw, at.swinging, asked, strict=True)
-        moved = []
-        for record, before, swinging, known in each:
+        each = zip(at.records, at.raw, at.swinging, at.asked, strict=True)
+        for record, before, swinging, asked in each:
             try:
-                moved.append(raw_residual(whole, record, swinging, known) - before)
+                if asked is not None and known == "loads":
+                    asked = Asked.of(whole, asked.motion, asked.links, asked.contacts)
+                left = raw_residual(whole, record, swinging, asked if known != "nothing" else None)
+                yield left - before
             except IMPOSSIBLE:
-                moved.append(np.full_like(before, np.nan))
-        return moved
+                yield np.full_like(before, np.nan)
 
     def _bent(self, at: Evaluation, whole: Robot, ahead: Sequence[FloatArray]) -> list[FloatArray]:
         """Return per record (N, m + b) what a change moves with how links swing, from `ahead`."""

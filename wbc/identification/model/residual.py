@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -30,13 +29,23 @@ class Asked:
 
     Attributes:
         motion: the true one.
+        links: (N, nv) what the links need.
+        contacts: (N, nv) what the contacts give.
         output: (N, m) torque at the outputs of the gears.
         wrench: (N, b) torque that no motor gives.
     """
 
     motion: Motion
+    links: FloatArray
+    contacts: FloatArray
     output: FloatArray
     wrench: FloatArray
+
+    @classmethod
+    def of(cls, robot: Robot, motion: Motion, links: FloatArray, contacts: FloatArray) -> Asked:
+        """Return what is asked where links and contacts are known: joints rub as effects say."""
+        asked = output_torque(_without_drives(robot), motion, links, contacts)
+        return cls(motion, links, contacts, *asked)
 
 
 def asked_of_gears(
@@ -46,10 +55,7 @@ def asked_of_gears(
 
     Arguments as those of `raw_residual`.
     """
-    if record.balance is not None:
-        return None
-    motion, links, contacts = _loads(robot, record, swinging)
-    return Asked(motion, *output_torque(_without_drives(robot), motion, links, contacts))
+    return Asked.of(robot, *_loads(robot, record, swinging)) if record.balance is None else None
 
 
 def raw_residual(
@@ -143,11 +149,12 @@ def _slopes_of_gears(
 ) -> FloatArray:
     """Return `by_link_torque` where all contact forces are known: each gear feels its output."""
     gears = robot.transmission
-    output, _ = output_torque(_without_drives(robot), moved.motion, links, contacts)
+    plain = _without_drives(robot)
+    output, _ = output_torque(plain, moved.motion, links, contacts)
     result = np.zeros((len(links), output_count(robot), links.shape[1]))
     driven = result[:, : gears.size]
     driven[..., robot.actuated] = -gears.topology.T * np.sign(gears.gear_ratio)[:, None]
-    driven *= mesh_slopes(robot, moved, output)[..., None]
+    driven *= _mesh_slope(plain, moved.motion, _carried(moved, output))[..., None]
     _, slope = _delivered(robot, moved.motion, moved.torque)
     driven /= np.maximum(slope, _LEAST_GAIN)[:, None]
     driven[:, robot.sensed] = 0.0  # they start from what the sensors measure
@@ -156,17 +163,6 @@ def _slopes_of_gears(
     behind = result[:, gears.size + robot.floating_size :]
     behind[..., robot.actuated] = -gears.topology.T[robot.sensed]
     return result
-
-
-def mesh_slopes(robot: Robot, moved: Record, output: FloatArray) -> FloatArray:
-    """Return (N, m) how much the motors must give per torque at the outputs of their gears.
-
-    Args:
-        robot: with its effects.
-        moved: one log, along the true motion.
-        output: (N, m) what the links ask of the gears.
-    """
-    return _mesh_slope(_without_drives(robot), moved.motion, _carried(moved, output))
 
 
 def link_response(robot: Robot, record: Record, joint: str) -> LinkResponse:
@@ -259,7 +255,7 @@ def _rows(
         contacts = contacts + balance.carried(wrench)
         output, wrench = output_torque(plain, moved.motion, links, contacts)
     if balance is None or balance.inner is None:
-        asked = Asked(moved.motion, output, wrench)
+        asked = Asked(moved.motion, links, contacts, output, wrench)
         return _rows_of_gears(robot, moved, asked, delivered)
     ratio = robot.transmission.gear_ratio
     left, slope = np.zeros_like(output), np.ones_like(output)
@@ -295,17 +291,6 @@ def _mesh_slope(robot: Robot, motion: Motion, output: FloatArray) -> FloatArray:
     step = _STEP * max(float(np.max(np.abs(output))), 1.0)
     more = motor_torque(robot, motion, output + step) - motor_torque(robot, motion, output)
     return np.asarray(more * gears.gear_ratio / step)
-
-
-def drive_slopes(robot: Robot, records: Sequence[Record]) -> FloatArray:
-    """Return (rows, m + b) by what the drives of a robot divide what it leaves unexplained."""
-    parts = []
-    for record in records:
-        _, slope = _delivered(robot, record.motion, record.torque)
-        others = np.ones(output_count(robot) - robot.transmission.size)
-        sizes = np.concatenate([np.maximum(slope, _LEAST_GAIN), others])
-        parts.append(np.broadcast_to(sizes, (record.rows, sizes.size)))
-    return np.concatenate(parts)
 
 
 def condensed_residual(robot: Robot, records: Sequence[Record]) -> FloatArray:
@@ -408,11 +393,6 @@ class Evaluation:
     def swinging(self) -> tuple[FloatArray | None, ...]:
         """Per record (N, nv), what links that swing behind their gears need more, or None."""
         return torques_of(self.swings)
-
-    @cached_property
-    def sizes(self) -> FloatArray:
-        """(rows, m + b) by what the drives divide the residual."""
-        return drive_slopes(self.robot, self.records)
 
     @property
     def cost(self) -> float:
