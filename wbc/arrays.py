@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from types import MappingProxyType
-from typing import Any, Self, TypeAlias, TypeGuard, cast
+from typing import Any, ClassVar, Self, TypeAlias, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,24 +94,35 @@ def checked(
 _COMPARE = {">": np.greater, ">=": np.greater_equal, "<": np.less, "<=": np.less_equal}
 
 
-def require_ranges(thing: object, told: str, error: type[WbcError], **ranges: str) -> None:
-    """Raise an error unless numbers of a thing are where they must be; None may be anywhere.
+def must(rule: str) -> Mapping[str, str]:
+    """Return what rules a field of a `Ranged` class: `field(metadata=must("> 0 m and < inf"))`."""
+    return {"must": rule}
 
-    Args:
-        thing: has the numbers (...) as attributes.
-        told: what the message begins with.
-        error: its class.
-        ranges: attribute -> what it must be, such as "> 0 rad/s" or ">= 0 and < inf".
 
-    Raises:
-        WbcError: of that class.
+class Ranged:
+    """Base of dataclasses whose numbers say what they must be (`must`); None may be anywhere.
+
+    Attributes:
+        told: what messages begin with; it and rules are formatted with the object.
+        raised: class of the error.
     """
-    for name, conditions in ranges.items():
-        given = getattr(thing, name)
-        for condition in conditions.split(" and ") if given is not None else ():
-            sign, end, *_ = condition.split()
-            if not np.all(_COMPARE[sign](given, float(end))):
-                raise error(f"{told}{name} must be {conditions}, got {given}.")
+
+    told: ClassVar[str]
+    raised: ClassVar[type[WbcError]]
+
+    def __post_init__(self) -> None:
+        """Raise an error unless every number is where it must be."""
+        rules: dict[str, str] = {}
+        for base in reversed(type(self).__mro__):  # a class may change a default, but no rule
+            for one in vars(base).get("__dataclass_fields__", {}).values():
+                rules |= {one.name: one.metadata["must"]} if "must" in one.metadata else {}
+        for name, rule in rules.items():
+            given, conditions = getattr(self, name), rule.format(self)
+            for condition in conditions.split(" and ") if given is not None else ():
+                sign, end, *_ = condition.split()
+                if not np.all(_COMPARE[sign](given, float(end))):
+                    told = self.told.format(self)
+                    raise self.raised(f"{told}{name} must be {conditions}, got {given}.")
 
 
 class Remade:

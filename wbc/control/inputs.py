@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, frozen, is_real, reals
+from wbc.arrays import FloatArray, Ranged, frozen, is_real, reals
 from wbc.compiled import Places, Vector, compiled
 from wbc.control.command import Status
 from wbc.errors import ControlError, unknown_name
@@ -52,6 +52,12 @@ class State(Protocol):
     @property
     def velocity(self) -> FloatArray:
         """v (nv,)."""
+
+
+class Checked(Ranged):
+    """Base of what a controller is told, of which a wrong number is a ControlError."""
+
+    raised = ControlError
 
 
 Complaint = tuple[Status, str]

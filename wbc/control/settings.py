@@ -9,8 +9,8 @@ from typing import Any, final
 
 import numpy as np
 
-from wbc.arrays import FloatArray, require_ranges
-from wbc.control.inputs import State, check_step
+from wbc.arrays import FloatArray, must
+from wbc.control.inputs import Checked, State, check_step
 from wbc.control.qp.solvers import SOLVERS, WarmStart
 from wbc.errors import ControlError, require_known
 
@@ -28,7 +28,7 @@ class RestPolicy(Enum):
 
 
 @dataclass(frozen=True)
-class SpeedBlend:
+class SpeedBlend(Checked):
     """How sure the controller is of the direction of a joint.
 
     The measured sign flips with every count of encoder noise while a joint stands, and each flip
@@ -51,18 +51,15 @@ class SpeedBlend:
             deviations of the velocity noise. With zero the measured speed is believed.
     """
 
-    full_speed: float = 0.02
-    correction: float = 30.0
-    trusted_error: float = 0.25
+    full_speed: float = field(default=0.02, metadata=must("> 0 rad/s"))
+    correction: float = field(default=30.0, metadata=must(">= 0 and < inf"))
+    trusted_error: float = field(default=0.25, metadata=must(">= 0 and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        finite = dict.fromkeys(("correction", "trusted_error"), ">= 0 and < inf")
-        require_ranges(self, "speed blend: ", ControlError, full_speed="> 0 rad/s", **finite)
+    told = "speed blend: "
 
 
 @dataclass(frozen=True, eq=False)
-class DisturbanceObserver:
+class DisturbanceObserver(Checked):
     """A momentum observer: a torque on the coordinates that explains how the robot moves.
 
     With the acceleration qdd that the last tick expected, and M with the rotors' inertia,
@@ -79,13 +76,10 @@ class DisturbanceObserver:
         bound: greatest torque [N m] or force [N] of every coordinate (nv,), or one for all.
     """
 
-    rate: float = 2.0
-    bound: float | FloatArray = 1.0
+    rate: float = field(default=2.0, metadata=must("> 0 1/s and < inf"))
+    bound: float | FloatArray = field(default=1.0, metadata=must(">= 0 and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        ranges = {"rate": "> 0 1/s and < inf", "bound": ">= 0 and < inf"}
-        require_ranges(self, "disturbance observer: ", ControlError, **ranges)
+    told = "disturbance observer: "
 
     def bounds(self, nv: int) -> FloatArray:
         """Return the bound of every coordinate (nv,).
@@ -104,7 +98,7 @@ class DisturbanceObserver:
 
 @final
 @dataclass(frozen=True)
-class LetDown:
+class LetDown(Checked):
     """Rides through, holds the robot against gravity, then lets it down gently.
 
     The last good torque is repeated for a few ticks, as most bad ticks come alone. Then the torque
@@ -120,19 +114,16 @@ class LetDown:
         rate: [1/s] of the damping.
     """
 
-    ride_through: int = 5
-    hold: float = 1.0
-    lowering: float = 3.0
-    rate: float = 50.0
+    ride_through: int = field(default=5, metadata=must(">= 0"))
+    hold: float = field(default=1.0, metadata=must(">= 0 s"))
+    lowering: float = field(default=3.0, metadata=must("> 0 s"))
+    rate: float = field(default=50.0, metadata=must(">= 0 1/s and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        ranges = {"ride_through": ">= 0", "hold": ">= 0 s", "lowering": "> 0 s"}
-        require_ranges(self, "let down: ", ControlError, **ranges, rate=">= 0 1/s and < inf")
+    told = "let down: "
 
 
 @dataclass(frozen=True)
-class ControllerSettings:
+class ControllerSettings(Checked):
     """Settings of a controller.
 
     Attributes:
@@ -164,25 +155,24 @@ class ControllerSettings:
 
     time_step: float = 1e-3
     rest_policy: RestPolicy = RestPolicy.NEUTRAL
-    rest_margin: float = 0.0
+    rest_margin: float = field(default=0.0, metadata=must(">= 0 and <= 0.5"))
     speed_blend: SpeedBlend = field(default_factory=SpeedBlend)
     warm_start: WarmStart = WarmStart.ACTIVE_SET
     solver: str = "daqp"
-    tolerance: float = 1e-7
-    max_iterations: int = 345
-    acceleration_weight: float = 1e-6
-    force_weight: float = 1e-4
-    contact_ramp: float = 0.02
+    tolerance: float = field(default=1e-7, metadata=must("> 0"))
+    max_iterations: int = field(default=345, metadata=must("> 0"))
+    acceleration_weight: float = field(default=1e-6, metadata=must("> 0"))
+    force_weight: float = field(default=1e-4, metadata=must("> 0 and < inf"))
+    contact_ramp: float = field(default=0.02, metadata=must(">= 0 s and < inf"))
     safety: LetDown = field(default_factory=LetDown)
-    deadline: float | None = None
+    deadline: float | None = field(default=None, metadata=must("> 0 s"))
     disturbance: DisturbanceObserver | None = None
     state_hook: Callable[[Any], State] | None = None
 
+    told = "setting "
+
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check time step, solver and ranges."""
         check_step(self.time_step, "setting time_step")
         require_known(ControlError, "QP solver", self.solver, SOLVERS)
-        ranges = dict.fromkeys(("tolerance", "max_iterations", "acceleration_weight"), "> 0")
-        ranges |= {"force_weight": "> 0 and < inf", "contact_ramp": ">= 0 s and < inf"}
-        ranges |= {"rest_margin": ">= 0 and <= 0.5", "deadline": "> 0 s"}
-        require_ranges(self, "setting ", ControlError, **ranges)
+        super().__post_init__()

@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked, frozen, require_ranges
+from wbc.arrays import FloatArray, Ranged, checked, frozen, must
 from wbc.errors import SimulationError
 
 PLANE, BOX, BALL, FIELD = 0.0, 1.0, 2.0, 3.0
@@ -143,7 +143,7 @@ class Box(Solid):
 
 @final
 @dataclass(frozen=True, eq=False)
-class Sphere(Solid):
+class Sphere(Ranged, Solid):
     """A solid sphere.
 
     Attributes:
@@ -152,13 +152,15 @@ class Sphere(Solid):
     """
 
     center: FloatArray
-    radius: float
+    radius: float = field(metadata=must("> 0 m"))
+
+    told, raised = "sphere: ", SimulationError
 
     def __post_init__(self) -> None:
         """Check and freeze."""
         center = checked(self.center, (3,), "center of the sphere", SimulationError)
         object.__setattr__(self, "center", center)
-        require_ranges(self, "sphere: ", SimulationError, radius="> 0 m")
+        super().__post_init__()
 
     def numbers(self) -> FloatArray:
         """See `Terrain.numbers`; at the centre itself the way out is up."""

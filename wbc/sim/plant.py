@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, checked, require_ranges
+from wbc.arrays import FloatArray, Ranged, checked, must
 from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
@@ -28,7 +28,7 @@ MotorBounds: TypeAlias = Callable[[Robot, FloatArray], tuple[FloatArray, FloatAr
 
 
 @dataclass(frozen=True)
-class HuntCrossley:
+class HuntCrossley(Ranged):
     """Hunt and Crossley's compliant contact, F = K d^(3/2) (1 + 3/2 a d') (`sim/step/solution`).
 
     A body that arrives at a low speed v leaves at about (1 - a v) v.
@@ -39,21 +39,14 @@ class HuntCrossley:
         dissipation: a [s/m]; 0.08 to 0.32 for steel, bronze and ivory (Hunt and Crossley 1975).
     """
 
-    stiffness: float
-    dissipation: float = 0.0
+    stiffness: float = field(metadata=must("> 0 N/m^(3/2) and < inf"))
+    dissipation: float = field(default=0.0, metadata=must(">= 0 s/m and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges.
-
-        Raises:
-            SimulationError: a stiffness that is not positive, or a negative dissipation.
-        """
-        ranges = {"stiffness": "> 0 N/m^(3/2) and < inf", "dissipation": ">= 0 s/m and < inf"}
-        require_ranges(self, "compliant contacts: ", SimulationError, **ranges)
+    told, raised = "compliant contacts: ", SimulationError
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Ranged):
     """A robot on a terrain, stepped by one convex program per step (docs/method/physics.md).
 
     `step` is a function of its arguments alone: the same state, torque and step give the same
@@ -80,14 +73,16 @@ class Plant:
 
     robot: Robot
     terrain: Terrain = field(default_factory=Plane)
-    restitution: float = 0.0
-    return_speed: float = 1.0
+    restitution: float = field(default=0.0, metadata=must(">= 0 and <= 1"))
+    return_speed: float = field(default=1.0, metadata=must("> 0 m/s"))
     motor_bounds: MotorBounds | None = None
     temperature: FloatArray | None = None
     bodies: Literal["feet", "all"] | None = None
     compliance: HuntCrossley | None = None
     contacts: tuple[ContactPoint, ...] = field(init=False, repr=False)
     _setup: Setup = field(init=False, repr=False)
+
+    told, raised = "plant: ", SimulationError
 
     def __post_init__(self) -> None:
         """Prepare what does not change from step to step."""
@@ -98,8 +93,7 @@ class Plant:
         touching = replace(self.robot, contacts=self.contacts) if points else self.robot
         self.robot.require_tree()
         make_ready("wbc.sim")
-        ranges = {"restitution": ">= 0 and <= 1", "return_speed": "> 0 m/s"}
-        require_ranges(self, "plant: ", SimulationError, **ranges)
+        super().__post_init__()
         gears = self.robot.transmission
         light = (gears.backward_efficiency < 0.0) & (gears.rotor_inertia == 0.0)
         if light.any():

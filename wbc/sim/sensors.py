@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from wbc.arrays import FloatArray, require_ranges
+from wbc.arrays import FloatArray, Ranged, must
 from wbc.errors import SimulationError
 from wbc.measurement import Log
 from wbc.robot import ContactForces, Motion, Robot
@@ -15,7 +15,7 @@ _ROTOR = ("rotor_position", "rotor_velocity")
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Ranged):
     """One kind of channel.
 
     Attributes:
@@ -25,15 +25,12 @@ class Sensor:
         delay: [s] by which the reading lags behind.
     """
 
-    noise: float = 0.0
-    resolution: float = 0.0
-    bias: float = 0.0
-    delay: float = 0.0
+    noise: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+    resolution: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+    bias: float = field(default=0.0, metadata=must("> -inf and < inf"))
+    delay: float = field(default=0.0, metadata=must(">= 0 and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        ranges = dict.fromkeys(("noise", "resolution", "delay"), ">= 0 and < inf")
-        require_ranges(self, "sensor ", SimulationError, **ranges, bias="> -inf and < inf")
+    told, raised = "sensor ", SimulationError
 
     def read(self, time: FloatArray, values: FloatArray, random: np.random.Generator) -> FloatArray:
         """Return what the sensor reports for true values (N,) at times (N,) [s].
@@ -48,7 +45,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class SensorModel:
+class SensorModel(Ranged):
     """The sensors of a robot: one `Sensor` per quantity.
 
     Attributes:
@@ -65,11 +62,9 @@ class SensorModel:
     rotor_torque: Sensor = field(default_factory=Sensor)
     joint_torque: Sensor | None = None
     force: Sensor = field(default_factory=Sensor)
-    every: int = 1
+    every: int = field(default=1, metadata=must(">= 1"))
 
-    def __post_init__(self) -> None:
-        """Check the rate."""
-        require_ranges(self, "sensors: ", SimulationError, every=">= 1")
+    told, raised = "sensors: ", SimulationError
 
     def measure(self, robot: Robot, recording: Log, seed: int) -> Log:
         """Return the log that these sensors make of a recording; same seed, same bits.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from itertools import product
 from math import inf
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, require_ranges
+from wbc.arrays import FloatArray, Ranged, must
 from wbc.compiled import (
     Dense,
     Number,
@@ -39,7 +39,7 @@ from wbc.structures import stored, structured
 
 
 @dataclass(frozen=True)
-class DcDrive:
+class DcDrive(Ranged):
     """What feeds the winding of a servo's motor; torque constant and resistance are the gear's.
 
     The position loop sets the share of the supply voltage on the winding, duty = clip(gain
@@ -66,22 +66,14 @@ class DcDrive:
         cooling: rate at which the winding loses its rise [1/s].
     """
 
-    supply_voltage: float
-    source_resistance: float = 0.0
-    current_limit: float = inf
-    duty_limit: float = 1.0
-    heating: float = 0.0
-    cooling: float = 0.0
+    supply_voltage: float = field(metadata=must("> 0 V"))
+    source_resistance: float = field(default=0.0, metadata=must(">= 0"))
+    current_limit: float = field(default=inf, metadata=must("> 0 A"))
+    duty_limit: float = field(default=1.0, metadata=must("> 0 and <= 1"))
+    heating: float = field(default=0.0, metadata=must(">= 0"))
+    cooling: float = field(default=0.0, metadata=must(">= 0"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        ranges = dict.fromkeys(("source_resistance", "heating", "cooling"), ">= 0")
-        ranges |= {
-            "supply_voltage": "> 0 V",
-            "current_limit": "> 0 A",
-            "duty_limit": "> 0 and <= 1",
-        }
-        require_ranges(self, "DC drive: ", RobotError, **ranges)
+    told, raised = "DC drive: ", RobotError
 
 
 def winding_current(

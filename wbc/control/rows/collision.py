@@ -10,7 +10,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import frozen, require_ranges
+from wbc.arrays import frozen, must
+from wbc.control.inputs import Checked
 from wbc.control.kinematics import Kinematics, frame_number, place_distances
 from wbc.errors import ControlError, require_known
 
@@ -47,7 +48,7 @@ class Shape:
 
 @final
 @dataclass(frozen=True, eq=False)
-class CollisionLimit:
+class CollisionLimit(Checked):
     """Keeps the distance d of pairs of shapes above a margin.
 
     With n from one solid to the other at their nearest points,
@@ -69,9 +70,11 @@ class CollisionLimit:
 
     shapes: Sequence[Shape]
     pairs: Sequence[tuple[str, str]]
-    margin: float = 0.02
-    rate: float = 10.0
+    margin: float = field(default=0.02, metadata=must(">= 0 and < {0.influence} m"))
+    rate: float = field(default=10.0, metadata=must("> 0 1/s and < inf"))
     influence: float = 0.3
+
+    told = "collision limit: "
 
     def __post_init__(self) -> None:
         """Check names and ranges."""
@@ -80,8 +83,7 @@ class CollisionLimit:
             raise ControlError(f"two shapes have one name: {', '.join(names)}.")
         for name in (name for pair in self.pairs for name in pair):
             require_known(ControlError, "shape", name, names)
-        ranges = {"margin": f">= 0 and < {self.influence} m", "rate": "> 0 1/s and < inf"}
-        require_ranges(self, "collision limit: ", ControlError, **ranges)
+        super().__post_init__()
 
 
 class CollisionRows:

@@ -14,7 +14,8 @@ import pinocchio as pin
 from scipy.linalg import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc.arrays import FloatArray, IntArray, checked, frozen, require_ranges
+from wbc.arrays import FloatArray, IntArray, checked, frozen, must
+from wbc.control.inputs import Checked
 from wbc.control.kinematics import Kinematics, RowKind, StateRows, fill_state_rows, rows_of
 from wbc.control.memory import CONTACTS
 from wbc.dynamics import Workspace, evaluate
@@ -25,7 +26,7 @@ _LEVEL = 0.1  # of the normal, that leans where a point stands on level ground
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Contact(ABC):
+class Contact(Checked, ABC):
     """A place of the robot that rests on the ground; subclasses are final and frozen.
 
     The controller demands J qdd + dJ/dt v = -damping J v in the contact's rows and gives it forces
@@ -40,16 +41,12 @@ class Contact(ABC):
     """
 
     name: str
-    friction: float | None = None
-    normal_minimum: float = 0.0
+    friction: float | None = field(default=None, metadata=must(">= 0"))
+    normal_minimum: float = field(default=0.0, metadata=must(">= 0 and <= {0.normal_maximum} N"))
     normal_maximum: float = np.inf
-    damping: float = 10.0
+    damping: float = field(default=10.0, metadata=must(">= 0 and < inf"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        ranges = {"friction": ">= 0", "damping": ">= 0 and < inf"}
-        ranges["normal_minimum"] = f">= 0 and <= {self.normal_maximum} N"
-        require_ranges(self, f"contact '{self.name}': ", ControlError, **ranges)
+    told = "contact '{0.name}': "
 
     @abstractmethod
     def bind(self, robot: Robot) -> BoundContact:
@@ -438,7 +435,7 @@ class ContactRamp:
 
 @final
 @dataclass(frozen=True)
-class ContactSchedule:
+class ContactSchedule(Checked):
     """A gait: every contact stands for a part of a period, each with an offset of its own.
 
     The time is given, so that the user owns the clock:
@@ -453,14 +450,15 @@ class ContactSchedule:
         duty: share of the period that every contact stands, in (0, 1].
     """
 
-    period: float
+    period: float = field(metadata=must("> 0 s and < inf"))
     offsets: Mapping[str, float]
-    duty: float = 0.5
+    duty: float = field(default=0.5, metadata=must("> 0 and <= 1"))
+
+    told = "contact schedule: "
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        ranges = {"period": "> 0 s and < inf", "duty": "> 0 and <= 1"}
-        require_ranges(self, "contact schedule: ", ControlError, **ranges)
+        super().__post_init__()
         for name, offset in self.offsets.items():
             if not 0.0 <= offset <= 1.0:
                 raise ControlError(f"contact '{name}': an offset lies in [0, 1], got {offset}.")

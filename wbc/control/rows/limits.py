@@ -9,8 +9,9 @@ from typing import Annotated, Any, ClassVar, final, get_type_hints
 
 import numpy as np
 
-from wbc.arrays import FloatArray, frozen, require_ranges
+from wbc.arrays import FloatArray, frozen, must
 from wbc.compiled import OutRow, Places, Row
+from wbc.control.inputs import Checked
 from wbc.errors import ControlError
 from wbc.robot import Robot, state_gear
 from wbc.structures import Structure
@@ -22,7 +23,7 @@ _none = partial(frozen, ())
 
 @final
 @dataclass(frozen=True)
-class RotorTorqueLimit:
+class RotorTorqueLimit(Checked):
     """The rotor torque limits of the robot's transmission, kept through the gears.
 
     Attributes:
@@ -33,13 +34,10 @@ class RotorTorqueLimit:
             leaves the torque independent of speed.
     """
 
-    fraction: float = 1.0
-    knee: float | None = None
+    fraction: float = field(default=1.0, metadata=must("> 0 and <= 1"))
+    knee: float | None = field(default=None, metadata=must(">= 0 and < 1"))
 
-    def __post_init__(self) -> None:
-        """Check the fraction."""
-        ranges = {"fraction": "> 0 and <= 1", "knee": ">= 0 and < 1"}
-        require_ranges(self, "rotor torque limit: ", ControlError, **ranges)
+    told = "rotor torque limit: "
 
     def bounds(self, robot: Robot, rotor_speed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and greatest rotor torque (m,) [N m] at these rotor speeds."""
@@ -209,7 +207,7 @@ def _braking(robot: Robot, joints: tuple[str, ...], braking: float | None) -> di
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Effort:
+class Effort(Checked):
     """Something about the gears' torques that should be small; subclasses are final and frozen.
 
     Where the robot has more ways to move or to push than its tasks decide, efforts choose among
@@ -224,13 +222,10 @@ class Effort:
     """
 
     name: str
-    weight: float
+    weight: float = field(metadata=must(">= 0 and < inf"))
 
+    told = "effort '{0.name}': "
     of_rotors: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        """Check the weight."""
-        require_ranges(self, f"effort '{self.name}': ", ControlError, weight=">= 0 and < inf")
 
     def weights(self, robot: Robot) -> FloatArray:
         """Return w (m,); what a mesh loses is multiplied with |e - 1| |dpsi| / |T_0| as well."""
@@ -284,12 +279,7 @@ class MeshLossEffort(Effort):
     """
 
     name: str = "mesh_loss"
-    least_torque: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        super().__post_init__()
-        require_ranges(self, f"effort '{self.name}': ", ControlError, least_torque="> 0 N m")
+    least_torque: float = field(default=0.5, metadata=must("> 0 N m"))
 
     @property
     def kind(self) -> tuple[float, float]:

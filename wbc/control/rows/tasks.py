@@ -11,9 +11,9 @@ from typing import Any, ClassVar, NamedTuple, final
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray, IntArray, frozen, reals, require_ranges
+from wbc.arrays import FloatArray, IntArray, frozen, must, reals
 from wbc.compiled import Matrix, compiled
-from wbc.control.inputs import Target
+from wbc.control.inputs import Checked, Target
 from wbc.control.kinematics import (
     Kinematics,
     RowKind,
@@ -40,7 +40,7 @@ class Gains(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Task(ABC):
+class Task(Checked, ABC):
     """A motion that the controller pursues in the least-squares sense.
 
     With e = target - value, the task wants
@@ -68,17 +68,17 @@ class Task(ABC):
     """
 
     name: str
-    weight: float | FloatArray = 1.0
-    stiffness: float = 100.0
-    damping: float | None = None
-    acceleration_limit: float = np.inf
+    weight: float | FloatArray = field(default=1.0, metadata=must(">= 0 and < inf"))
+    stiffness: float = field(default=100.0, metadata=must(">= 0 and < inf"))
+    damping: float | None = field(default=None, metadata=must(">= 0 and < inf"))
+    acceleration_limit: float = field(default=np.inf, metadata=must("> 0"))
     level: int = 0
+
+    told = "task '{0.name}': "
 
     def __post_init__(self) -> None:
         """Check gains and weights."""
-        ranges = dict.fromkeys(("weight", "stiffness", "damping"), ">= 0 and < inf")
-        ranges["acceleration_limit"] = "> 0"
-        require_ranges(self, f"task '{self.name}': ", ControlError, **ranges)
+        super().__post_init__()
         if isinstance(self.level, bool) or not isinstance(self.level, int) or self.level < 0:
             raise ControlError(
                 f"task '{self.name}': level must be a whole number >= 0, got {self.level}."
@@ -494,14 +494,9 @@ class CapturePointTask(StateTask):
     name: str = "capture_point"
     stiffness: float = 5.0
     acceleration_limit: float = 9.81
-    height: float
+    height: float = field(metadata=must("> 0 m and < inf"))
     kind: ClassVar[RowKind] = RowKind.CENTER_OF_MASS
     own_rows: ClassVar[slice] = slice(0, 2)
-
-    def __post_init__(self) -> None:
-        """Check the height."""
-        super().__post_init__()
-        require_ranges(self, f"task '{self.name}': ", ControlError, height="> 0 m and < inf")
 
     def value(self, kinematics: Kinematics) -> FloatArray:
         """Return xi (2,) [m]."""
@@ -588,14 +583,9 @@ class PointFootBalanceTask(StateTask):
     name: str = "balance"
     contact: str
     frame: str
-    bandwidth: float | None = None
+    bandwidth: float | None = field(default=None, metadata=must("> 0 1/s"))
     kind: ClassVar[RowKind] = RowKind.BALANCE
     own_rows: ClassVar[slice] = slice(0, 1)
-
-    def __post_init__(self) -> None:
-        """Check the bandwidth."""
-        super().__post_init__()
-        require_ranges(self, f"task '{self.name}': ", ControlError, bandwidth="> 0 1/s")
 
     @property
     def state_rows(self) -> StateRows:
