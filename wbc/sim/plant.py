@@ -175,8 +175,7 @@ class Plant(Ranged):
             SimulationError: the command or dt is not usable, or the step has no unique solution.
         """
         setup, torque = self._setup, self._command(state, rotor_torque, dt)
-        if state.memory or setup.effects.first:
-            state = state.replace(memory=setup.effects.checked(state.memory))
+        state = setup.with_memory(state)
         q, v, _, closed, *more, _ = state
         q, v, impulse, deflection, speed = map(np.ascontiguousarray, (q, v, *more))
         if len(closed) != setup.barriers.size:

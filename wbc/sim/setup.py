@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -32,84 +32,8 @@ _Answer = ctypes.CFUNCTYPE(None)
 _STAGES = 4  # most steps have less
 
 
-class EffectForces(NamedTuple):
-    """What effects that act by their hooks do over one step.
-
-    Attributes:
-        joint: smooth torque on the coordinates (nv,).
-        friction: level of dry friction on the coordinates (nv,).
-        command: torque (m,) that reaches the drives of the table.
-        added: torque on the rotors (m,).
-        memory: of the effects, at the end of the step.
-        seen: the motion as each of them saw it.
-    """
-
-    joint: FloatArray
-    friction: FloatArray
-    command: FloatArray
-    added: FloatArray
-    memory: EffectMemory
-    seen: tuple[Motion, ...]
-
-
-class PlantEffects:
-    """The effects of a robot, prepared for stepping.
-
-    Attributes:
-        robot: whose they are.
-        table: those that compiled loops evaluate.
-        hooks: the others, one per kind; `SimState.memory` has one entry for each of them.
-        first: what these start with; empty where none has a state of its own.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        """Prepare the effects of `robot`."""
-        self.robot, self.table, self.hooks = robot, effect_table(robot), left_for_hooks(robot)
-        held: EffectMemory = tuple(effect.first_memory(robot) for effect in self.hooks)
-        self.first = held if any(memory is not None for memory in held) else ()
-
-    def checked(self, given: EffectMemory) -> EffectMemory:
-        """Return a memory `given`, or the first one where it is empty.
-
-        Raises:
-            SimulationError: `given` belongs to other effects than these.
-        """
-        if not given:
-            return self.first
-        if [memory is None for memory in given] != [memory is None for memory in self.first]:
-            own = [e.name for e in self.hooks if e.first_memory(self.robot) is not None]
-            raise SimulationError(
-                f"the memory of the state does not fit '{self.robot.name}' (effects with a memory: "
-                f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
-                "empty to start anew."
-            )
-        return given
-
-    def forces(
-        self, motion: Motion, command: FloatArray, memory: EffectMemory, step: float
-    ) -> EffectForces:
-        """Return what the effects do with a commanded rotor torque (m,) over a step.
-
-        Args:
-            motion: in the middle of the step; without T of the gears, effects take what they
-                remember of it.
-            command: rotor torque (m,) [N m].
-            memory: of the effects at the start of the step; empty where none has any.
-            step: h [s].
-        """
-        joint, dry = np.zeros((2, len(motion.velocity)))
-        rotor, added, seen = command, np.zeros(len(command)), [motion] * len(self.hooks)
-        following: list[FloatArray | None] = []
-        for i, effect in enumerate(self.hooks):
-            own = memory[i] if memory else None
-            if own is not None:
-                seen[i] = motion.replace(memory=Memory(own, step))
-                own = effect.next_memory(self.robot, seen[i], rotor)
-            if memory:
-                following.append(own)
-            rotor = effect.drive(self.robot, seen[i], rotor)
-            add_torques(self.robot, effect, seen[i], (joint, dry, added))
-        return EffectForces(joint, dry, rotor, added, tuple(following), tuple(seen))
+EffectActs: TypeAlias = tuple[EffectMemory, tuple[Motion, ...]]
+"""Of effects that act by hooks: their memory at the end of a part, and the motion that each saw."""
 
 
 class Setup:
@@ -122,7 +46,8 @@ class Setup:
         space: memory for its kinematics.
         drive: its gears.
         barriers: its limits and contacts.
-        effects: of the robot.
+        hooks: effects that no table holds, one per kind; `SimState.memory` has one entry for each.
+        first_memory: what these start with; empty where none has a state of its own.
         varying: whether efficiencies of gears depend on the motion by hooks.
         waits: whether a part needs Python in its middle: for effects that no table holds, or for
             rotor coupling.
@@ -162,13 +87,15 @@ class Setup:
             )
         tree, self.drive = tree_of(robot.model), Drivetrain(robot)
         self.barriers = Barriers(robot, terrain, tree, hulls)
-        self.effects = PlantEffects(robot)
-        self.varying = any("gear_efficiencies" in own.acts_by for own in self.effects.hooks)
-        self.waits = bool(self.effects.hooks) or robot.rotors_turn_with_links
+        self.hooks = left_for_hooks(robot)
+        held: EffectMemory = tuple(effect.first_memory(robot) for effect in self.hooks)
+        self.first_memory = held if any(memory is not None for memory in held) else ()
+        self.varying = any("gear_efficiencies" in own.acts_by for own in self.hooks)
+        self.waits = bool(self.hooks) or robot.rotors_turn_with_links
         self._error: BaseException | None = None
         self._answers: list[Any] = []
         self._taken: list[FloatArray] = []
-        self.acts: dict[int, EffectForces] = {}
+        self.acts: dict[int, EffectActs] = {}
         self.plant = self._opened(tree, bounds)
         self._check_rotors()
 
@@ -194,7 +121,8 @@ class Setup:
         full = self._address(self._take_stages)
         limit = self.robot.transmission.torque_limit
         given = 1.0 / self.drive.forward, np.array(self.drive.backward), -limit, np.array(limit)
-        forces = map(np.zeros, (m, m, nv, nv, nv, 1, m if meshed else 0))
+        room = map(np.zeros, (m, m, nv, nv, nv, 1, m if meshed else 0))
+        forces = *effect_table(self.robot), *given, *room, asked, full
         return stored(
             tables.Opened(
                 stored(tree),
@@ -202,7 +130,7 @@ class Setup:
                 stored(self.drive.tables()),
                 stored(tables.PlacedTree._make((*map(np.zeros, shapes), bases, carried))),
                 stored(barriers.bodies),
-                stored(tables.Forces._make((*self.effects.table, *given, *forces, asked, full))),
+                stored(tables.Forces._make(forces)),
                 now,
                 ending,
                 np.zeros((_STAGES, width)),
@@ -240,29 +168,45 @@ class Setup:
 
     def _ask_forces(self) -> None:
         """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
-        (state, external), now, end = self._given, self.plant.now, self.plant.end
-        told, step = self.plant.forces, float(self.plant.forces.length[0])
-        stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
+        now, told, step = self.plant.now, self.plant.forces, float(self.plant.forces.length[0])
         try:
             if step == 0.0:
                 self.tell_coupling(now.position, now.velocity)
                 return
-            q, v, given = end.before.copy(), end.speed.copy(), told.mesh
-            mesh = None if np.isnan(given).any() or not len(given) else given.copy()
-            motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
-            memory = memory_before(self.acts, stage, state.memory)
-            command = now.command.copy()
-            forces = self.acts[stage] = self.effects.forces(motion, command, memory, step)
-            if self.varying:
-                own = self.drive.forward, self.drive.backward
-                forward, told.backward[:] = self.robot.gear_efficiencies(motion, *own)
-                told.inverse[:] = 1.0 / forward
+            q, v = self.plant.end.before.copy(), self.plant.end.speed.copy()
+            self._act(q, v, step)
             self.tell_coupling(q, v)
-            told.command[:], told.added[:] = forces.command, forces.added
-            told.dry[:] = forces.friction
-            told.outer[:] = forces.joint if external is None else forces.joint + external
         except BaseException as error:
             self._error, told.command[:], told.outer[:] = error, np.nan, np.nan
+
+    def _act(self, q: FloatArray, v: FloatArray, step: float) -> None:
+        """Tell what the effects do in the middle of a part of h [s], at q (nq,) and v (nv,).
+
+        Without T of the gears, effects take what they remember of it.
+        """
+        (state, external), now, told = self._given, self.plant.now, self.plant.forces
+        stage, time = int(now.numbers[tables.STAGE]), now.numbers[tables.TIME] + 0.5 * step
+        mesh = None if np.isnan(told.mesh).any() or not len(told.mesh) else told.mesh.copy()
+        motion = Motion(q, v, None, np.asarray(time), self.temperature, mesh_torque=mesh)
+        memory, rotor = memory_before(self.acts, stage, state.memory), now.command.copy()
+        seen, following = [motion] * len(self.hooks), [*memory]
+        for total in (told.outer, told.dry, told.added):
+            total[:] = 0.0
+        for i, effect in enumerate(self.hooks):
+            own = memory[i] if memory else None
+            if own is not None:
+                seen[i] = motion.replace(memory=Memory(own, step))
+                following[i] = effect.next_memory(self.robot, seen[i], rotor)
+            rotor = effect.drive(self.robot, seen[i], rotor)
+            add_torques(self.robot, effect, seen[i], (told.outer, told.dry, told.added))
+        self.acts[stage] = tuple(following), tuple(seen)
+        told.command[:] = rotor
+        if external is not None:
+            told.outer[:] += external
+        if self.varying:
+            eta = self.drive.forward, self.drive.backward
+            forward, told.backward[:] = self.robot.gear_efficiencies(motion, *eta)
+            told.inverse[:] = 1.0 / forward
 
     def _take_stages(self) -> None:
         """Keep stages of a step that has more of them than the loops have room for."""
@@ -281,6 +225,24 @@ class Setup:
         """Return the address of a function that loops may ask."""
         self._answers.append(_Answer(answer))
         return int(ctypes.cast(self._answers[-1], ctypes.c_void_p).value or 0)
+
+    def with_memory(self, state: SimState) -> SimState:
+        """Return a state with the memory of effects, their first one where it has none.
+
+        Raises:
+            SimulationError: the memory belongs to other effects than these.
+        """
+        given, first = state.memory, self.first_memory
+        if not given:
+            return state.replace(memory=first) if first else state
+        if [memory is None for memory in given] != [memory is None for memory in first]:
+            own = [e.name for e in self.hooks if e.first_memory(self.robot) is not None]
+            raise SimulationError(
+                f"the memory of the state does not fit '{self.robot.name}' (effects with a memory: "
+                f"{', '.join(own) or 'none'}); it comes from a plant with other effects. Leave it "
+                "empty to start anew."
+            )
+        return state
 
     def begin(self, state: SimState, step: float, external: FloatArray | None) -> None:
         """Tell the loops what acts over a step h [s] that starts in a state; see `Course`."""
@@ -309,8 +271,7 @@ class Setup:
         """Return what `survey` finds in a state."""
         self.tell_coupling(state.position, state.velocity)
         numbers = state.position, state.velocity, *self.drive.motion(state)
-        found: tuple[float, float, int] = survey(self.plant, *map(np.ascontiguousarray, numbers))
-        return found
+        return survey(self.plant, *map(np.ascontiguousarray, numbers))
 
     def coupling(self, position: FloatArray, velocity: FloatArray) -> RotorCoupling | None:
         """Return the inertial coupling at (q, v); None where rotors only feel their own spin."""
@@ -359,9 +320,7 @@ class Setup:
             )
 
 
-def memory_before(
-    acts: Mapping[int, EffectForces], stage: int, first: EffectMemory
-) -> EffectMemory:
+def memory_before(acts: Mapping[int, EffectActs], stage: int, first: EffectMemory) -> EffectMemory:
     """Return the memory of the effects where a stage of a step starts.
 
     Args:
@@ -370,7 +329,7 @@ def memory_before(
         first: their memory at the start of the step.
     """
     before = [number for number in acts if number < stage]
-    return acts[before[-1]].memory if before else first
+    return acts[before[-1]][0] if before else first
 
 
 def _memory(names: Any, *sizes: int) -> tuple[Any, Any]:

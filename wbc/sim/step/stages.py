@@ -12,7 +12,7 @@ from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import SEVERAL, WAYS
 from wbc.sim.barriers import TOUCH
-from wbc.sim.setup import EffectForces, Setup, memory_before
+from wbc.sim.setup import EffectActs, Setup, memory_before
 from wbc.sim.step import books, impact
 from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again
 from wbc.sim.step.self_locking import several
@@ -146,7 +146,7 @@ class Course(NamedTuple):
     duration: float
     external: FloatArray | None
     stages: FloatArray
-    acts: dict[int, EffectForces]
+    acts: dict[int, EffectActs]
 
     def state(self, stage: int) -> SimState:
         """Return the state in which a stage starts; stage s is the end of the step."""
@@ -241,8 +241,8 @@ class Flow(Stage):
         found, robot, drive = end.books.tolist(), setup.robot, setup.drive
         motor, stored, work, outer = found[books.MOTOR], EnergyFlow(), 0.0, 0.0
         joint = end.force if external is None else end.force - external
-        acted = self.course.acts.get(self.stage)
-        for effect, motion in zip(setup.effects.hooks, acted.seen if acted else (), strict=True):
+        _, seen = self.course.acts.get(self.stage, ((), ()))
+        for effect, motion in zip(setup.hooks, seen, strict=True):
             own = effect.memory_energy(robot, motion)
             if own is None:
                 continue
