@@ -106,7 +106,7 @@ class Setup:
         nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
         rows = m + nv + size + d * barriers.contacts
         pushes = 3 * (barriers.points + len(barriers.pairs))
-        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 11, 2, nq, nv, size, nv, nv, size, 6
+        end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 10, 3, nq, nv, size, nv, nv, size, 4
         now, now_kind = _memory(tables.Now, 4, nq, nv, rows, m, m, m, *[size] * 3)
         self.closed_at = now_kind.fields["closed"][1]
         begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:8]]

@@ -20,15 +20,14 @@ from wbc.mechanics.newton import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import look, set_momentum
-from wbc.sim.step.part_rows import PartRows, Solved
+from wbc.sim.step.part_rows import PartRows
 from wbc.sim.step.solution import stored_at
 from wbc.sim.step.tables import HERTZ, Gears, Opened
 
 MOTOR, MESH, ROTOR, GEAR, FRICTION, CONTACT = range(6)
-NORMAL, TRAFFIC, KINETIC, MISSED, TAKEN = range(6, 11)
+NORMAL, TRAFFIC, KINETIC, TAKEN = range(6, 10)
 """Work and losses of a part [J]: see `EnergyFlow`; what one contact or stop made; bounds of what
-moved; the speed by which a passive end misses the laws; and what was taken from speeds that the
-velocity terms had made."""
+moved; and what was taken from speeds that the velocity terms had made."""
 
 MADE = 5e-5
 """Share of the energy in play that a part may make. The steps of 10 ms in which a leg that falls
@@ -47,9 +46,7 @@ def spring_energy(gears: Gears, which: int, deflection: float) -> float:
 
 
 @inner
-def loose_losses(
-    plant: Opened, rows: PartRows, solved: Solved, which: int, lost: float
-) -> tuple[float, float]:
+def loose_losses(plant: Opened, rows: PartRows, which: int, lost: float) -> tuple[float, float]:
     """Return the losses [J] in the mesh of a loose gear, and between it and the joint.
 
     A spring's loss is what it takes and does not store, its damper's is that of the final speed,
@@ -62,18 +59,18 @@ def loose_losses(
     that hangs in its play loses nothing.
 
     Args:
-        plant, rows, solved: see `books_of`.
+        plant, rows: see `books_of`.
         which: number of the gear.
         lost: [J] in the mesh at the final speed.
     """
     gears, step = plant.gears, rows.step
     after, mesh = plant.end.motor_speed[which], plant.end.mesh_impulse[which]
-    before, rate, end = rows.motor[which], rows.relative[which], solved.end[which]
+    before, rate, end = rows.motor[which], rows.relative[which], rows.end[which]
     damped = 0.5 * mesh * (rate + end)
     if gears.stiffness[which] < np.inf:
         place = plant.now.deflection[which]
         there = place + 0.5 * step * (rate + end)
-        damped += 0.5 * solved.damped[which] * (end - rate) + spring_energy(gears, which, place)
+        damped += 0.5 * rows.damped[which] * (end - rate) + spring_energy(gears, which, place)
         return lost, damped - spring_energy(gears, which, there)
     if rows.laws[which, 7] == 0.0:
         return lost, 0.0
@@ -89,7 +86,7 @@ def loose_losses(
 
 
 @inner
-def book_gears(plant: Opened, rows: PartRows, solved: Solved) -> None:
+def book_gears(plant: Opened, rows: PartRows) -> None:
     """Write the motors' work, and what is lost in gears and in friction of joints."""
     books, motor, mesh = plant.end.books, plant.end.motor_speed, plant.end.mesh_impulse
     m, gears, step = len(motor), plant.gears, rows.step
@@ -101,67 +98,65 @@ def book_gears(plant: Opened, rows: PartRows, solved: Solved) -> None:
         gain = rows.laws[i, 3] if motor[i] * mesh[i] > 0.0 else rows.laws[i, 4]
         lost, damped = (gain - 1.0) * mesh[i] * motor[i], 0.0
         if plant.gears.yields[i]:
-            lost, damped = loose_losses(plant, rows, solved, i, lost)
+            lost, damped = loose_losses(plant, rows, i, lost)
         books[MESH] += lost
         books[GEAR] += damped
     for i in range(len(rows.laws)):
-        size = abs(motor[i] if i < m else solved.speed[i])
+        size = abs(motor[i] if i < m else rows.speed[i])
         books[FRICTION] += (rows.laws[i, 5] + rows.laws[i, 6] * size) * size
 
 
 @inner
-def soft_loss(plant: Opened, rows: PartRows, solved: Solved, contact: int) -> float:
+def soft_loss(plant: Opened, rows: PartRows, contact: int) -> float:
     """Return what a compliant contact loses: what its spring does not take, at the final speed."""
     stiffness, before = plant.bounds[HERTZ], rows.depths[contact, 0]
     row = len(rows.laws) + len(rows.targets) - len(rows.frictions) + contact
-    after = rows.depths[contact, 1] - 0.5 * rows.step * solved.speed[row]
+    after = rows.depths[contact, 1] - 0.5 * rows.step * rows.speed[row]
     taken = stored_at(stiffness, after) - stored_at(stiffness, before)
-    return float(solved.impulse[row] / rows.step * (after - before) - taken)
+    return float(rows.impulse[row] / rows.step * (after - before) - taken)
 
 
 @inner
-def book_barriers(plant: Opened, rows: PartRows, solved: Solved) -> None:
+def book_barriers(plant: Opened, rows: PartRows) -> None:
     """Write what contacts and stops lose, and what one of them made at most."""
     books, speed, d = plant.end.books, plant.end.speed, plant.obstacles.tangents
     elements, both = len(rows.laws), len(rows.targets)
     contacts = elements + both - len(rows.frictions)
-    for i in range(elements, len(solved.impulse)):
-        push, made = solved.impulse[i], solved.impulse[i] * solved.speed[i]
+    for i in range(elements, len(rows.impulse)):
+        push, made = rows.impulse[i], rows.impulse[i] * rows.speed[i]
         if i >= elements + both:
             books[CONTACT] -= made
             continue
         contact = i - contacts
         if len(rows.depths) and contact >= 0:
-            books[CONTACT] += soft_loss(plant, rows, solved, contact)
+            books[CONTACT] += soft_loss(plant, rows, contact)
             continue
         for a in range(d if contact >= 0 else 0):
             along = elements + both + contact * d + a
-            made += solved.impulse[along] * solved.speed[along]
+            made += rows.impulse[along] * rows.speed[along]
         books[NORMAL] = max(books[NORMAL], made)
-        mean = 0.5 * (dot(speed, rows.matrix[i]) + dot(solved.after, rows.matrix[i]))
+        mean = 0.5 * (dot(speed, rows.matrix[i]) + dot(plant.end.after, rows.matrix[i]))
         books[CONTACT] += max(-push * mean, 0.0)
 
 
 @inner
-def books_of(plant: Opened, rows: PartRows, solved: Solved) -> None:
+def books_of(plant: Opened, rows: PartRows) -> None:
     """Write work and losses of a part, MOTOR to TAKEN, see `EnergyFlow`.
 
     Args:
         plant: whose memory stands in the middle, with speeds of motors and impulses of the end.
-        rows: of the part.
-        solved: how they end.
+        rows: of the part, as they end.
     """
     books, inertia, speed = plant.end.books, plant.placed.inertia, plant.end.speed
     books[:] = 0.0
-    books[MISSED] = solved.missed
-    book_gears(plant, rows, solved)
-    book_barriers(plant, rows, solved)
-    for i in range(len(solved.impulse)):
+    book_gears(plant, rows)
+    book_barriers(plant, rows)
+    for i in range(len(rows.impulse)):
         # A speed below 10 TOLERANCE is rounding; `result` takes 1e-8 of what moves as such.
-        speed_of = abs(solved.speed[i]) + 1e9 * TOLERANCE
-        books[TRAFFIC] += abs(solved.impulse[i]) * speed_of
+        speed_of = abs(rows.speed[i]) + 1e9 * TOLERANCE
+        books[TRAFFIC] += abs(rows.impulse[i]) * speed_of
     for c in range(len(speed)):
-        square = speed[c] * speed[c] + solved.after[c] * solved.after[c]
+        square = speed[c] * speed[c] + plant.end.after[c] * plant.end.after[c]
         books[KINETIC] += abs(inertia[c, c]) * square
 
 

@@ -19,10 +19,11 @@ from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED, residuals, tolerance_of
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.impact import HIT, WAY, impact_rows, settle
+from wbc.sim.step.impact import HIT, impact_rows, settle
 from wbc.sim.step.part import LANDED, begin, part_with_mesh
 from wbc.sim.step.part_rows import part_system
 from wbc.sim.step.self_locking import tell_ranges
+from wbc.sim.step.solution import WAY
 from wbc.sim.step.tables import LENGTH, NOTED, SLOW, STAGE, TIME, TOUCH, Opened
 
 _TRIES = 40
@@ -171,7 +172,7 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
 
 
 NO_COMMAND, PART_FAILED, IMPACT_FAILED = 1, 10, 20
-"""What a step returns that failed; that of a part or an impact more by what `Solved.way` says."""
+"""What a step returns that failed; that of a part or an impact more by what `solve_part` says."""
 
 _OVER = 1e-9
 """Share of a step that is none."""
@@ -262,8 +263,8 @@ def meet(plant: Opened, left: float, goes_on: bool) -> int:
     now.numbers[LENGTH] = 0.0
     kind = settle(plant, left, goes_on)
     if kind == HIT:
-        if end.hit[WAY] >= UNSOLVED:
-            return IMPACT_FAILED + int(end.hit[WAY])
+        if end.work[WAY] >= UNSOLVED:
+            return IMPACT_FAILED + int(end.work[WAY])
         note(plant, True)
         copy_to(end.after, now.velocity)
     for i in range(len(now.closed)):

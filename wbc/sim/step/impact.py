@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, Row, ask, compiled, inner
+from wbc.compiled import Flags, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_of
-from wbc.sim.step.gears import rotor_brings, rotor_energy
+from wbc.sim.step.gears import motor_speeds, rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
-from wbc.sim.step.part_rows import PartRows, Solved, rows_where, world_pushes
-from wbc.sim.step.solution import NO_INERTIA, solve_part
+from wbc.sim.step.part_rows import PartRows, rows_where, world_pushes
+from wbc.sim.step.solution import NO_INERTIA, WAY, solve_part
 from wbc.sim.step.tables import RESTITUTION, TOUCH, Gears, Opened
 
 APART, RESTING, HIT = range(3)
 """Nothing is reached; reached without speed; an impact."""
-MESH, CONTACT, SHARE, ENERGY, WAY, LEFT = range(6)
-"""Numbers of an impact: losses of gears and contacts [J], share of the restitution, the kinetic
-energy before [J], what `Solved.way` says, and the speed by which a passive end misses the laws."""
+MESH, CONTACT, SHARE, ENERGY = range(4)
+"""Numbers of an impact: losses of gears and contacts [J], share of the restitution, and the kinetic
+energy before [J]."""
 _SLOW = 1e-9
 _STOPPED = 1e-9
 _ROUNDING = 1e-9
@@ -33,30 +33,6 @@ _TRIES = 5
 rows keep to their pieces, so that false position meets it soon."""
 _SHARE_OF_WORK = 0.1
 """Of what a step may do, for an impact with restitution: there is another without."""
-
-
-@inner
-def impact_laws(gears: Gears, motor: Row, laws: OutDense) -> None:
-    """Write the laws (m, 9) of the gears along the velocity path of an impact.
-
-    Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
-    N^2 I_r / eta_b while it grows, from its speed before on, see `rotor_brings`. Coulomb levels
-    and springs are forces and give no impulse: loose gears pass none.
-
-    Args:
-        gears: of the plant.
-        motor: (m,) speeds of the motor outputs before.
-        laws: to write, see `RowSystem`.
-    """
-    laws[:] = 0.0
-    for i in range(len(laws)):
-        law = laws[i]
-        if gears.yields[i]:
-            law[2] = law[3] = law[4] = 1.0
-            continue
-        law[2], law[3], law[4] = gears.inertia[i], gears.inverse[i], gears.backward[i]
-        law[7] = np.inf
-        rotor_brings(gears, i, law[2] * motor[i], law)
 
 
 @inner
@@ -108,12 +84,21 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
 def impact_rows(plant: Opened, together: Flags) -> PartRows:
     """Return the rows of an impact of some barriers (2 j + c,), where the memory stands.
 
-    Their targets are still to be written. Self-locking gears go on from what they carried before.
+    Without motor impulse each gear presents eta_f N^2 I_r while its speed falls towards zero and
+    N^2 I_r / eta_b while it grows, from its speed before on, see `rotor_brings`. Coulomb levels
+    and springs are forces and give no impulse: loose gears pass none. Self-locking gears go on from
+    what they carried before. The targets are still to be written.
     """
-    rows = rows_where(plant, together, 0, 0.0)
-    impact_laws(plant.gears, rows.motor, rows.laws)
+    gears, rows = plant.gears, rows_where(plant, together, 0, 0.0)
     for i in range(len(rows.laws)):
-        if rows.laws[i, 4] < 0.0:
+        law = rows.laws[i]
+        if gears.yields[i]:
+            law[2] = law[3] = law[4] = 1.0
+            continue
+        law[2], law[3], law[4] = gears.inertia[i], gears.inverse[i], gears.backward[i]
+        law[7] = np.inf
+        rotor_brings(gears, i, law[2] * rows.motor[i], law)
+        if law[4] < 0.0:
             rows.start[i] = plant.now.impulse[i]
     return rows
 
@@ -158,17 +143,14 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
 
 
 @compiled(inside=True)
-def book_impact(plant: Opened, rows: PartRows, solved: Solved) -> None:
+def book_impact(plant: Opened, rows: PartRows) -> None:
     """Write losses of an impact."""
-    v = plant.now.velocity
-    found, following, m = plant.end.hit, rows.motor.copy(), len(rows.motor)
-    for i in range(m):
-        if not plant.gears.yields[i]:
-            following[i] = dot(solved.after, plant.gears.rows[i])
-    mesh = solved.impulse[:m]
-    found[MESH] = mesh_loss(plant.gears, v, solved.after, rows.motor, following, mesh)
-    kept = kinetic_of(plant, solved.after, following)
-    found[CONTACT] = found[ENERGY] - kept - found[MESH]
+    v, after, found = plant.now.velocity, plant.end.after, plant.end.hit
+    following, m = rows.motor.copy(), len(rows.motor)
+    motor_speeds(plant.gears, after, rows.motor, following)
+    mesh = rows.impulse[:m]
+    found[MESH] = mesh_loss(plant.gears, v, after, rows.motor, following, mesh)
+    found[CONTACT] = found[ENERGY] - kinetic_of(plant, after, following) - found[MESH]
 
 
 @compiled(inside=True)
@@ -182,7 +164,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
 
     Returns:
         APART, RESTING or HIT; of these only HIT writes speeds and impulses. It failed where
-        found[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
+        work[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
     end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
     found = end.hit
@@ -192,7 +174,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     weigh(plant)
     rows = impact_rows(plant, end.closed)
     if not rows.lower[0, 0] > 0.0:
-        found[WAY] = NO_INERTIA
+        end.work[WAY] = NO_INERTIA
         return HIT
     if not impact_targets(plant, share, left, rows):
         for i in range(len(before)):
@@ -200,27 +182,25 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         return RESTING
     found[ENERGY] = kinetic_of(plant, v, rows.motor)
     work = 1.0 if found[SHARE] == 0.0 else _SHARE_OF_WORK
-    solved = solve_part(plant, rows, v, work)
-    found[WAY], found[LEFT] = solved.way, solved.missed
-    copy_to(solved.impulse, end.impulse)
-    if solved.way >= UNSOLVED:
+    way = solve_part(plant, rows, v, work)
+    copy_to(rows.impulse, end.impulse)
+    if way >= UNSOLVED:
         return HIT
-    book_impact(plant, rows, solved)
-    copy_to(solved.after, end.after)
-    world_pushes(plant, rows, solved.impulse, end.pushes)
+    book_impact(plant, rows)
+    world_pushes(plant, rows)
     # What parts so slowly that gravity brings it back within the step stays closed.
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     for row in range(len(rows.held)):
-        i, speed = rows.held[row], solved.speed[len(rows.laws) + row]
+        i, speed = rows.held[row], rows.speed[len(rows.laws) + row]
         parts = speed > max(plant.bounds[TOUCH], slow)
         end.closed[i] = (before[i] or end.fresh[i]) and not parts
     return HIT
 
 
 @inner
-def makes_energy(found: Row) -> bool:
-    """Return whether an impact has a solution, and one that makes no energy, in `Ending.hit`."""
-    return bool(found[WAY] >= UNSOLVED or found[CONTACT] < -_ROUNDING * found[ENERGY])
+def lost_by(plant: Opened) -> float:
+    """Return what an impact loses in its contacts [J]; no number where it has no solution."""
+    return float(plant.end.hit[CONTACT] if plant.end.work[WAY] < UNSOLVED else np.nan)
 
 
 @compiled(inside=True)
@@ -250,20 +230,21 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
     kind = impact_at(plant, 1.0, left, goes_on)
-    if kind != HIT or found[SHARE] == 0.0 or not makes_energy(found):
+    lost_high = lost_by(plant)
+    if kind != HIT or found[SHARE] == 0.0 or lost_high >= -_ROUNDING * found[ENERGY]:
         return kind
-    lost_high = found[CONTACT] if found[WAY] < UNSOLVED else np.nan
     impact_at(plant, 0.0, left, goes_on)
-    lost_low = found[CONTACT]
-    for _ in range(_TRIES if found[WAY] < UNSOLVED else 0):
+    lost_low = lost_by(plant)
+    for _ in range(_TRIES if lost_low == lost_low else 0):
         share = 0.5 * (low + high)
         if lost_high < 0.0:
             share = low + (high - low) * lost_low / (lost_low - lost_high)
             share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
         impact_at(plant, share, left, goes_on)
-        if makes_energy(found):
-            high, lost_high = share, found[CONTACT] if found[WAY] < UNSOLVED else np.nan
+        lost = lost_by(plant)
+        if lost >= -_ROUNDING * found[ENERGY]:
+            low, lost_low = share, lost
         else:
-            low, lost_low = share, found[CONTACT]
+            high, lost_high = share, lost
     impact_at(plant, low, left, goes_on)
     return kind

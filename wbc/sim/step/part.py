@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from wbc.compiled import Places, Row, ask, compiled, inner
-from wbc.mechanics.linear import add_times, copy_to, dot
+from wbc.mechanics.linear import add_times, dot
 from wbc.mechanics.newton import UNSOLVED
 from wbc.sim.step.arrival import arrive, rigid_ones
 from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
 from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
-from wbc.sim.step.part_rows import PartRows, Solved, rows_of, world_pushes
+from wbc.sim.step.part_rows import PartRows, rows_of, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, solve_part
 from wbc.sim.step.tables import HERTZ, TOUCH, Opened
 
@@ -65,20 +65,18 @@ def begin(plant: Opened, step: float) -> PartRows:
 
 
 @inner
-def keep(plant: Opened, rows: PartRows, solved: Solved) -> None:
-    """Write v (nv,) after the impulses, these themselves, and how the motors move then."""
+def keep(plant: Opened, rows: PartRows) -> None:
+    """Write the impulses after which a part ends, and how the motors move then."""
     end, half = plant.end, 0.5 * rows.step
-    end.work[0], end.work[1] = solved.used, solved.way
     end.impulse[:] = 0.0
-    for i in range(len(solved.impulse)):
-        end.impulse[rows.places[i]] = solved.impulse[i]
-    copy_to(solved.after, end.after)
+    for i in range(len(rows.impulse)):
+        end.impulse[rows.places[i]] = rows.impulse[i]
     for i in range(len(rows.motor)):
-        end.motor_speed[i] = solved.speed[i] + solved.end[i]
-        end.mesh_impulse[i] = solved.impulse[i] + np.sign(end.motor_speed[i]) * rows.laws[i, 5]
+        end.motor_speed[i] = rows.speed[i] + rows.end[i]
+        end.mesh_impulse[i] = rows.impulse[i] + np.sign(end.motor_speed[i]) * rows.laws[i, 5]
         end.deflection[i] = 0.0
         if plant.gears.yields[i]:
-            moved = half * (rows.relative[i] + solved.end[i])
+            moved = half * (rows.relative[i] + rows.end[i])
             end.deflection[i] = plant.now.deflection[i] + moved
 
 
@@ -116,7 +114,7 @@ def part_of_step(plant: Opened, step: float) -> int:
         step: h [s].
 
     Returns:
-        SMOOTH or LANDED; ten and more where it failed, ten beyond what `Solved.way` says.
+        SMOOTH or LANDED; ten and more where it failed, ten beyond what `solve_part` says.
     """
     end = plant.end
     to_middle(plant, 0.5 * step)
@@ -126,15 +124,15 @@ def part_of_step(plant: Opened, step: float) -> int:
     rows = begin(plant, step)
     if not rows.lower[0, 0] > 0.0:
         return 10 + NO_INERTIA
-    solved = solve_part(plant, rows, end.speed, 1.0)
-    keep(plant, rows, solved)
-    if solved.way >= UNSOLVED:
-        return 10 + solved.way
-    books_of(plant, rows, solved)
+    way = solve_part(plant, rows, end.speed, 1.0)
+    keep(plant, rows)
+    if way >= UNSOLVED:
+        return 10 + way
+    books_of(plant, rows)
     elements, both = len(rows.laws), len(rows.targets)
     turns = fastest_turn(plant, end.speed) + fastest_turn(plant, end.after)
-    world_pushes(plant, rows, solved.impulse, end.pushes)
-    pressed = solved.impulse[elements : elements + both]
+    world_pushes(plant, rows)
+    pressed = rows.impulse[elements : elements + both]
     rounding = _ROUNDING * np.sum(np.abs(pressed))
     for i in range(both):
         pressed[i] = pressed[i] if pressed[i] > rounding else 0.0

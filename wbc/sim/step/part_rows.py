@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, Row, compiled, inner
+from wbc.compiled import Flags, OutDense, OutPlaces, OutRow, compiled, inner
 from wbc.effects.tables import fill_delivered, fill_joint_torques
 from wbc.mechanics.inertia import move_bodies, part_on_joints
 from wbc.mechanics.linear import add_times, copy_to, dot, factor_inertia, solve_inertia
@@ -41,6 +41,9 @@ class PartRows(NamedTuple):
         relative: (m,) the same less those of the joints.
         depths: (k, 2) of compliant contacts at the start and in the middle; empty for rigid ones.
         start: (r,) impulses from which the solution starts.
+        impulse, speed: (r,) at which the rows end.
+        end: (m,) relative speeds of the motor outputs then.
+        damped: (m,) what soft gears pass beside their springs [N m s].
         step: h [s], zero for an impact.
     """
 
@@ -57,30 +60,11 @@ class PartRows(NamedTuple):
     relative: OutRow
     depths: OutDense
     start: OutRow
-    step: float
-
-
-class Solved(NamedTuple):
-    """How the rows of a part ended.
-
-    Attributes:
-        impulse, speed: (r,).
-        after: v (nv,).
-        end: (m,) relative speeds of the motor outputs.
-        damped: (m,) what soft gears pass beside their springs [N m s].
-        used: linear systems solved.
-        way: that found it; UNSOLVED or SEVERAL where none did.
-        missed: speed by which a PASSIVE end misses the laws, else zero.
-    """
-
     impulse: OutRow
     speed: OutRow
-    after: OutRow
     end: OutRow
     damped: OutRow
-    used: int
-    way: int
-    missed: float
+    step: float
 
 
 @compiled(inside=True)
@@ -121,7 +105,7 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
         np.empty(touching), v.copy(),
         np.empty((touching * (1 + d), 3)), held[:both],
         np.empty(total, dtype=np.int64), np.empty(m), np.zeros(m), np.empty((soft, 2)),
-        np.zeros(total), step,
+        np.zeros(total), np.zeros(total), np.empty(total), np.zeros(m), np.zeros(m), step,
     )  # fmt: skip
     motor_speeds(gears, v, plant.now.motor_speed, rows.motor)
     for i in range(m):
@@ -186,18 +170,14 @@ def rows_of(plant: Opened, step: float) -> PartRows:
 
 
 @inner
-def world_pushes(plant: Opened, rows: PartRows, impulse: Row, pushes: OutRow) -> None:
+def world_pushes(plant: Opened, rows: PartRows) -> None:
     """Write the impulse on every contact point, and on the first hull of every pair (3 (k + p),).
 
-    Args:
-        plant: whose contacts they are.
-        rows: of a part or an impact.
-        impulse: (r,) of the rows.
-        pushes: to write, world.
+    In world axes, from the rows of a part or an impact.
     """
     obstacles, count, axes = plant.obstacles, len(rows.frictions), rows.axes
-    d, limits = obstacles.tangents, len(rows.targets) - count
-    first = len(rows.laws) + limits
+    d, limits, pushes = obstacles.tangents, len(rows.targets) - count, plant.end.pushes
+    first, impulse = len(rows.laws) + limits, rows.impulse
     pushes[:] = 0.0
     for c in range(count):
         which = rows.held[limits + c] - 2 * len(obstacles.limit_at)

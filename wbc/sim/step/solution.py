@@ -45,13 +45,16 @@ from wbc.mechanics.newton import (
 )
 from wbc.mechanics.rows import RowSystem, copied, own_speed
 from wbc.sim.step.gears import rotor_brings
-from wbc.sim.step.part_rows import PartRows, Solved, part_system
+from wbc.sim.step.part_rows import PartRows, part_system
 from wbc.sim.step.self_locking import solve_rows
 from wbc.sim.step.tables import DISSIPATION, HERTZ, Opened
 from wbc.transmission.flank_steps import flank_impulse
 
 NO_INERTIA = SEVERAL + 1
 """H_l is not positive definite."""
+USED, WAY, MISSED = range(3)
+"""Of a solution: linear systems solved, what found it, and the speed by which a passive one misses
+the laws, else zero."""
 
 _ROUNDS = 200
 """In 53 hostile scenes (12,768 steps) 10 leave steps of three scenes unsettled, 25 those of one,
@@ -62,13 +65,13 @@ NEVER = -1e9
 _NEAR = 1e-5  # share of a depth below which a difference quotient is the slope in the middle
 
 
-END, IMPULSE, SLOPE, DAMPED, HELD = range(5)
-"""Columns of flanks (m, 5): relative speed at the end, motor output ahead of joint [rad/s]; what
-springs and soft flanks pass there [N m s]; its change per speed, zero where there is no spring;
-what of the impulse is not the springs'; 1 where a gear holds on to its joint at all."""
+END, IMPULSE, SLOPE, HELD = range(4)
+"""Columns of flanks (m, 4): relative speed at the end, motor output ahead of joint [rad/s]; what
+springs and soft flanks pass there [N m s]; its change per speed, zero where there is no spring; 1
+where a gear holds on to its joint at all."""
 
 RELEASED, STEEPEST, TAKEN = range(3)
-"""Columns of turns (m, 3): 1 where a rigid flank lets go; the steepest slope met so far; the
+"""Columns of turns: 1 where a rigid flank lets go; the steepest slope met so far; the
 slope that the round takes."""
 
 _NEWTON = 8  # rounds, of the 3 to 5 that crossings take
@@ -77,20 +80,15 @@ _MET = 1e-11  # of the momentum: how far an impulse may be off its flank's law
 
 
 class Rounds(NamedTuple):
-    """Memory for rounds; of flanks each (m, 5), turns (m, 3), empty where no gear is loose.
+    """Memory for rounds: flanks and turns, each (m, 4), empty where no gear is loose.
 
     Attributes:
-        impulse, speed: (r,) where the round ends.
-        end: (m,) relative speeds of the motor outputs there.
         near: that the round takes.
         passed: where it ends.
         safe: where the last round with the steepest slopes ended.
         turns: RELEASED to TAKEN.
     """
 
-    impulse: OutRow
-    speed: OutRow
-    end: OutRow
     near: OutDense
     passed: OutDense
     safe: OutDense
@@ -104,18 +102,18 @@ def is_safe(turn: int) -> bool:
 
 
 @inner
-def take_hold(plant: Opened, relative: Row, step: float, end: Row, flanks: OutDense) -> None:
-    """Write the flanks (m, 5) of loose gears that start at relative speeds (m,) and end at `end`.
+def take_hold(plant: Opened, rows: PartRows, end: Row, flanks: OutDense) -> None:
+    """Write the flanks (m, 4) of loose gears of a part that ends at relative speeds (m,).
 
     Springs take the chord of their energy (theta 1/2), dampers the final speed (theta_c 1). A rigid
     flank that is reached stops the relative motion; what it is overrun by, at most one step, stays.
     Flanks of rigid gears stay.
     """
-    gears = plant.gears
+    gears, step = plant.gears, rows.step
     for i in range(len(end)):
         if not gears.yields[i]:
             continue
-        half, place, rate = 0.5 * gears.play[i], plant.now.deflection[i], relative[i]
+        half, place, rate = 0.5 * gears.play[i], plant.now.deflection[i], rows.relative[i]
         flanks[i], flanks[i, END] = 0.0, end[i]
         if gears.stiffness[i] == np.inf:
             holds = not abs(place + 0.5 * step * rate) < half
@@ -123,7 +121,7 @@ def take_hold(plant: Opened, relative: Row, step: float, end: Row, flanks: OutDe
             impulse, slope, _, damped = flank_impulse(
                 gears.stiffness[i], gears.damping[i], half, step, 0.5, 1.0, place, rate, end[i]
             )
-            flanks[i, IMPULSE], flanks[i, SLOPE], flanks[i, DAMPED] = impulse, slope, damped
+            flanks[i, IMPULSE], flanks[i, SLOPE], rows.damped[i] = impulse, slope, damped
             holds = slope > 0.0 or impulse != 0.0
         flanks[i, HELD] = 1.0 if holds else 0.0
 
@@ -135,7 +133,7 @@ def lean_on_flanks(
     """Write the springs of a round into laws (m, 9)."""
     near, turns = rounds.near, rounds.turns
     if turn == 0:
-        take_hold(plant, rows.relative, rows.step, rows.relative, near)
+        take_hold(plant, rows, rows.relative, near)
     for i in range(len(near)):
         if not plant.gears.yields[i]:
             continue
@@ -167,12 +165,12 @@ def misses_flanks(
         zero where all are met.
     """
     gears, near, passed, turns = plant.gears, rounds.near, rounds.passed, rounds.turns
-    impulse, speed, missed, safely = rounds.impulse, rounds.speed, 0.0, is_safe(turn)
+    impulse, speed, missed, safely = rows.impulse, rows.speed, 0.0, is_safe(turn)
     for i in range(len(near)):
         if gears.yields[i]:
             own = own_speed(system.laws[i], system.slope[i], impulse[i], speed[i])
-            rounds.end[i] = own - speed[i]
-    take_hold(plant, rows.relative, rows.step, rounds.end, passed)
+            rows.end[i] = own - speed[i]
+    take_hold(plant, rows, rows.end, passed)
     for i in range(len(near)):
         if not gears.yields[i]:
             continue
@@ -218,9 +216,9 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
 
 
 @inner
-def softened(plant: Opened, rows: PartRows, system: RowSystem, speed: Row) -> RowSystem:
-    """Return the system with compliant contacts as their tangents at row speeds (r,)."""
-    softer, count, step = copied(system), len(system.targets), rows.step
+def softened(plant: Opened, rows: PartRows, system: RowSystem) -> RowSystem:
+    """Return the system with compliant contacts as their tangents at the speeds of the rows."""
+    softer, count, step, speed = copied(system), len(system.targets), rows.step, rows.speed
     for c in range(len(rows.depths)):
         at = count - len(rows.depths) + c
         row = len(system.laws) + at
@@ -236,16 +234,14 @@ def softened(plant: Opened, rows: PartRows, system: RowSystem, speed: Row) -> Ro
 
 
 @inner
-def misses_contacts(
-    plant: Opened, rows: PartRows, system: RowSystem, impulse: Row, speed: Row
-) -> float:
+def misses_contacts(plant: Opened, rows: PartRows, system: RowSystem) -> float:
     """Return by how much compliant contacts miss their law at most, as a speed."""
     off = 0.0
     for c in range(len(rows.depths)):
         row = len(system.laws) + len(system.targets) - len(rows.depths) + c
-        after = rows.depths[c, 1] - 0.5 * rows.step * speed[row]
+        after = rows.depths[c, 1] - 0.5 * rows.step * rows.speed[row]
         force, _ = mean_force(plant, rows.depths[c, 0], after, rows.step)
-        off = max(off, abs(rows.step * force - impulse[row]) * system.own[row])
+        off = max(off, abs(rows.step * force - rows.impulse[row]) * system.own[row])
     return off
 
 
@@ -306,52 +302,54 @@ def settles(after: Row, last: OutRow) -> float:
 
 
 @compiled(inside=True)
-def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> Solved:
-    """Return how the rows of a part end, with every row, flank and coupling on its law.
+def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
+    """Write how the rows of a part end, with every row, flank and coupling on its law.
 
     Rounds take flanks and compliant contacts as tangents, and coupling as it was in the last one,
     until none of them changes.
 
     Args:
-        plant: what moves.
+        plant: what moves; `after` and `work` of its end are written.
         rows: of the part; laws and free velocity are those of the solution afterwards.
         speed: v (nv,) before.
         work: share of what `solve_system` may do in an impact.
+
+    Returns:
+        what found it; UNSOLVED or more where nothing did.
     """
-    size, n, m, gears = len(rows.start), len(speed), len(plant.gears.rows), plant.gears
+    n, m, gears = len(speed), len(plant.gears.rows), plant.gears
     system = part_system(rows, plant.obstacles.tangents)
     coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
     soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
     tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system
-    impulse, row_speed, after, last_x = np.zeros(size), np.empty(size), np.empty(n), np.empty(n)
-    room, end = np.zeros((3, m if loose else 0, 5)), np.zeros(m)
-    turns = np.zeros((room.shape[1], 3))
-    rounds = Rounds(impulse, row_speed, end, room[0], room[1], room[2], turns)
+    impulse, after, last_x, work_of = rows.impulse, plant.end.after, np.empty(n), plant.end.work
+    room = np.zeros((4, m if loose else 0, 4))
+    rounds = Rounds(room[0], room[1], room[2], room[3])
     if coupled:
         laws, shifted = laws.copy(), rows.free.copy()
     if soft:
-        copy_to(system.free, row_speed)
+        copy_to(system.free, rows.speed)
     for turn in range(_ROUNDS):
         if coupled:
             lag_coupling(plant, rows, system, speed, last, laws, shifted)
         if loose:
             lean_on_flanks(plant, rows, turn, rounds, system.laws)
         if soft:
-            taken = softened(plant, rows, system, row_speed)
+            taken = softened(plant, rows, system)
         if coupled or gears.loose:
             more, way = solve_system(taken, rows.start, tolerance, work, impulse)
         else:
             more, way = solve_rows(taken, rows.start, tolerance, work, impulse)
         used, missed = used + more, 0.0
         velocity_after(system, rows.lower, shifted, impulse, after)
-        speeds_at(system, impulse, last_x, row_speed)
+        speeds_at(system, impulse, last_x, rows.speed)
         if way >= UNSOLVED or not (coupled or soft or loose):
             break
         copy_to(impulse, rows.start)
         if loose:
             missed = misses_flanks(plant, rows, system, turn, rounds)
         if soft:
-            off = misses_contacts(plant, rows, system, impulse, row_speed)
+            off = misses_contacts(plant, rows, system)
             missed = max(missed, off if off > tolerance else 0.0)
         if coupled:
             missed = max(missed, settles(after, last))
@@ -365,5 +363,5 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> Solved
     if way == PASSIVE:
         missed = max(missed, residuals(system, impulse)[0])
     copy_to(shifted, rows.free)
-    damped = rounds.passed[:, DAMPED].copy()
-    return Solved(impulse, row_speed, after, end, damped, used, way, missed)
+    work_of[USED], work_of[WAY], work_of[MISSED] = used, way, missed
+    return way

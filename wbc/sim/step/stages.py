@@ -16,7 +16,7 @@ from wbc.sim.setup import EffectActs, Setup, memory_before
 from wbc.sim.step import books, impact
 from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again
 from wbc.sim.step.self_locking import several
-from wbc.sim.step.solution import NO_INERTIA
+from wbc.sim.step.solution import MISSED, NO_INERTIA, USED, WAY
 from wbc.sim.step.tables import LENGTH, RESTITUTION, TIME, SimState
 
 _SOLUTIONS = 27  # most that an error tells of
@@ -193,6 +193,11 @@ class Stage:
         """(k, 3) [N s] on the robot, world axes."""
         return np.asarray(self.end.pushes.reshape(-1, 3))
 
+    @property
+    def missed(self) -> float:
+        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
+        return float(self.end.work[MISSED])
+
 
 class Flow(Stage):
     """What happened in one smooth part."""
@@ -213,14 +218,9 @@ class Flow(Stage):
         return float(self.course.stages[self.stage, LENGTH])
 
     @property
-    def missed(self) -> float:
-        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.books[books.MISSED])
-
-    @property
     def iterations(self) -> int:
         """Linear systems solved."""
-        return int(self.end.work[0])
+        return int(self.end.work[USED])
 
     @property
     def method(self) -> str:
@@ -229,7 +229,7 @@ class Flow(Stage):
         "passive" where friction gave way, "ranges" where self-locking gears were held to a range
         of their laws.
         """
-        return WAYS[int(self.end.work[1])]
+        return WAYS[int(self.end.work[WAY])]
 
     @cached_property
     def energy(self) -> EnergyFlow:
@@ -305,11 +305,6 @@ class Impact(Stage):
     def kinetic(self) -> float:
         """Energy before [J], of rotors included."""
         return float(self.end.hit[impact.ENERGY])
-
-    @property
-    def missed(self) -> float:
-        """Speed [m/s, rad/s] by which a passive end misses the laws, else zero."""
-        return float(self.end.hit[impact.LEFT])
 
 
 def failure(setup: Setup, code: int, torque: FloatArray) -> SimulationError:

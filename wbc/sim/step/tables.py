@@ -268,14 +268,14 @@ class Ending(NamedTuple):
         pushes: * (3 (k + p),) impulses [N s] on contact points, and on the first hull of each
             pair, world axes.
         deflection: (m,) [rad] of the motor outputs ahead of the joints.
-        books: (11,) work and losses [J], MOTOR to TAKEN of `books`.
-        work: (2,) linear systems solved, and what found the impulses, see `mechanics.newton`.
+        books: (10,) work and losses [J], MOTOR to TAKEN of `books`.
+        work: * (3,) USED to MISSED of `solution`.
         before, speed: q (nq,), v (nv,) in the middle, before forces and impulses.
         rate: (2 j + c,) at which closed contacts opened at the start.
         force: (nv,) generalised forces in the middle, of effects and from outside.
         moved: (nv,) shift out of overlaps.
         aims: * speeds at which the barriers of an impact are to part, in their order.
-        hit: * (6,) numbers MESH to LEFT of `impact`.
+        hit: * (4,) numbers MESH to ENERGY of `impact`.
         closed: * (2 j + c,) barriers that hold or take part; afterwards those that stay closed.
         kept, jumps: (2 j + c,) barriers that may close within the part, and those that are to be
             kept from its end on: they land slowly, or their gap jumps.
