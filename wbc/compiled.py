@@ -13,7 +13,6 @@ import gc
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from copy import copy
 from dis import get_instructions
 from functools import cache
@@ -36,7 +35,7 @@ from typing import (
 
 import numba
 from llvmlite import binding, ir
-from numba import config, types
+from numba import carray, config, types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -45,7 +44,7 @@ from numba.core.caching import (
 )
 from numba.core.cgutils import alloca_once
 from numba.core.registry import CPUDispatcher
-from numba.extending import intrinsic
+from numba.extending import intrinsic, register_jitable
 from numba.np.arrayobj import populate_array
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
@@ -85,33 +84,14 @@ _COPIED = 700
 into functions that call it."""
 
 
-def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
+@register_jitable  # type: ignore[untyped-decorator]
+def view(array: Any, start: int, rows: int, columns: int) -> Any:
     """Return the entries of an array (n,) from `start` on as a matrix, without owning them.
 
     A slice counts who holds its memory each time that it is passed on, which takes longer than a
     loop over a small robot. This does not: the caller keeps `array` alive.
     """
-    matrix = types.Array(array.dtype, 2, "C")
-
-    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        source = target.make_array(array)(target, builder, given[0])
-        found = target.make_array(matrix)(target, builder)
-        size = target.get_constant(types.intp, array.dtype.bitwidth // 8)
-        along = builder.mul(given[3], size)
-        populate_array(
-            found,
-            data=builder.gep(source.data, [given[1]]),
-            shape=[given[2], given[3]],
-            strides=[along, size],
-            itemsize=size,
-            meminfo=None,
-        )
-        return found._getvalue()
-
-    return matrix(array, start, rows, columns), build
-
-
-view: Any = intrinsic(_view)
+    return carray(array[start:].ctypes, (rows, columns))
 
 
 def _local(context: Any, size: Any) -> Any:
@@ -301,13 +281,17 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
             raise NameError(f"{self.__name__} calls {', '.join(late)}: define these before it.")
         for called in self._called_by_name():
             called.make_ready()
-        with _no_collection():
-            try:
-                super().compile(self._declared)
-            except OSError:  # a folder that is full, or cannot be read
-                _warn_of_compiling()
-                self._cache = NullCache()
-                super().compile(self._declared)
+        collects = gc.isenabled()
+        gc.disable()  # to look for garbage among what a compiler holds takes a tenth of its time
+        try:
+            super().compile(self._declared)
+        except OSError:  # a folder that is full, or cannot be read
+            _warn_of_compiling()
+            self._cache = NullCache()
+            super().compile(self._declared)
+        finally:
+            if collects:
+                gc.enable()
         self.disable_compile()
         if not self.copied:
             self._give_name()
@@ -354,18 +338,6 @@ class MachineCode(CPUDispatcher):  # type: ignore[misc]
         return self.overloads[self._declared.args].entry_point
 
 
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    """Let nobody look for garbage among what a compiler holds: that takes a tenth of its time."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
-
-
 def _called(function: Callable[..., Any]) -> list[MachineCode]:
     """Return the compiled functions that a function calls, as far as they are defined."""
     known = {name: function.__globals__.get(name) for name in function.__code__.co_names}
@@ -385,7 +357,8 @@ class _Folder(UserWideCacheLocator):  # type: ignore[misc]
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> _Folder | None:
         """Return the folder for a function of a file; None where there is none."""
-        folders = [Path(file).parent / "__pycache__", Path(_own_folder(function, file))]
+        own = UserWideCacheLocator(function, file).get_cache_path()
+        folders = [Path(file).parent / "__pycache__", Path(own)]
         if config.CACHE_DIR:
             folders.insert(0, Path(config.CACHE_DIR))
         holding = [f for f in folders if (f / f"{_base(function)}.nbi").exists()]
@@ -431,10 +404,6 @@ class _Kept(FunctionCache):  # type: ignore[misc]
 
 def _base(function: Callable[..., Any]) -> str:
     return f"{function.__name__.strip('<>')}-{vars(function)['stamp'][:24]}"
-
-
-def _own_folder(function: Callable[..., Any], file: str) -> str:
-    return str(UserWideCacheLocator(function, file).get_cache_path())
 
 
 @cache

@@ -15,7 +15,7 @@ from wbc.robot import BodySurface, Robot
 from wbc.robot.body_contacts import Hull, ground_box, hull_of
 from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, HeightField, Terrain
-from wbc.sim.step.tables import Bodies
+from wbc.sim.step.tables import Bodies, Obstacles
 
 TOUCH = 1e-6
 """Gap [m, rad] up to which a barrier counts as closed."""
@@ -32,13 +32,12 @@ class Barriers:
         limits: 2 j, lower limits, then upper ones, of j joints.
         points: k contact points.
         pairs: names of p pairs of hulls.
-        contacts: c contact barriers, all points for the first of s solids first, then the pairs'.
         bodies: the pairs as arrays.
-        tables: limits and contact points as the first tables of `Obstacles`.
+        obstacles: limits, contact points and what they meet; `asked` only says whether Python alone
+            knows how far some of the ground is.
+        names: of the barriers (2 j + c,): limits, all points for the first of s solids, and so on,
+            then those of the pairs.
         size: 2 j + c.
-        tangents: per contact, one where no contact point can leave its x-z plane, else two.
-        asked: whether only Python knows how far some of the ground is.
-        names: of the barriers (2 j + c).
     """
 
     def __init__(self, robot: Robot, terrain: Terrain, tree: Tree, hulls: tuple[Hull, ...]) -> None:
@@ -55,31 +54,35 @@ class Barriers:
         joints = [(name, model.joints[model.getJointId(name)]) for name in driven_joints(model)]
         finite = np.isfinite(low) | np.isfinite(high)
         single = [(name, joint) for name, joint in joints if finite[joint.idx_q]]
-        self.asked = any(solid.numbers() is None for solid in terrain.solids)
         at = [(joint.idx_q, joint.idx_v) for _, joint in single]
-        self._at = np.array(at, dtype=np.int64).reshape(-1, 2)
-        self._range = np.column_stack((low[self._at[:, 0]], high[self._at[:, 0]]))
+        limit_at = np.array(at, dtype=np.int64).reshape(-1, 2)
+        limit_range = np.column_stack((low[limit_at[:, 0]], high[limit_at[:, 0]]))
         both, pairs = _pairs_of(hulls, robot.surface, terrain)
         last = {int(joint): row for row, (joint, _) in enumerate(tree.rows)}
         self.bodies = _tables_of(both, pairs, last, len(robot.contacts))
         points = _points_of(robot, self.bodies, last, len(terrain.solids))
-        self.tables = self._at, self._range, *points
+        known = [numbers for solid in terrain.solids if (numbers := solid.numbers()) is not None]
+        solids = np.zeros((len(known), max(map(len, known), default=0)))
+        for row, numbers in zip(solids, known, strict=True):
+            row[: len(numbers)] = numbers
         self.pairs = tuple((both[a].name, both[b].name) for a, b, *_ in pairs)
-        self.tangents = 1 if _moves_in_plane(robot) and not pairs else 2
         self.limits, self.points = 2 * len(single), len(robot.contacts)
-        self.contacts = self.points * len(terrain.solids) + len(self.bodies.slots)
-        self.size = self.limits + self.contacts
         self.names = (
             *(f"joint '{name}' at its lower limit" for name, _ in single),
             *(f"joint '{name}' at its upper limit" for name, _ in single),
             *(f"contact '{c.name}'" for c in robot.contacts * len(terrain.solids)),
             *(f"'{a}' on '{b}'" for a, b in (self.pairs[i] for i in self.bodies.slots[:, 0])),
         )
+        self.size = len(self.names)
+        room = np.zeros((self.points, 3)), np.zeros((self.size - self.limits, 7))
+        tangents = 1 if _moves_in_plane(robot) and not pairs else 2
+        asked = int(len(known) < len(terrain.solids))
+        self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, tangents, asked)
 
     def within_limits(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) with every joint within its limits."""
-        q = np.array(position)
-        q[self._at[:, 0]] = np.clip(q[self._at[:, 0]], *self._range.T)
+        q, at = np.array(position), self.obstacles.limit_at[:, 0]
+        q[at] = np.clip(q[at], *self.obstacles.limit_range.T)
         return q
 
 

@@ -187,7 +187,7 @@ class StepResult:
         setup, tree, (_, gap, lowest) = self.setup, self.setup.plant.tree, self._end
         if not len(setup.plant.placed.bases) or not setup.robot.contacts:
             return
-        if setup.barriers.asked:  # loops do not know all of the ground
+        if setup.plant.obstacles.asked:  # loops do not know all of the ground
             poses = np.empty((len(tree.joints), 12))
             place(tree.joints, tree.shapes, self.state.position, poses)
             links = (tree.shapes[:, 15] > 0.0).nonzero()[0]  # those with a mass

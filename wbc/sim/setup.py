@@ -101,10 +101,12 @@ class Setup:
 
     def _opened(self, tree: Tree, bounds: FloatArray) -> tables.Opened:
         """Return numbers and memory as the structure that compiled loops read and write."""
-        bases = free_bases(self.robot)
-        barriers, n, b, m = self.barriers, len(tree.joints), len(bases), self.drive.gears.size
-        nq, nv, size, d = self.robot.model.nq, self.robot.model.nv, barriers.size, barriers.tangents
-        rows = m + nv + size + d * barriers.contacts
+        model, barriers, bases = self.robot.model, self.barriers, free_bases(self.robot)
+        n, m, size = len(tree.joints), len(self.drive.rows), barriers.size
+        nq, nv, told = model.nq, model.nv, barriers.obstacles
+        if told.asked:
+            told = told._replace(asked=self._address(self._ask_ground))
+        rows = m + nv + size + told.tangents * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 10, 3, nq, nv, size, nv, nv, size, 4
         now, now_kind = _memory(tables.Now, 4, nq, nv, rows, m, m, m, *[size] * 3)
@@ -113,8 +115,9 @@ class Setup:
         self.cuts = [*map(slice, begin[:-1], begin[1:])]
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
-        shapes, carried = ((n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)), np.zeros((b, 10))
-        back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(self.robot.model.gravity.linear)
+        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
+        placed = *map(np.zeros, shapes), bases, np.zeros((len(bases), 10))
+        back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(model.gravity.linear)
         bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
         meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)
         asked = self._address(self._ask_forces) if self.waits else 0
@@ -126,9 +129,9 @@ class Setup:
         return stored(
             tables.Opened(
                 stored(tree),
-                stored(self._obstacles()),
+                stored(told),
                 stored(self.drive.tables()),
-                stored(tables.PlacedTree._make((*map(np.zeros, shapes), bases, carried))),
+                stored(tables.PlacedTree._make(placed)),
                 stored(barriers.bodies),
                 stored(tables.Forces._make(forces)),
                 now,
@@ -136,23 +139,6 @@ class Setup:
                 np.zeros((_STAGES, width)),
                 bounds,
             )
-        )
-
-    def _obstacles(self) -> tables.Obstacles:
-        """Return limits, contact points and what they meet as loops know it."""
-        barriers, solids = self.barriers, [solid.numbers() for solid in self.terrain.solids]
-        known = [numbers for numbers in solids if numbers is not None]
-        asked = self._address(self._ask_ground) if barriers.asked else 0
-        table = np.zeros((len(known), max(map(len, known), default=0)))
-        for own, numbers in zip(table, known, strict=True):
-            own[: len(numbers)] = numbers
-        return tables.Obstacles(
-            *barriers.tables,
-            table,
-            np.zeros((barriers.points, 3)),
-            np.zeros((barriers.contacts, 7)),
-            barriers.tangents,
-            asked,
         )
 
     def _ask_ground(self) -> None:

@@ -218,28 +218,6 @@ def begin_step(
 
 
 @inner
-def end_part(plant: Opened, more: bool) -> bool:
-    """Go on to the end of a part; return whether barriers are kept.
-
-    Args:
-        plant: what moves.
-        more: whether more barriers are kept from now on, see `flow_until`.
-    """
-    now, end, keeps = plant.now, plant.end, False
-    copy_to(end.position, now.position)
-    copy_to(end.velocity, now.velocity)
-    copy_to(end.impulse, now.impulse)
-    copy_to(end.deflection, now.deflection)
-    copy_to(end.motor_speed, now.motor_speed)
-    for i in range(len(now.closed)):
-        if more:
-            now.kept[i] = end.kept[i] or end.jumps[i]
-        now.closed[i] = end.closed[i] and not now.kept[i]
-        keeps = keeps or now.kept[i]
-    return keeps
-
-
-@inner
 def note(plant: Opened, ended: bool) -> None:
     """Write down a part or an impact that has ended, else the end of the step."""
     now, numbers = plant.now.words, plant.now.numbers
@@ -300,11 +278,12 @@ def take_step(
     Returns:
         zero, or how it failed, see NO_COMMAND; `plant.stages` holds the course of the step.
     """
-    numbers, over, failed = plant.now.numbers, False, 0
+    now, end, over, failed = plant.now, plant.end, False, 0
+    numbers = now.numbers
     left = step = numbers[LENGTH]
     if not begin_step(plant, q, v, impulse, deflection, speed, closed, torque):
         return NO_COMMAND
-    if len(closed) != len(plant.now.closed):
+    if len(closed) != len(now.closed):
         failed = meet(plant, step, False)
     while failed == 0 and not over:
         result, length, more = flow_until(plant, left)
@@ -313,7 +292,17 @@ def take_step(
         numbers[LENGTH] = length
         note(plant, True)
         left, numbers[TIME] = left - length, numbers[TIME] + length
-        keeps, over = end_part(plant, more), left <= _OVER * step
+        copy_to(end.position, now.position)
+        copy_to(end.velocity, now.velocity)
+        copy_to(end.impulse, now.impulse)
+        copy_to(end.deflection, now.deflection)
+        copy_to(end.motor_speed, now.motor_speed)
+        keeps, over = False, left <= _OVER * step
+        for i in range(len(now.closed)):
+            if more:
+                now.kept[i] = end.kept[i] or end.jumps[i]
+            now.closed[i] = end.closed[i] and not now.kept[i]
+            keeps = keeps or now.kept[i]
         if keeps or not over:
             failed = meet(plant, step if over else left, keeps and not over)
     note(plant, False)

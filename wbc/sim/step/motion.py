@@ -88,17 +88,6 @@ def carry(plant: Opened, v: Row) -> None:
 
 
 @inner
-def keep_centers(plant: Opened) -> None:
-    """Keep the centre of mass (3) and mass of every tree on a free base."""
-    placed = plant.placed
-    for i in range(len(placed.bases)):
-        behind, carried = placed.composite[placed.bases[i, JOINT]], placed.carried[i]
-        carried[9] = behind[0]
-        copy_to(placed.about, carried[6:])
-        add_times(1.0 / behind[0], behind[1:4], carried[6:])
-
-
-@inner
 def set_momentum(plant: Opened, v: OutRow) -> None:
     """Change the bases' rows of v (nv,) so that every tree has the momentum that is carried."""
     placed = plant.placed
@@ -163,7 +152,11 @@ def to_middle(plant: Opened, half: float) -> None:
     copy_to(v, speed)
     if len(bases):
         carry(plant, v)
-        keep_centers(plant)
+        for i in range(len(bases)):
+            behind, carried = plant.placed.composite[bases[i, JOINT]], plant.placed.carried[i]
+            carried[9] = behind[0]
+            copy_to(plant.placed.about, carried[6:])
+            add_times(1.0 / behind[0], behind[1:4], carried[6:])
         moved_along(joints, q, v, half, middle)
         put(plant, middle)
         look(plant)

@@ -31,15 +31,16 @@ _ROUNDING = 1e-12
 """Share of all pushes that is none: what opens is not held back by an impulse of 1e-20 N s."""
 
 
-@inner
-def close(plant: Opened, step: float) -> None:
-    """Write which barriers hold in a part.
+@compiled(inside=True)
+def begin(plant: Opened, step: float) -> PartRows:
+    """Return the rows of a part, which start from the last step's impulses.
 
-    Compliant contacts take part that may be met within it: `_FASTEST` [m/s]. One that comes faster
-    is met by the part after, deeper in its spring.
+    Where H_l is not positive, `lower[0, 0]` is no number. Compliant contacts take part that may be
+    met within it: `_FASTEST` [m/s]. One that comes faster is met by the part after, deeper in its
+    spring.
 
     Args:
-        plant: whose memory stands in the middle.
+        plant: whose memory stands in the middle; which barriers hold is written.
         step: h [s].
     """
     end, before = plant.end, plant.now.closed
@@ -49,15 +50,6 @@ def close(plant: Opened, step: float) -> None:
         gaps_at(plant, end.before, before[:0], end.gap)
         for i in range(2 * len(plant.obstacles.limit_at), len(before)):
             end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
-
-
-@compiled(inside=True)
-def begin(plant: Opened, step: float) -> PartRows:
-    """Return the rows of a part, which start from the last step's impulses.
-
-    Where H_l is not positive, `lower[0, 0]` is no number.
-    """
-    close(plant, step)
     rows = rows_of(plant, step)
     for i in range(len(rows.start)):
         rows.start[i] = plant.now.impulse[rows.places[i]]
