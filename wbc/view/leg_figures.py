@@ -57,10 +57,8 @@ def leg_figure(
     q = np.asarray(position, dtype=np.float64)
     with drawing(theme):
         figure, grid = new_figure(1, 3, 10.0, 4.3)
-        pose, inertia, force = grid[0]
-        _draw_pose(pose, robot, q, contact, axes, theme)
-        _draw_inertia(inertia, robot, q, contact, axes, theme)
-        _draw_force(force, robot, q, contact, axes, theme)
+        for ax, draw in zip(grid[0], (_draw_pose, _draw_inertia, _draw_force), strict=True):
+            draw(ax, robot, q, contact, axes, theme)
     return figure
 
 

@@ -116,10 +116,9 @@ def write_report(
         "diagnosis": diagnosis,
         "comparison": comparison,
         "discovery": discovery,
-        "formulas": discovery and discovery.rows(),
         "left": comparison.error_rows() if diagnosis is None else diagnosis.left_rows(),
         "open_loop": open_loop_rows(simulated) if simulated else None,
-        "not_simulated": simulated[-1].reason if simulated else "",
+        "simulated": simulated,
         "clocks": clock_rows(qualities),
         "quality": [quality for quality in qualities if quality.findings],
         "dependences": [b for b in comparison.where if b.share > _STRONG][:_MOST_DEPENDENCES],
@@ -242,11 +241,6 @@ _ROWS = 700  # of one line: about as many as a screen has points across
 _NUMBERS = 500_000  # of all lines together: some 3 MB of text
 _POINTS = 450
 _STRETCHES = 200  # near reversals, shaded in one plot: more would be a grey wall
-_OVER = {
-    "N": {"speed": "m/s", "position": "m", "load": "N"},
-    "N m": {"speed": "rad/s", "position": "rad", "load": "N m"},
-}
-"""Unit of an output -> what its residual is drawn over, with their units."""
 
 
 def residual_plots(
@@ -268,15 +262,12 @@ def residual_plots(
     for k, (output, unit) in enumerate(zip(names, output_units(robot), strict=True)):
         driven = k < robot.transmission.size
         seen = [(record, quantities(record, k)) for record in problem.records]
-        over = [
-            {
-                "name": name,
-                "unit": own_unit,
-                "x": _short(np.concatenate([one.thinned(own[name][1]) for one, own in seen])[few]),
-            }
-            for name, own_unit in _OVER[unit].items()
-            if driven or name == "speed"
-        ]
+        over = []
+        for name in ("speed", "position", "load") if driven else ("speed",):
+            told = seen[0][1][name][0]
+            own_unit = told.replace("N m", "N").replace("rad", "m") if unit == "N" else told
+            values = np.concatenate([one.thinned(own[name][1]) for one, own in seen])
+            over.append({"name": name, "unit": own_unit, "x": _short(values[few])})
         panels.append(
             {
                 "output": output,

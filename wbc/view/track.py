@@ -11,7 +11,8 @@ import pinocchio as pin
 from wbc.arrays import FloatArray
 from wbc.dynamics import Workspace, evaluate, link_torque, rotor_torque as needed_torque
 from wbc.errors import ViewError
-from wbc.identification.model.residual import condensed_residual, raw_residual
+from wbc.identification.choice.candidate_columns import evidence
+from wbc.identification.model.residual import condensed_residual
 from wbc.identification.readings.checks import require_readable
 from wbc.identification.records.channels import contact_forces
 from wbc.identification.records.preparation import prepare
@@ -74,29 +75,24 @@ def model_ghost(
     require_readable(model, log)
     record = prepare(model, [log])[0]
     residual = condensed_residual(model, [record])
-    level = _quiet_level(residual) if floor is None else np.asarray(floor)
+    if floor is None:
+        size = np.abs(residual)
+        floor = np.maximum(np.quantile(size, 0.1, axis=0), 1e-9 + 0.01 * size.max(axis=0))
     joints = model.transmission.joints
     return Ghost(
         label=label,
         time=np.asarray(record.motion.time),
         position=_answer(model, record),
         residual_time=record.time,
-        residual={name: residual[:, i] / level[i] for i, name in enumerate(joints)},
+        residual={name: residual[:, i] / floor[i] for i, name in enumerate(joints)},
     )
-
-
-def _quiet_level(residual: FloatArray) -> FloatArray:
-    size = np.abs(residual)
-    return np.asarray(np.maximum(np.quantile(size, 0.1, axis=0), 1e-9 + 0.01 * size.max(axis=0)))
 
 
 def _answer(model: Robot, record: Record) -> FloatArray:
     """Return q (N, nq): the measured motion plus the tied error of the model."""
-    gears = model.transmission
-    weighted = raw_residual(model, record) * record.weight
-    torque = np.zeros((len(weighted), model.model.nv))
-    torque[:, model.actuated] = np.linalg.solve(gears.topology.T, weighted[:, : gears.size].T).T
-    torque[:, model.unactuated] = weighted[:, gears.size :]
+    topology, driven = model.transmission.topology, model.actuated
+    torque = np.array(evidence(model, [record]).unexplained[0])
+    torque[:, driven] = np.linalg.solve(topology.T, torque[:, driven].T).T
     step = 1.0 / record.rate
     error, rate = np.zeros(model.model.nv), np.zeros(model.model.nv)
     position = np.empty(record.motion.position.shape)
@@ -115,12 +111,9 @@ def _acceleration(
 ) -> FloatArray:
     """Return what a torque (nv,) too much does, loaded contacts held in place."""
     terms = evaluate(model, record.motion.position[row], record.motion.velocity[row], space)
-    gears = model.transmission
-    inertia = terms.mass_matrix.copy()
-    turn = gears.motor_from_joint
-    inertia[np.ix_(model.actuated, model.actuated)] += (
-        turn.T @ np.diag(gears.reflected_inertia) @ turn
-    )
+    inertia, gears = terms.mass_matrix.copy(), model.transmission
+    rotors = gears.motor_from_joint.T * gears.reflected_inertia @ gears.motor_from_joint
+    inertia[np.ix_(model.actuated, model.actuated)] += rotors
     loaded = [
         3 * i + axis
         for i, contact in enumerate(model.contacts)

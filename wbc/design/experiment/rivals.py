@@ -151,10 +151,9 @@ class Rivals:
         """Check what can be compared."""
         if not self.causes or not all(self.causes):
             raise DesignError("an experiment is about one cause or more; give --between.")
-        keys = [frozenset(effect.key for effect in cause) for cause in self.causes]
-        if len(set(keys)) < len(keys) or any(
-            len(key) < len(cause) for key, cause in zip(keys, self.causes, strict=True)
-        ):
+        keys = [[effect.key for effect in cause] for cause in self.causes]
+        same = len(set(map(frozenset, keys))) < len(keys)
+        if same or any(len(set(own)) < len(own) for own in keys):
             raise DesignError(
                 "a cause is given twice; an experiment decides between different ones."
             )
