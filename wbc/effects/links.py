@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import islice
@@ -48,7 +48,6 @@ _VARIED = 2048
 _THIN = 0.1  # share of a link's length below which no radius of gyration is believed
 
 _SHEARS = ((0, 1, 0, 0, 1, 2), (1, 2, 2, 3, 3, 3))  # where s12, s23, s13, t1, t2, t3 stand in L
-_Combine = Callable[[FloatArray], dict[str, float]]
 
 PARAMETERS = tuple(
     Parameter(name, "1", 0.0, -limit, limit, USUAL)
@@ -164,16 +163,14 @@ def _screens(
 ) -> tuple[Screen, ...]:
     """Return small steps of every number, put together as links need them: linearly."""
 
-    def combined(combine: _Combine) -> _Combine:
-        def combine_bodies(coefficients: FloatArray) -> dict[str, float]:
-            small = combine(coefficients)
-            each = np.reshape(list(small.values()), (-1, _COUNT))
-            return dict(zip(small, np.ravel([of_first_order(own) for own in each]), strict=True))
+    (steps,) = small_steps(kind, robot, where, evidence)
 
-        return combine_bodies
+    def combine(coefficients: FloatArray) -> dict[str, float]:
+        small = steps.combine(coefficients)
+        each = np.reshape(list(small.values()), (-1, _COUNT))
+        return dict(zip(small, np.ravel([of_first_order(own) for own in each]), strict=True))
 
-    steps = small_steps(kind, robot, where, evidence)
-    return tuple(replace(screen, combine=combined(screen.combine)) for screen in steps)
+    return (replace(steps, combine=combine),)
 
 
 _LEFT = 0.5  # share of the drawn mass below which a part of the link is taken to be missing

@@ -72,13 +72,24 @@ def _effect(entry: Mapping[str, Any], path: Path) -> Effect:
         if name not in units and isinstance(number, Mapping):  # the effect will know
             number, own[name] = {**number, "unit": "1"}, number.get("unit")
         values[name] = number_in(number, units.get(name, "1"), f"{place}: {name}")
-    effect = _with_constants(kind.at(where, values), entry, path)
+    effect = kind.at(where, values)
+    constants, given = _constants(effect), dict(entry.get("constants", {}))
+    if "friction_side" in entry:  # as files had it before they held constants
+        given["friction_side"] = entry["friction_side"]
+    for name, value in given.items():
+        require_known(RobotError, "constant", name, constants, place)
+        if type(value) is not type(constants[name]):
+            expected = type(constants[name]).__name__
+            raise RobotError(f"{place}: {name}: {value!r} stands where a {expected} is expected.")
+    side = given.get("friction_side")
+    if side is not None and side not in SIDES:
+        raise RobotError(f"{place}: friction_side '{side}' is none of {', '.join(SIDES)}.")
     for p in effect.parameters:
         if own.get(p.name) not in (None, p.unit):
             raise RobotError(
                 f"{place}: {p.name}: unit '{own[p.name]}' stands where [{p.unit}] is expected."
             )
-    return effect
+    return replace(effect, **given) if given else effect
 
 
 def _constants(effect: Effect) -> dict[str, Any]:
@@ -98,24 +109,6 @@ def _constants(effect: Effect) -> dict[str, Any]:
                 "holds numbers, texts and true or false only."
             )
     return found
-
-
-def _with_constants(effect: Effect, entry: Mapping[str, Any], path: Path) -> Effect:
-    """Return an effect with those of its fields that an entry holds beside its parameters."""
-    place = f"{path}: {effect.name} at '{effect.where}'"
-    constants = _constants(effect)
-    given = dict(entry.get("constants", {}))
-    if "friction_side" in entry:  # as files had it before they held constants
-        given["friction_side"] = entry["friction_side"]
-    for name, value in given.items():
-        require_known(RobotError, "constant", name, constants, place)
-        if type(value) is not type(constants[name]):
-            kind = type(constants[name]).__name__
-            raise RobotError(f"{place}: {name}: {value!r} stands where a {kind} is expected.")
-    side = given.get("friction_side")
-    if side is not None and side not in SIDES:
-        raise RobotError(f"{place}: friction_side '{side}' is none of {', '.join(SIDES)}.")
-    return replace(effect, **given) if given else effect
 
 
 def save_robot(

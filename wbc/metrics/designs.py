@@ -402,10 +402,10 @@ def with_contact_at(robot: Robot, name: str) -> Robot:
     Raises:
         RobotError: neither a contact nor a frame of that name.
     """
-    if any(point.name == name for point in robot.contacts):
+    contacts = [point.name for point in robot.contacts]
+    if name in contacts:
         return robot
-    known = [point.name for point in robot.contacts]
-    known += [frame.name for frame in robot.model.frames]
+    known = contacts + [frame.name for frame in robot.model.frames]
     require_known(RobotError, f"contact or frame of '{robot.name}'", name, known)
     point = ContactPoint(name=name, frame=name, offset=np.zeros(3))
     return replace(robot, contacts=(*robot.contacts, point))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -121,8 +121,7 @@ class BodySurface:
             raise RobotError(f"bodies: depth must be positive, got {self.depth}.")
 
 
-@dataclass(frozen=True, eq=False)
-class RotorMounting:
+class RotorMounting(NamedTuple):
     """The housings of the m rotors.
 
     Attributes:

@@ -142,8 +142,7 @@ class PointContact(Contact):
             RobotError: no such contact point.
         """
         point = robot.contact(self.name)
-        index = [c.name for c in robot.contacts].index(self.name)
-        axes = movable_axes(robot, index)
+        axes = movable_axes(robot, robot.contacts.index(point))
         if 2 not in axes:
             raise ControlError(f"contact '{self.name}' cannot move along z on '{robot.name}'.")
         mu = point.friction if self.friction is None else self.friction
