@@ -169,7 +169,7 @@ def quiet(robot, generator):
 
 def hostile_inputs(robot, ours, generator):
     """Yield arguments of `step`, most of them states that a robot should never be in."""
-    names = [contact.name for contact in ours._contacts.values()]
+    names = list(ours._parts.contacts)
     nv = robot.model.nv
     while True:
         spread = generator.choice([0.01, 0.1, 0.3, 1.0, 3.0])

@@ -15,7 +15,6 @@ from wbc.control import Controller, ControllerSettings, Status, WarmStart
 from wbc.control.qp import level
 from wbc.control.qp.level import LevelAnswer
 from wbc.control.qp.solvers import solve
-from wbc.control.tick import Ticker
 from wbc.robot import Motion
 
 ROBOTS = ["solo12", "talos"]
@@ -174,11 +173,11 @@ def test_every_tick_under_an_overdetermined_level_is_solved(name, few, solver, s
 def test_a_lower_level_without_a_solution_leaves_the_upper_one_in_force(monkeypatch):
     robot = load_robot("solo12")
     alone, both = overdetermined(robot)
-    second, solve = both._levels.of(None, 1e-3)[0][1], Ticker._solve
+    second, solve = both._levels.of(None, 1e-3)[0][1], Controller._solve
     found = second.unsearched._replace(verdict=(Status.FAILED, "the solver gave up."))
     gave_up = LevelAnswer(second, np.zeros(0), 1e-3, found, 0.0, 0)
     monkeypatch.setattr(
-        Ticker, "_solve", lambda t, at, *a: gave_up if at is second else solve(t, at, *a)
+        Controller, "_solve", lambda t, at, *a: gave_up if at is second else solve(t, at, *a)
     )
     state = next(moving(robot, 1, 1, 0.02, 0.3))
     one, two = alone.step(state), both.step(state)

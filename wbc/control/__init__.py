@@ -1,7 +1,6 @@
 """Whole-body control through lossy gears: tasks, contacts, limits, and the controller."""
 
 from wbc.control.command import Command as Command, Status as Status, explain as explain
-from wbc.control.controller import Controller as Controller
 from wbc.control.inputs import Reference as Reference, State as State
 from wbc.control.qp.solvers import WarmStart as WarmStart
 from wbc.control.rows.collision import CollisionLimit as CollisionLimit, Shape as Shape
@@ -42,3 +41,4 @@ from wbc.control.settings import (
     RestPolicy as RestPolicy,
     SpeedBlend as SpeedBlend,
 )
+from wbc.control.tick import Controller as Controller

@@ -18,15 +18,15 @@ out; its `take` writes ceilings of forces, and distances of solids.
 
 from __future__ import annotations
 
-from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from threading import Lock
 from time import perf_counter
+from typing import NoReturn, final
 
 import numpy as np
 
 from wbc.arrays import FloatArray
-from wbc.compiled import Row, Vector, compiled, view
+from wbc.compiled import Row, Vector, compiled, make_ready, view
 from wbc.control.command import Command, Status
 from wbc.control.fallback import Fallback
 from wbc.control.inputs import InputCheck, Reference, State, complaint_of, size_complaint
@@ -35,7 +35,11 @@ from wbc.control.memory import COUNT, GEAR, NUMBER, PART, ProgramMemory
 from wbc.control.qp.level import Level, LevelAnswer, Levels
 from wbc.control.qp.program import Recipe
 from wbc.control.qp.search import DONE, LIMITED_TORQUE, UNSOLVED, guess
+from wbc.control.qp.solvers import QPProblem
+from wbc.control.rows.collision import CollisionLimit
+from wbc.control.rows.contacts import Contact
 from wbc.control.rows.gear_rows import place_loads, place_map, place_torques
+from wbc.control.rows.limits import Effort, JointLimit, RotorTorqueLimit
 from wbc.control.rows.motion_rows import (
     place_balance,
     place_joint_bounds,
@@ -43,22 +47,77 @@ from wbc.control.rows.motion_rows import (
     rest_contacts,
     want,
 )
+from wbc.control.rows.tasks import Task
 from wbc.control.settings import ControllerSettings
 from wbc.mechanics.linear import copy_to
-from wbc.robot import Motion
+from wbc.robot import Motion, Robot
 
 
-class Ticker(ABC):
-    """What a `Controller` does in a tick, and what it takes from one to the next."""
+@final
+class Controller:
+    """Whole-body controller of a robot with lossy gears.
 
-    settings: ControllerSettings
-    _parts: Recipe  # what the programs are made of
-    _inputs: InputCheck
-    _levels: Levels  # of priority, for every set of contacts
-    _fallback: Fallback
-    _free: Lock  # held by the thread that is in `step`
-    _last: FloatArray  # block of results of the last tick with a solution, see `PART`
-    _answer: LevelAnswer | None  # of the last tick that asked a level
+    Each tick solves the contact-force program (accelerations and contact forces under the
+    dissipative equation of motion, see `Program`) and realises its output torques
+    through the gears, in the direction of power that the solution itself has. The user owns the
+    loop; `step` never raises. One thread at a time may be in `step`; a second one gets the last
+    good torque and is told so.
+
+    Attributes:
+        robot: the robot, with the effects to compensate.
+        tasks: what it should do.
+        settings: everything else.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Sequence[Task | Effort],
+        contacts: Sequence[Contact] = (),
+        limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit] | None = None,
+        settings: ControllerSettings | None = None,
+    ) -> None:
+        """Set the controller up.
+
+        Args:
+            robot: the robot model to obey; `robot.lossless()` makes a conservative controller.
+            tasks: tasks and efforts with different names; at least one moves the robot at
+                level 0.
+            contacts: contacts that may be active; all are, unless `step` says otherwise.
+            limits: at most one of each kind; left out, the rotor torque limits hold and the
+                limits of joints that the model states. `[RotorTorqueLimit()]` leaves these out.
+            settings: the defaults when left out.
+
+        Raises:
+            ControlError: no tasks, two of one name, or one that does not fit the robot.
+            RobotError: a contact, joint or frame that the robot does not have, or a model file
+                that closes a loop.
+        """
+        robot.require_tree()
+        make_ready("wbc.control")
+        self.robot, self.tasks = robot, tuple(tasks)
+        self.settings = ControllerSettings() if settings is None else settings
+        limits = (RotorTorqueLimit(), JointLimit()) if limits is None else limits
+        self._parts = parts = Recipe.of(robot, self.tasks, contacts, limits, self.settings)
+        names = frozenset(task.name for task in self.tasks)
+        weighed = frozenset(task.name for task in self.tasks if isinstance(task, Task))
+        self._inputs = InputCheck(robot, names, weighed, tuple(parts.contacts))
+        self._levels = Levels(parts)  # of priority, for every set of contacts
+        self._fallback = Fallback(parts, self._levels.whole)
+        self._free = Lock()  # held by the thread that is in `step`
+        self._answer: LevelAnswer | None = None  # of the last tick that asked a level
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget references, directions and the last good torque, as when newly made."""
+        for stack in self._parts.stacks:
+            stack.forget()
+        # block of results of the last tick with a solution, see `PART`
+        self._last: FloatArray = np.zeros(self._levels.shared)
+        self._parts.joints.load[:] = np.nan
+        self._parts.drivetrain.forget()
+        self._fallback.remember(None)
+        self._levels.forget()
 
     def step(
         self,
@@ -186,6 +245,24 @@ class Ticker(ABC):
         self._last, program = self._last.copy(), answer.level.program
         self._last[program.at[PART.advanced]] = program.memory.corrected
         return self._fallback.command(motion, complaint, answer.dt, start, answer)
+
+    @property
+    def problem(self) -> QPProblem | None:
+        """A copy of the program of the last tick, for inspection; None before the first."""
+        answer = self._answer
+        return None if answer is None else answer.level.built(self._last, answer.found.decided)
+
+    @property
+    def disturbance(self) -> FloatArray:
+        """A copy of the torque (nv,) [N m, N] that the observer has learned, zero without one."""
+        return np.array(self._parts.drivetrain.memory.disturbance)
+
+    def __reduce__(self) -> NoReturn:
+        """Raise TypeError: the parts of a controller share memory that a copy would tear apart."""
+        raise TypeError(
+            "a Controller is neither copied nor pickled; make another one of the same robot, "
+            "tasks, contacts, limits and settings."
+        )
 
 
 @compiled

@@ -18,7 +18,7 @@ from wbc.control.qp.lock_rows import extend_by_bounds, hold, let_pass, place_abo
 from wbc.control.qp.program import Program, Recipe, place_prices
 from wbc.control.qp.search import GUESSES, SMALL, contested, try_bounds, weigh
 from wbc.control.qp.solvers import Daqp, QPProblem, QPSolution, QPStatus, WarmStart, solve
-from wbc.control.rows.contacts import BoundContact, ContactRamp, ContactSet, drawn_poses
+from wbc.control.rows.contacts import ContactRamp, ContactSet, drawn_poses
 from wbc.control.rows.gear_rows import place_efforts, place_torque_limits
 
 # What it takes to write a program out and to begin it, to try bounds that may bind, and a step of
@@ -491,13 +491,13 @@ class Levels:
         shared: size of the part of a block of results that all programs have, see `PART`.
     """
 
-    def __init__(self, recipe: Recipe, contacts: Mapping[str, BoundContact]) -> None:
+    def __init__(self, recipe: Recipe) -> None:
         """Remember what programs are made of."""
-        self._recipe, self._contacts, self._all = recipe, dict(contacts), tuple(contacts)
+        self._recipe, self._all = recipe, tuple(recipe.contacts)
         robot, kinematics = recipe.robot, recipe.kinematics
         nq, nv, m = robot.model.nq, robot.model.nv, robot.transmission.size
         self.shared = nq + 3 * nv + len(GEAR) * m
-        self.whole = ContactSet(tuple(contacts.values()), kinematics.model)
+        self.whole = ContactSet(tuple(recipe.contacts.values()), kinematics.model)
         self._drawn: list[FloatArray] = []
         for q in drawn_poses(robot, _POSES):
             kinematics.update(q, np.zeros(nv))
@@ -547,7 +547,7 @@ class Levels:
         """Return the levels for some contacts, in the order of all."""
         levels = self._made.get(names)
         if levels is None:
-            recipe, chosen = self._recipe, [self._contacts[name] for name in names]
+            recipe, chosen = self._recipe, [self._recipe.contacts[name] for name in names]
             contacts = ContactSet(tuple(chosen), recipe.kinematics.model, self._rank(names))
             ranks = range(len(recipe.stacks))
             levels = tuple(Level(Program(recipe, contacts, rank), rank) for rank in ranks)

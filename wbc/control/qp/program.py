@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, pairwise
 from math import sqrt
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,11 +20,13 @@ from wbc.control.qp.active_set import SOLVER
 from wbc.control.qp.linalg import extend_basis
 from wbc.control.qp.lock_rows import LOCK
 from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution
-from wbc.control.rows.collision import CollisionRows
-from wbc.control.rows.contacts import ContactSet
-from wbc.control.rows.limits import JointLimit
+from wbc.control.rows.collision import CollisionLimit, CollisionRows
+from wbc.control.rows.contacts import BoundContact, Contact, ContactSet
+from wbc.control.rows.limits import Effort, JointLimit, RotorTorqueLimit
 from wbc.control.rows.task_stack import TaskStack
+from wbc.control.rows.tasks import Task
 from wbc.control.settings import ControllerSettings
+from wbc.errors import ControlError
 from wbc.mechanics.linear import add_times, copy_to, dot
 from wbc.robot import Robot
 
@@ -57,6 +59,7 @@ class Recipe:
         settings: of the controller.
         efforts, effort_kinds: see PROGRAM; the least important level bears them.
         stacks: tasks by level, the most important first.
+        contacts: that may be active, by name.
     """
 
     robot: Robot
@@ -69,6 +72,50 @@ class Recipe:
     efforts: FloatArray
     effort_kinds: FloatArray
     stacks: tuple[TaskStack, ...]
+    contacts: Mapping[str, BoundContact]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        tasks: Sequence[Task | Effort],
+        contacts: Sequence[Contact],
+        limits: Sequence[RotorTorqueLimit | JointLimit | CollisionLimit],
+        settings: ControllerSettings,
+    ) -> Recipe:
+        """Return what the arguments of a `Controller` come to; errors as there."""
+        for kind, things in (("task", tasks), ("contact", contacts)):
+            names = [one.name for one in things]
+            for name in names:
+                if names.count(name) > 1:
+                    raise ControlError(f"two {kind}s are called '{name}'; names must differ.")
+        bound = {contact.name: contact.bind(robot) for contact in contacts}
+        frames = [frame for contact in bound.values() for frame in contact.frames]
+        kinematics = Kinematics(robot, frames)
+        drivetrain = GearModel(robot, kinematics, settings, _single(RotorTorqueLimit, limits))
+        efforts = [task for task in tasks if isinstance(task, Effort)]
+        weights = [effort.weights(robot) for effort in efforts]
+        apart, stops = _single(CollisionLimit, limits), _single(JointLimit, limits)
+        if stops is None or not stops.joints:
+            stops = JointLimit.of(robot, () if stops is None else None)
+        moving = [task for task in tasks if isinstance(task, Task)]
+        ranks = sorted({task.level for task in moving})
+        if not ranks or ranks[0] != 0:
+            raise ControlError("a controller without tasks of level 0 has nothing to do.")
+        by_rank = [[task for task in moving if task.level == rank] for rank in ranks]
+        return cls(
+            robot=robot,
+            drivetrain=drivetrain,
+            kinematics=kinematics,
+            joint_limit=stops,
+            joints=stops.structure(robot.model.nv),
+            collision=None if apart is None else CollisionRows(apart, kinematics.model),
+            settings=settings,
+            efforts=np.array(weights).reshape(-1, drivetrain.size),
+            effort_kinds=np.array([e.kind for e in efforts]).reshape(-1, 2),
+            stacks=tuple(TaskStack(robot, some, kinematics.model) for some in by_rank),
+            contacts=bound,
+        )
 
     @property
     def asks_ahead(self) -> bool:
@@ -80,6 +127,17 @@ class Recipe:
     def load(self) -> float:
         """What forces are measured by [N]: the weight, 1 kN where nothing weighs."""
         return self.robot.weight if self.robot.weight > 0.0 else 1e3
+
+
+_Limit = TypeVar("_Limit", RotorTorqueLimit, JointLimit, CollisionLimit)
+
+
+def _single(kind: type[_Limit], limits: Sequence[object]) -> _Limit | None:
+    """Return the limit of a kind, None where there is none; two of a kind would contradict."""
+    found = [limit for limit in limits if isinstance(limit, kind)]
+    if len(found) > 1:
+        raise ControlError(f"at most one {kind.__name__} can be given.")
+    return found[0] if found else None
 
 
 @inner
