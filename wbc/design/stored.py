@@ -62,15 +62,13 @@ def pareto_front(table: Mapping[str, FloatArray], objectives: Sequence[Objective
     order = usable[np.lexsort(costs[usable].T[::-1])]
     if len(objectives) <= 2:
         return order[~_beaten_in_order(costs[order, 0], costs[order, -1])]
-    front = np.zeros((0, costs.shape[1]))
-    kept = [np.zeros(0, dtype=np.int_)]
+    front = order[:0]
     for start in range(0, len(order), _BLOCK):
         rows = order[start : start + _BLOCK]
-        rows = rows[~_beaten(costs[rows], front)]
+        rows = rows[~_beaten(costs[rows], costs[front])]
         rows = rows[~_beaten(costs[rows], costs[rows])]
-        kept.append(rows)
-        front = np.concatenate([front, costs[rows]])
-    return np.concatenate(kept)
+        front = np.concatenate([front, rows])
+    return front
 
 
 def _beaten_in_order(first: FloatArray, second: FloatArray) -> BoolArray:

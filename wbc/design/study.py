@@ -187,11 +187,10 @@ def choose_gearboxes(names: str, catalogue: Mapping[str, Gearbox]) -> tuple[Gear
     """
     if names == "all":
         return tuple(box for box in catalogue.values() if box.forward_efficiency is not None)
-    chosen = []
-    for name in names.split(","):
-        require_known(DesignError, "gearbox", name.strip(), catalogue)
-        chosen.append(catalogue[name.strip()])
-    return tuple(chosen)
+    chosen = [name.strip() for name in names.split(",")]
+    for name in chosen:
+        require_known(DesignError, "gearbox", name, catalogue)
+    return tuple(catalogue[name] for name in chosen)
 
 
 def _row(row: Mapping[str, str], place: str) -> Gearbox:
@@ -321,10 +320,9 @@ class Study:
                 links[parameter.name][parameter.place] = column
             else:
                 field = GEAR_PARAMETERS[parameter.name]
-                now = np.tile(getattr(gears, field), (count, 1))
-                wide = given.setdefault(field, now)
-                rows = slice(None) if not parameter.place else gears.index(parameter.place)
-                wide[:, rows] = column[:, None] if not parameter.place else column
+                wide = given.setdefault(field, np.tile(getattr(gears, field), (count, 1)))
+                rows = [gears.index(parameter.place)] if parameter.place else slice(None)
+                wide[:, rows] = column[:, None]
         if self.gearboxes:
             # A forward efficiency alone brings the wedge's backward one; none leaves the robot's.
             forward, backward = given["forward_efficiency"], given["backward_efficiency"]

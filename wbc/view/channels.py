@@ -92,8 +92,7 @@ def base_pitch(robot: Robot, poses: FloatArray) -> FloatArray:
     """
     if not robot.unactuated.size:
         return np.zeros(len(poses))
-    starts = [joint.idx_v for joint in robot.model.joints]
-    number = max(j for j in range(1, len(starts)) if starts[j] <= robot.unactuated[-1])
+    number = np.searchsorted(robot.model.idx_vs[1:], robot.unactuated[-1], side="right")
     x, y, z, w = poses[:, number, 3:].T
     return np.asarray(np.arctan2(2.0 * (x * z + y * w), 1.0 - 2.0 * (y**2 + z**2)))
 

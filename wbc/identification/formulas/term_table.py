@@ -222,9 +222,17 @@ def torque_terms(
     q, v = f"q_{joint}", f"v_{joint}"
     sign = f"sign({v})"
     waves = {1.0, 2.0} if not slides(robot, joint) else set()
-    smooth_orders, dry_orders = _orders(robot, joint, motions, unexplained, band)
-    smooth_waves = _waves(q, waves | smooth_orders)
-    dry_waves = _waves(q, waves | dry_orders)
+    # Smooth torque and dry friction repeat with position at orders of their own.
+    column, row = robot.position_index(joint), robot.velocity_index(joint)
+    positions = [motion.position[:, column] for motion in motions]
+    speeds = [motion.velocity[:, row] for motion in motions]
+    torques = [torque[:, row] for torque in unexplained]
+    along = [torque * np.sign(speed) for torque, speed in zip(torques, speeds, strict=True)]
+    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+    highest = 2.0 * np.pi * band / max(usual, 1e-9)
+    smooth_waves, dry_waves = (
+        _waves(q, waves | _peaks(positions, own, highest)) for own in (torques, along)
+    )
     gravity = [f"gravity_{joint}"] * _weighs(robot, joint, motions)
     load = [f"load_{joint}"] * (not robot.floating_size)
     texts = ["1", q, f"{q}^2", f"{q}^3", *smooth_waves]
@@ -282,24 +290,6 @@ def _chain(robot: Robot, joint: str) -> list[str]:
         for name, other in numbers.items()
         if other in list(model.supports[own]) or own in list(model.supports[other])
     ]
-
-
-def _orders(
-    robot: Robot,
-    joint: str,
-    motions: Sequence[Motion],
-    unexplained: Sequence[FloatArray],
-    band: float,
-) -> tuple[set[float], set[float]]:
-    """Return the orders at which smooth torque and dry friction repeat with position."""
-    column, row = robot.position_index(joint), robot.velocity_index(joint)
-    positions = [motion.position[:, column] for motion in motions]
-    speeds = [motion.velocity[:, row] for motion in motions]
-    torques = [torque[:, row] for torque in unexplained]
-    along = [torque * np.sign(speed) for torque, speed in zip(torques, speeds, strict=True)]
-    usual = float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
-    highest = 2.0 * np.pi * band / max(usual, 1e-9)
-    return _peaks(positions, torques, highest), _peaks(positions, along, highest)
 
 
 def _peaks(
