@@ -12,13 +12,13 @@ from wbc.errors import needs
 from wbc.view.palette import DARK as DARK, LIGHT as LIGHT, Theme as Theme
 
 if TYPE_CHECKING:
+    from wbc.view.channels import Ghost as Ghost, model_ghost as model_ghost
     from wbc.view.pictures import write_animation as write_animation, write_picture as write_picture
     from wbc.view.playback import write_playback as write_playback
-    from wbc.view.track import Ghost as Ghost, model_ghost as model_ghost
 
 _HOMES = {
-    "Ghost": "track",
-    "model_ghost": "track",
+    "Ghost": "channels",
+    "model_ghost": "channels",
     "write_animation": "pictures",
     "write_picture": "pictures",
     "write_playback": "playback",

@@ -23,6 +23,7 @@ from wbc.robot import Robot
 from wbc.robot.coordinates import unit_at
 from wbc.sim.ground import Plane, Terrain
 from wbc.transmission import Direction
+from wbc.view.channels import Ghost, Track, ghost_at, make_track
 from wbc.view.palette import (
     DIRECTION_COLOURS,
     DIRECTION_LABELS,
@@ -35,7 +36,6 @@ from wbc.view.palette import (
 )
 from wbc.view.scene import ARROW_HEAD, add_paths, add_robot_scene, surface, terrain_slabs
 from wbc.view.shapes import LinkShape, robot_shapes
-from wbc.view.track import Ghost, Track, ghost_at, make_track
 
 _LEAST_SPAN = 6.0
 _LOADED = 0.02  # weights above which a contact bears something

@@ -52,8 +52,8 @@ with needs("view", "writing a report"):
     from markupsafe import Markup
     from plotly.offline import get_plotlyjs
 
+    from wbc.view.channels import model_ghost
     from wbc.view.playback import embedded, write_playback
-    from wbc.view.track import model_ghost
 
 _STRONG = 0.1
 _MOST_DEPENDENCES = 10

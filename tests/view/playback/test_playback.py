@@ -15,8 +15,7 @@ from wbc.measurement import Log
 from wbc.robot import Robot, bare_robot
 from wbc.sim.ground import Plane, Sphere
 from wbc.view import write_playback
-from wbc.view.channels import configuration
-from wbc.view.track import make_track
+from wbc.view.channels import configuration, make_track
 
 _MOTION = ("position", "velocity", "acceleration")
 
