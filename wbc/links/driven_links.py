@@ -219,15 +219,14 @@ class DrivenLinks:
         h = self.step / parts
         late = np.where(numbers[:, 0] * h**2 < self.least_inertia, 0.5, 1.0)
         d, v, dry = np.zeros((3, *self.load.shape, starts.shape[3]))
-        ended, last = np.zeros((2, len(first), *d.shape[1:]))
         load, numbers = self._loads(parts), np.column_stack((numbers, late))
         given = self.inertia, self.drag, self.pull, load, self.speed, self.level, numbers, first
-        whole = map(np.ascontiguousarray, (*given, starts[:, 0], starts[:, 1]))
-        links = stored(Links._make((*whole, d, v, dry, ended, last, parts)))
+        whole, ends = map(np.ascontiguousarray, (*given, starts)), np.zeros(starts.shape)
+        links = stored(Links._make((*whole, d, v, dry, ends, parts)))
         follow_links(links, self.step, _FARTHEST)
         reached = np.concatenate([v[1:], v[-1:]])  # where windows end, not where others begin
-        reached[first[1:] - 1] = last[:-1]
-        return self._motions(gears, d, v, reached, dry, np.stack([ended, last], axis=1))
+        reached[first[1:] - 1] = ends[:-1, 1]
+        return self._motions(gears, d, v, reached, dry, ends)
 
     def chosen(
         self, gears: Sequence[Flanks], moved: Motions, window: IntArray, which: IntArray

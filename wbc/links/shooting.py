@@ -165,14 +165,12 @@ class _Shots:
         links: what drives them.
         gears: in front of them.
         first: (W,) number of the first sample of each window.
-        size: (1, 2, n) typical deflections and rates.
     """
 
     responses: Sequence[LinkResponse]
     links: DrivenLinks
     gears: Sequence[Flanks]
     first: IntArray
-    size: FloatArray
 
     @classmethod
     def of(
@@ -182,7 +180,21 @@ class _Shots:
         links = DrivenLinks.of(responses, coarse)
         hop = max(8, int(_WINDOW / links.step))
         count = max(1, len(links.load) // hop) if any(gear.play > 0.0 for gear in gears) else 1
-        return cls(responses, links, gears, hop * np.arange(count), _typical(links, gears))
+        return cls(responses, links, gears, hop * np.arange(count))
+
+    @cached_property
+    def size(self) -> FloatArray:
+        """(1, 2, n) deflections and rates as large as a gear's play and wind-up allow.
+
+        A soft or heavily damped gear is far from wound up when a window ends: it gets no further
+        than its damping and the link's inertia let it.
+        """
+        links, gears = self.links, self.gears
+        load, inertia = np.abs(links.load).max(axis=0), np.diagonal(links.inertia.mean(axis=0))
+        half = np.array([0.5 * gear.play for gear in gears])
+        held = np.array([gear.stiffness + gear.damping / _WINDOW for gear in gears])
+        away = half + 0.5 * load / (held + 2.0 * inertia / _WINDOW**2)
+        return np.stack([away, np.sqrt(load * away / inertia)])[None]
 
     def likeliest(self, rough: bool) -> tuple[FloatArray, Motions]:
         """Return starts (W, 2, n) where nothing is known, and the motion from them.
@@ -369,16 +381,3 @@ def _sum(moved: Motions, change: Motions) -> Motions:
 def _chosen(starts: FloatArray, which: IntArray) -> FloatArray:
     """Return one of S starts (W, 2, n, S) for each window, (W, 2, n)."""
     return np.asarray(np.take_along_axis(starts, which[:, None, None, None], axis=-1)[..., 0])
-
-
-def _typical(links: DrivenLinks, gears: Sequence[Flanks]) -> FloatArray:
-    """Return deflections and rates (1, 2, n) as large as a gear's play and wind-up allow.
-
-    A soft or heavily damped gear is far from wound up when a window ends: it gets no further than
-    its damping and the link's inertia let it.
-    """
-    load, inertia = np.abs(links.load).max(axis=0), np.diagonal(links.inertia.mean(axis=0))
-    half = np.array([0.5 * gear.play for gear in gears])
-    held = np.array([gear.stiffness + gear.damping / _WINDOW for gear in gears])
-    away = half + 0.5 * load / (held + 2.0 * inertia / _WINDOW**2)
-    return np.stack([away, np.sqrt(load * away / inertia)])[None]

@@ -18,6 +18,8 @@ from wbc.transmission.flank_steps import flank_impulse
 
 _Cube = Annotated[FloatArray, types.Array(types.float64, 3, "C", readonly=True)]
 _OutCube = Annotated[FloatArray, types.Array(types.float64, 3, "C")]
+_Windows = Annotated[FloatArray, types.Array(types.float64, 4, "C", readonly=True)]
+_OutWindows = Annotated[FloatArray, types.Array(types.float64, 4, "C")]
 _SWEEPS = 30
 _SETTLED = 1e-9  # of the level
 _NEWTON = 8  # rounds, after which flanks count with their largest slope: slow, but always nearer
@@ -39,10 +41,10 @@ class Links(NamedTuple):
         gears: (n, 4) at STIFFNESS, DAMPING, HALF, half of the play, none of which makes a spring,
             and LATE, theta, the weight of a step's end.
         first: number of the first sample of each window (W,), from 0 on.
-        begun, rates: deflections and their rates (W, n, S) with which the windows begin.
+        starts: deflections and their rates (W, 2, n, S) with which the windows begin.
         d, v: deflections and their rates (N, n, S) to write.
         dry: friction (N, n, S) to write, the mean of each interval; the last one stays.
-        ended, last: deflections and rates (W, n, S) to write, at the ends of the windows.
+        ends: deflections and rates (W, 2, n, S) to write, at the ends of the windows.
         parts: steps per sample.
     """
 
@@ -54,13 +56,11 @@ class Links(NamedTuple):
     level: Dense
     gears: Dense
     first: Places
-    begun: _Cube
-    rates: _Cube
+    starts: _Windows
     d: _OutCube
     v: _OutCube
     dry: _OutCube
-    ended: _OutCube
-    last: _OutCube
+    ends: _OutWindows
     parts: int
 
 
@@ -282,12 +282,12 @@ def follow_links(links: Links, step: float, farthest: float) -> None:
         if window < len(first) and first[window] == i:
             for s in range(starts):
                 for a in range(n):
-                    d[i, a, s] = own.place[s, a] = links.begun[window, a, s]
-                    v[i, a, s] = own.rate[s, a] = links.rates[window, a, s]
+                    d[i, a, s] = own.place[s, a] = links.starts[window, 0, a, s]
+                    v[i, a, s] = own.rate[s, a] = links.starts[window, 1, a, s]
                     own.rubs[s, a] = 0.0
             window += 1
         pass_interval(links, own, i, step / links.parts, farthest)
         for s in range(starts):
             for a in range(n):
-                d[i + 1, a, s] = links.ended[window - 1, a, s] = own.place[s, a]
-                v[i + 1, a, s] = links.last[window - 1, a, s] = own.rate[s, a]
+                d[i + 1, a, s] = links.ends[window - 1, 0, a, s] = own.place[s, a]
+                v[i + 1, a, s] = links.ends[window - 1, 1, a, s] = own.rate[s, a]
