@@ -17,9 +17,6 @@ from wbc.robot.model_file import driven_joints
 from wbc.sim.ground import BALL, BOX, HeightField, Terrain
 from wbc.sim.step.tables import Bodies, Obstacles
 
-TOUCH = 1e-6
-"""Gap [m, rad] up to which a barrier counts as closed."""
-
 _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _ON_FIELDS = 16
 """Most places in which a body touches a height field beside its corners."""
@@ -76,8 +73,8 @@ class Barriers:
         self.size = len(self.names)
         room = np.zeros((self.points, 3)), np.zeros((self.size - self.limits, 7))
         tangents = 1 if _moves_in_plane(robot) and not pairs else 2
-        asked = int(len(known) < len(terrain.solids))
-        self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, tangents, asked)
+        counts = self.limits, self.size, tangents, int(len(known) < len(terrain.solids))
+        self.obstacles = Obstacles(limit_at, limit_range, *points, solids, *room, *counts)
 
     def within_limits(self, position: FloatArray) -> FloatArray:
         """Return q (nq,) with every joint within its limits."""

@@ -14,11 +14,10 @@ from wbc.compiled import make_ready
 from wbc.errors import RobotError, SimulationError
 from wbc.robot import BodySurface, ContactPoint, Robot, body_surfaces
 from wbc.robot.body_contacts import Hull
-from wbc.sim.barriers import TOUCH
 from wbc.sim.ground import Plane, Terrain
 from wbc.sim.result import StepResult
 from wbc.sim.setup import Setup
-from wbc.sim.step.arrival import DRIFT, lift, rigid_ones
+from wbc.sim.step.arrival import lift
 from wbc.sim.step.course import take_step
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.stages import Course, check_outside, failure
@@ -103,7 +102,7 @@ class Plant(Ranged):
                 "inertia: while it turns, its motion is not determined. Give rotor_inertia."
             )
         soft = (0.0, 0.0) if self.compliance is None else astuple(self.compliance)
-        bounds = np.array([self.return_speed, DRIFT, TOUCH, *soft, 0.0, self.restitution])
+        bounds = np.array([self.return_speed, *soft, 0.0, self.restitution])
         if self.temperature is not None:
             warm = checked(self.temperature, (gears.size,), "motor temperature", SimulationError)
             object.__setattr__(self, "temperature", warm)
@@ -179,7 +178,7 @@ class Plant(Ranged):
         q, v, _, closed, *more, _ = state
         q, v, impulse, deflection, speed = map(np.ascontiguousarray, (q, v, *more))
         if len(closed) != setup.barriers.size:
-            check_outside(setup, setup.gaps(q)[: rigid_ones(setup.plant)])
+            check_outside(setup, setup.gaps(q)[: setup.plant.obstacles.rigid])
         setup.begin(state, dt, external)
         failed = take_step(setup.plant, q, v, impulse, deflection, speed, closed, torque)
         stages = setup.stages()

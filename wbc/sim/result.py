@@ -11,11 +11,10 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.mechanics.kinematics import place
-from wbc.sim.barriers import TOUCH
 from wbc.sim.setup import Setup
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.stages import Course, EnergyAudit, EnergyFlow, Flow, Impact
-from wbc.sim.step.tables import RETURN_SPEED, SimState
+from wbc.sim.step.tables import RETURN_SPEED, TOUCH, SimState
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play

@@ -104,6 +104,8 @@ class Setup:
         model, barriers, bases = self.robot.model, self.barriers, free_bases(self.robot)
         n, m, size = len(tree.joints), len(self.drive.rows), barriers.size
         nq, nv, told = model.nq, model.nv, barriers.obstacles
+        if bounds[tables.HERTZ] > 0.0:
+            told = told._replace(rigid=told.limits)
         if told.asked:
             told = told._replace(asked=self._address(self._ask_ground))
         rows = m + nv + size + told.tangents * len(told.touch)
@@ -124,7 +126,7 @@ class Setup:
         full = self._address(self._take_stages)
         limit = self.robot.transmission.torque_limit
         given = 1.0 / self.drive.forward, np.array(self.drive.backward), -limit, np.array(limit)
-        room = map(np.zeros, (m, m, nv, nv, nv, 1, m if meshed else 0))
+        room = map(np.zeros, (m, m, nv, nv, nv, m if meshed else 0))
         forces = *effect_table(self.robot), *given, *room, asked, full
         return stored(
             tables.Opened(
@@ -154,7 +156,8 @@ class Setup:
 
     def _ask_forces(self) -> None:
         """Tell what acts in the middle of a part, or on an impact, where only Python knows it."""
-        now, told, step = self.plant.now, self.plant.forces, float(self.plant.forces.length[0])
+        now, told = self.plant.now, self.plant.forces
+        step = now.numbers.item(tables.LENGTH)
         try:
             if step == 0.0:
                 self.tell_coupling(now.position, now.velocity)

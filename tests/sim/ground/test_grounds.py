@@ -12,7 +12,7 @@ from tests.sim.random_robots import random_robot
 from wbc import load_robot
 from wbc.robot import ContactPoint
 from wbc.sim import Box, HeightField, Plane, Plant, Stairs, Terrain
-from wbc.sim.barriers import TOUCH
+from wbc.sim.step.tables import TOUCH
 
 POINT = replace(ball(0.05, 0.0), contacts=(ContactPoint("point", "body", np.zeros(3), 0.0),))
 

@@ -27,7 +27,7 @@ from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, p
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows
-from wbc.sim.step.tables import DRIFT_FROM, HERTZ, RETURN_SPEED, TOUCH, Gears, Opened
+from wbc.sim.step.tables import RETURN_SPEED, TOUCH, Gears, Opened
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
@@ -120,15 +120,6 @@ def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: 
     return True
 
 
-@compiled(counted=False)
-def rigid_ones(plant: Opened) -> int:
-    """Return how many barriers are rigid: all, or the joint limits where contacts are compliant."""
-    limits = 2 * len(plant.obstacles.limit_at)
-    if plant.bounds[HERTZ] > 0.0:
-        return limits
-    return limits + len(plant.obstacles.touch)
-
-
 @compiled(inside=True)
 def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
@@ -162,7 +153,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
         before, off = off, 0.0
         for row in range(count):
             i = rows.held[row]
-            missing[row] = aim[row] - gap[i] if i < rigid_ones(plant) else -FAR
+            missing[row] = aim[row] - gap[i] if i < plant.obstacles.rigid else -FAR
             off = max(off, abs(missing[row]) if pressed[row] else missing[row])
         if not off < before:  # Ground with edges: a shift that leads astray is undone.
             copy_to(last, q)
@@ -170,7 +161,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
             put(plant, q)
             return
         add_times(1.0, shift, moved)
-        if off <= plant.bounds[DRIFT_FROM] or off > 0.5 * before:
+        if off <= DRIFT or off > 0.5 * before:
             return
 
 
@@ -193,15 +184,15 @@ def arrive(plant: Opened, rows: PartRows, pushes: Row) -> None:
     advance(plant, half, end.position)
     gaps_at(plant, end.position, end.closed[:0], end.gap)
     pressed, drift = np.empty(len(held), dtype=np.bool_), np.zeros(len(held))
-    jumped, rigid = other_place(plant, rows.step), rigid_ones(plant)
+    jumped, rigid = other_place(plant, rows.step), plant.obstacles.rigid
     for row in range(len(held)):
         gap = end.gap[held[row]] if held[row] < rigid else 0.0
         drift[row], pressed[row] = gap, pushes[row] > 0.0 and gap < jumped
         off, deepest = max(off, abs(gap) if pressed[row] else -gap), min(deepest, gap)
     end.moved[:], end.depth[:] = 0.0, 0.0
-    if off > plant.bounds[DRIFT_FROM]:
+    if off > DRIFT:
         furthest = plant.bounds[RETURN_SPEED] * rows.step
-        for row in range(len(held) if deepest < -furthest - plant.bounds[TOUCH] else 0):
+        for row in range(len(held) if deepest < -furthest - TOUCH else 0):
             end.depth[held[row]] = max(-drift[row] - furthest, 0.0)
         take_back(plant, rows, pressed, drift, furthest)
     copy_to(end.after, end.velocity)
@@ -228,9 +219,9 @@ def lift(plant: Opened, stiff: Row, q: OutRow, gap: OutRow) -> bool:
             copy_to(here, gap)
         near, touching = (here < _NEAR).nonzero()[0], 0
         for row in range(len(near)):
-            touching += near[row] >= 2 * len(plant.obstacles.limit_at)
+            touching += near[row] >= plant.obstacles.limits
         count, missing = len(near), -here[near]
-        if count == 0 or np.max(missing) <= 0.5 * plant.bounds[TOUCH]:
+        if count == 0 or np.max(missing) <= 0.5 * TOUCH:
             return True
         weigh(plant)
         matrix, axes = np.empty((count + d * touching, n)), np.empty((touching * (1 + d), 3))

@@ -99,7 +99,7 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     """
     obstacles, poses, pairs = plant.obstacles, plant.placed.poses, plant.bodies.pairs
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
-    limits, some = 2 * len(obstacles.limit_at), len(closed) > 0
+    limits, some = obstacles.limits, len(closed) > 0
     apart = some and obstacles.asked == 0 and len(pairs) == 0
     for i in range(0 if apart else len(contacts)):
         place_contact(plant, i)
@@ -200,7 +200,7 @@ def rates_at(plant: Opened, closed: Flags, v: Row, rate: OutRow) -> None:
         v: (nv,).
         rate: to write.
     """
-    limits, row = 2 * len(plant.obstacles.limit_at), plant.end.moved
+    limits, row = plant.obstacles.limits, plant.end.moved
     for b in range(len(closed)):
         rate[b] = 0.0
         if b >= limits and closed[b]:
@@ -282,7 +282,7 @@ def lowest_speeds(plant: Opened, held: Places, step: float, rows: Dense, targets
         rows: (l + k, nv) of the closed barriers.
         targets: to write.
     """
-    limits, end = 2 * len(plant.obstacles.limit_at), plant.end
+    limits, end = plant.obstacles.limits, plant.end
     gap, rate, speed, jumped = end.gap, end.rate, end.speed, other_place(plant, step)
     for row in range(len(held)):
         i, targets[row] = held[row], 0.0

@@ -17,7 +17,6 @@ from wbc.compiled import Flags, OutRow, OutTable, Row, Vector, ask, compiled, in
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED, residuals, tolerance_of
-from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.impact import HIT, impact_rows, settle
 from wbc.sim.step.part import LANDED, begin, part_with_mesh
@@ -33,7 +32,7 @@ _SOON = 1e-6  # [s] over which gaps tell their speeds
 @inner
 def is_ahead(plant: Opened, i: int) -> bool:
     """Return whether a part may land on a barrier: it is rigid, and neither closed nor kept."""
-    return not plant.now.closed[i] and not plant.end.kept[i] and i < rigid_ones(plant)
+    return not plant.now.closed[i] and not plant.end.kept[i] and i < plant.obstacles.rigid
 
 
 @inner
@@ -45,10 +44,10 @@ def lands_slowly(plant: Opened, start: Row, short: float) -> bool:
         start: (2 j + c,) gaps.
         short: [m].
     """
-    gap, landing, limits = plant.end.gap, plant.end.jumps, 2 * len(plant.obstacles.limit_at)
+    gap, landing, limits = plant.end.gap, plant.end.jumps, plant.obstacles.limits
     found, slowly = False, True
     for i in range(len(gap)):
-        landing[i] = is_ahead(plant, i) and gap[i] < -plant.bounds[TOUCH]
+        landing[i] = is_ahead(plant, i) and gap[i] < -TOUCH
         if landing[i]:
             found = True
             slowly = slowly and i >= limits and start[i] - gap[i] <= short
@@ -125,7 +124,7 @@ def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int
         trial = early + share * (late - early)
         result = part_with_mesh(plant, trial)
         least = nearest(plant, start, plant.end.gap, ahead)
-        if result >= 10 or abs(least) <= 0.5 * plant.bounds[TOUCH]:
+        if result >= 10 or abs(least) <= 0.5 * TOUCH:
             return result, trial
         if least > 0.0:
             early = trial
@@ -327,7 +326,7 @@ def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, flo
         copy_to(plant.end.aims[: len(rows.targets)], rows.targets)
         found = plant.end.impulse.copy()
     else:
-        rows = begin(plant, plant.forces.length[0])
+        rows = begin(plant, plant.now.numbers[LENGTH])
         found = plant.end.impulse[rows.places]
     system = part_system(rows, plant.obstacles.tangents)
     tolerance, found = tolerance_of(system), found[: len(rows.start)]

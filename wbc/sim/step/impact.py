@@ -12,7 +12,6 @@ import numpy as np
 from wbc.compiled import Flags, Row, ask, compiled, inner
 from wbc.mechanics.linear import copy_to, dot
 from wbc.mechanics.newton import UNSOLVED
-from wbc.sim.step.arrival import rigid_ones
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.gears import motor_speeds, rotor_brings, rotor_energy
 from wbc.sim.step.motion import weigh
@@ -112,7 +111,7 @@ def reaches(plant: Opened, goes_on: bool) -> bool:
     end, before, found = plant.end, plant.now.closed, False
     gaps_of(plant, plant.now.position, end.gap)
     for i in range(len(before)):
-        near = end.gap[i] <= plant.bounds[TOUCH] and i < rigid_ones(plant)
+        near = end.gap[i] <= TOUCH and i < plant.obstacles.rigid
         end.fresh[i] = near and not before[i]
         end.closed[i] = before[i] or end.fresh[i] or (goes_on and plant.now.kept[i])
         found = found or (end.closed[i] and not before[i])
@@ -192,7 +191,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     for row in range(len(rows.held)):
         i, speed = rows.held[row], rows.speed[len(rows.laws) + row]
-        parts = speed > max(plant.bounds[TOUCH], slow)
+        parts = speed > max(TOUCH, slow)
         end.closed[i] = (before[i] or end.fresh[i]) and not parts
     return HIT
 
@@ -226,7 +225,6 @@ def settle(plant: Opened, left: float, goes_on: bool) -> int:
         APART, RESTING or HIT, see `impact_at`.
     """
     found, high, low = plant.end.hit, 1.0, 0.0
-    plant.forces.length[0] = 0.0
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
     kind = impact_at(plant, 1.0, left, goes_on)

@@ -140,7 +140,7 @@ def to_middle(plant: Opened, half: float) -> None:
     q, v, closed = plant.now.position, plant.now.velocity, plant.now.closed
     middle, speed, rate = plant.end.before, plant.end.speed, plant.end.rate
     touching = False
-    for i in range(2 * len(plant.obstacles.limit_at), len(closed)):
+    for i in range(plant.obstacles.limits, len(closed)):
         touching = touching or closed[i]
     rate[:] = 0.0
     if len(bases) or touching:

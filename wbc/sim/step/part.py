@@ -7,14 +7,14 @@ import numpy as np
 from wbc.compiled import Places, Row, ask, compiled, inner
 from wbc.mechanics.linear import add_times, dot
 from wbc.mechanics.newton import UNSOLVED
-from wbc.sim.step.arrival import arrive, rigid_ones
+from wbc.sim.step.arrival import arrive
 from wbc.sim.step.books import TURN, books_of, fastest_turn, keep_passive
 from wbc.sim.step.contacts import gaps_at
 from wbc.sim.step.motion import to_middle
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows, rows_of, world_pushes
 from wbc.sim.step.solution import NO_INERTIA, solve_part
-from wbc.sim.step.tables import HERTZ, TOUCH, Opened
+from wbc.sim.step.tables import HERTZ, LENGTH, TOUCH, Opened
 
 SMOOTH, LANDED = 1, 2
 """A part to the end; one in which a barrier was passed on the way."""
@@ -48,7 +48,7 @@ def begin(plant: Opened, step: float) -> PartRows:
         end.closed[i] = before[i] or end.kept[i]
     if plant.bounds[HERTZ] > 0.0:
         gaps_at(plant, end.before, before[:0], end.gap)
-        for i in range(2 * len(plant.obstacles.limit_at), len(before)):
+        for i in range(plant.obstacles.limits, len(before)):
             end.closed[i] = end.gap[i] < 0.5 * step * _FASTEST
     rows = rows_of(plant, step)
     for i in range(len(rows.start)):
@@ -83,14 +83,14 @@ def hold_or_land(plant: Opened, held: Places, pushes: Row) -> int:
         held: (l + k,) numbers of the closed limits and normals.
         pushes: (l + k,) their impulses.
     """
-    result, touch, rigid = SMOOTH, plant.bounds[TOUCH], rigid_ones(plant)
+    result, rigid = SMOOTH, plant.obstacles.rigid
     gap, closed = plant.end.gap, plant.end.closed
     for i in range(rigid):
-        if gap[i] < -touch and not closed[i]:
+        if gap[i] < -TOUCH and not closed[i]:
             result = LANDED
     for row in range(len(held)):
         i = held[row]
-        closed[i] = i < rigid and (gap[i] <= touch or (pushes[row] > 0.0 and gap[i] < FAR))
+        closed[i] = i < rigid and (gap[i] <= TOUCH or (pushes[row] > 0.0 and gap[i] < FAR))
     return result
 
 
@@ -110,7 +110,7 @@ def part_of_step(plant: Opened, step: float) -> int:
     """
     end = plant.end
     to_middle(plant, 0.5 * step)
-    plant.forces.length[0] = step
+    plant.now.numbers[LENGTH] = step
     if plant.forces.asked != 0:
         ask(plant.forces.asked)
     rows = begin(plant, step)

@@ -93,7 +93,7 @@ def rows_where(plant: Opened, closed: Flags, rubbing: int, step: float) -> PartR
     `lower[0, 0]` is no number where H_l is not positive.
     """
     gears, obstacles, v = plant.gears, plant.obstacles, plant.now.velocity
-    n, m, d, limits = len(v), len(gears.rows), obstacles.tangents, 2 * len(obstacles.limit_at)
+    n, m, d, limits = len(v), len(gears.rows), obstacles.tangents, obstacles.limits
     held, both, elements, touching = np.empty(len(closed), dtype=np.int64), 0, m + rubbing, 0
     for i in range(len(closed)):
         if closed[i]:
@@ -180,7 +180,7 @@ def world_pushes(plant: Opened, rows: PartRows) -> None:
     first, impulse = len(rows.laws) + limits, rows.impulse
     pushes[:] = 0.0
     for c in range(count):
-        which = rows.held[limits + c] - 2 * len(obstacles.limit_at)
+        which = rows.held[limits + c] - obstacles.limits
         pushed = pushes[3 * obstacles.sides[which, 2] :]
         add_times(impulse[first + c], axes[c * (1 + d)], pushed)
         for a in range(d):

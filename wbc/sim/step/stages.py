@@ -11,13 +11,12 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import SimulationError
 from wbc.mechanics.newton import SEVERAL, WAYS
-from wbc.sim.barriers import TOUCH
 from wbc.sim.setup import EffectActs, Setup, memory_before
 from wbc.sim.step import books, impact
 from wbc.sim.step.course import IMPACT_FAILED, NO_COMMAND, look_again
 from wbc.sim.step.self_locking import several
 from wbc.sim.step.solution import MISSED, NO_INERTIA, USED, WAY
-from wbc.sim.step.tables import LENGTH, RESTITUTION, TIME, SimState
+from wbc.sim.step.tables import LENGTH, RESTITUTION, TIME, TOUCH, SimState
 
 _SOLUTIONS = 27  # most that an error tells of
 

@@ -50,6 +50,10 @@ class SimState(NamedTuple):
         return self._replace(**changes)
 
 
+TOUCH = 1e-6
+"""Gap [m, rad] up to which a barrier counts as closed."""
+
+
 @structured
 class Obstacles(NamedTuple):
     """Joint limits, contact points, and the solids that these may meet.
@@ -68,6 +72,8 @@ class Obstacles(NamedTuple):
         solids: (s, w) see `solid_gap`; empty where Python knows the ground alone.
         points: (k, 3) memory: places of the contact points, world.
         touch: (c, 7) memory: gap, normal out of the solid (3), and where the point touches (3).
+        limits: 2 j, how many barriers are joint limits.
+        rigid: how many are rigid: all, or the limits where contacts are compliant.
         tangents: d per contact, one where contact points move in x-z only, else two.
         asked: address of a function of Python that fills `touch`, else zero.
     """
@@ -81,6 +87,8 @@ class Obstacles(NamedTuple):
     solids: OutDense
     points: OutDense
     touch: OutDense
+    limits: int
+    rigid: int
     tangents: int
     asked: int
 
@@ -189,7 +197,6 @@ class Forces(NamedTuple):
         outer: (nv,) memory: generalised forces from outside, and of effects that Python evaluates.
         dry: (nv,) memory: level of dry friction of the latter.
         friction: (nv,) memory: level of all dry friction.
-        length: (1,) memory: h [s] of the part, zero in an impact.
         mesh: (m,) memory: torque [N m] that effects take the gears to carry, no number where it is
             what they remember; empty where no effect asks.
         asked: address of a function of Python that fills command, added, outer, dry and
@@ -210,7 +217,6 @@ class Forces(NamedTuple):
     outer: OutRow
     dry: OutRow
     friction: OutRow
-    length: OutRow
     mesh: OutRow
     asked: int
     full: int
@@ -318,10 +324,9 @@ class Opened(NamedTuple):
         tree, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
             those of `end` at their end; last of all those of `now` at the end of the step.
-        bounds: (7,) at RETURN_SPEED: at which an overlap is taken back at most; DRIFT_FROM: overlap
-            from which on it is taken back; TOUCH: gap up to which a barrier counts as closed;
-            HERTZ, DISSIPATION: K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a
-            slow landing per square of the step, see `landing`; RESTITUTION.
+        bounds: (5,) at RETURN_SPEED: at which an overlap is taken back at most; HERTZ, DISSIPATION:
+            K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a slow landing per
+            square of the step, see `course`; RESTITUTION.
     """
 
     tree: Tree
@@ -336,4 +341,4 @@ class Opened(NamedTuple):
     bounds: OutRow
 
 
-RETURN_SPEED, DRIFT_FROM, TOUCH, HERTZ, DISSIPATION, SLOW, RESTITUTION = range(7)
+RETURN_SPEED, HERTZ, DISSIPATION, SLOW, RESTITUTION = range(5)
