@@ -35,7 +35,7 @@ from typing import (
 
 import numba
 from llvmlite import binding, ir
-from numba import carray, config, types
+from numba import config, types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -44,7 +44,7 @@ from numba.core.caching import (
 )
 from numba.core.cgutils import alloca_once
 from numba.core.registry import CPUDispatcher
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
@@ -84,14 +84,33 @@ _COPIED = 700
 into functions that call it."""
 
 
-@register_jitable  # type: ignore[untyped-decorator]
-def view(array: Any, start: int, rows: int, columns: int) -> Any:
+def _view(context: Any, array: Any, start: Any, rows: Any, columns: Any) -> Any:
     """Return the entries of an array (n,) from `start` on as a matrix, without owning them.
 
     A slice counts who holds its memory each time that it is passed on, which takes longer than a
     loop over a small robot. This does not: the caller keeps `array` alive.
     """
-    return carray(array[start:].ctypes, (rows, columns))
+    matrix = types.Array(array.dtype, 2, "C")
+
+    def build(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        source = target.make_array(array)(target, builder, given[0])
+        found = target.make_array(matrix)(target, builder)
+        size = target.get_constant(types.intp, array.dtype.bitwidth // 8)
+        along = builder.mul(given[3], size)
+        populate_array(
+            found,
+            data=builder.gep(source.data, [given[1]]),
+            shape=[given[2], given[3]],
+            strides=[along, size],
+            itemsize=size,
+            meminfo=None,
+        )
+        return found._getvalue()
+
+    return matrix(array, start, rows, columns), build
+
+
+view: Any = intrinsic(_view)
 
 
 def _local(context: Any, size: Any) -> Any:
