@@ -13,7 +13,7 @@ from wbc.effects import EFFECTS, CoulombFriction, JointEffect, load_robot, save_
 from wbc.effects.tables import left_for_hooks
 from wbc.errors import EffectError
 from wbc.robot import Effect, Motion, Parameter, Robot
-from wbc.robot.table import SI_UNITS
+from wbc.robot.description import SI_UNITS
 
 
 def away_from_null(kind: type[Effect], robot: Robot, where: str) -> Effect:

@@ -15,9 +15,14 @@ from wbc.effects.gear_losses import SIDES
 from wbc.errors import RobotError, require_known
 from wbc.files import SCHEMA, write_text
 from wbc.robot import Effect, Robot
-from wbc.robot.description import build_robot, read_description, with_gear_numbers
+from wbc.robot.description import (
+    build_robot,
+    check_keys,
+    number_in,
+    read_description,
+    with_gear_numbers,
+)
 from wbc.robot.robot import RobotSource
-from wbc.robot.table import check_keys, number_in
 from wbc.transmission import DRIVE_TIMES
 
 _KEYS = ("robot", "lossless", "gears", "effects", "provenance")

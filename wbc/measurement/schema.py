@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from math import pi
 
 from wbc.errors import LogError, unknown_name
-from wbc.robot.table import SI_UNITS
+from wbc.robot.description import SI_UNITS
 
 TIME = "time"
 

@@ -1,12 +1,10 @@
 """Reduction, topology, efficiencies and the mesh law."""
 
-from wbc.transmission.machines import (
-    CompoundPlanetaryGear as CompoundPlanetaryGear,
-    WedgeBlock as WedgeBlock,
-)
 from wbc.transmission.mesh import (
+    CompoundPlanetaryGear as CompoundPlanetaryGear,
     Direction as Direction,
     Flanks as Flanks,
+    WedgeBlock as WedgeBlock,
     direction as direction,
     efficiency as efficiency,
     mesh_input as mesh_input,
