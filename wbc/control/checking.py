@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +50,7 @@ def check_task(
         step: of the differences [s].
     """
     task.check(robot)
-    at = _along(robot, position, velocity, acceleration)
-    here, ahead, behind = at(0.0), at(step), at(-step)
+    here, ahead, behind = _along(robot, position, velocity, acceleration, step)
     target, rate = task.value(here), task.jacobian(here) @ velocity
     if np.shape(target) == rate.shape and np.allclose(target, rate, rtol=1e-9, atol=1e-9):
         jacobian = float(np.abs(np.asarray(target) - rate).max())
@@ -73,9 +72,8 @@ def check_contact(
 ) -> float:
     """Return how far J qdd + dJ/dt v of a contact is from the central difference of J v."""
     bound = contact.bind(robot)
-    at = _along(robot, position, velocity, acceleration, bound.frames)
     rows = []
-    for kinematics in (at(0.0), at(step), at(-step)):
+    for kinematics in _along(robot, position, velocity, acceleration, step, bound.frames):
         contacts = ContactSet((bound,), kinematics.model)
         contacts.fill(kinematics)
         rows.append((contacts.memory.rows.jacobian, contacts.memory.rows.drift, kinematics))
@@ -97,15 +95,13 @@ def _along(
     position: FloatArray,
     velocity: FloatArray,
     acceleration: FloatArray,
+    step: float,
     frames: Sequence[pin.Frame] = (),
-) -> Callable[[float], Kinematics]:
-    """Return the kinematics at time t of the motion with constant acceleration through a state."""
-
-    def at(time: float) -> Kinematics:
+) -> list[Kinematics]:
+    """Return the kinematics at a state, and a step after and before it at constant acceleration."""
+    found = [Kinematics(robot, frames) for _ in range(3)]
+    for kinematics, time in zip(found, (0.0, step, -step), strict=True):
         moved = time * velocity + 0.5 * time**2 * acceleration
         q = pin.integrate(robot.model, position, moved)
-        kinematics = Kinematics(robot, frames)
         kinematics.update(q, velocity + time * acceleration)
-        return kinematics
-
-    return at
+    return found

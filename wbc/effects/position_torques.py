@@ -177,8 +177,7 @@ class TorqueRipple(JointEffect):
         return 1.0, float(abs(gears.gear_ratio[gear] * gears.motor_from_joint[gear, gear]))
 
     def _span(self, robot: Robot, motions: Sequence[Motion]) -> float:
-        positions = [self.joint_position(robot, motion) for motion in motions]
-        return max(float(p.max()) for p in positions) - min(float(p.min()) for p in positions)
+        return float(np.ptp(np.concatenate([self.joint_position(robot, m) for m in motions])))
 
     def joint_torque(self, robot: Robot, motion: Motion) -> FloatArray:
         """Return amplitude * sin(order * q + phase) at the joint, (..., nv) [N m]."""

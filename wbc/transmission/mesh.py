@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from math import cos, tan
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -153,12 +152,6 @@ class Flanks:
         pressed = side * (self.stiffness * (d - 0.5 * side * self.play) + self.damping * v)
         touching = np.abs(d) >= 0.5 * self.play
         return np.asarray(np.where(touching, -side * np.maximum(pressed, 0.0), 0.0))
-
-    def scaled(self, stiffness: float, damping: float, play: float) -> Self:
-        """Return the flanks with every number multiplied."""
-        return type(self)(
-            stiffness * self.stiffness, damping * self.damping, float(play * self.play)
-        )
 
 
 @dataclass(frozen=True)

@@ -55,14 +55,11 @@ class RotorTorqueLimit(Checked):
 
 def _stated(robot: Robot) -> tuple[str, ...]:
     """Return the driven joints of which the model states a stop or a greatest speed."""
-    model, found = robot.model, []
-    for joint in robot.transmission.joints:
-        place, row = robot.position_index(joint), robot.velocity_index(joint)
-        low, high = model.lowerPositionLimit[place], model.upperPositionLimit[place]
-        ends = np.abs([low, high, model.upperVelocityLimit[row]])
-        if low < high and ends.min() < _ENDLESS:
-            found.append(joint)
-    return tuple(found)
+    model, at = robot.model, robot.actuated_position
+    low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+    least = np.abs([low, high, model.upperVelocityLimit[robot.actuated]]).min(axis=0)
+    stated = (low < high) & (least < _ENDLESS)
+    return tuple(j for j, yes in zip(robot.transmission.joints, stated, strict=True) if yes)
 
 
 @final

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from itertools import product
 
 import numpy as np
@@ -208,7 +208,8 @@ def best_gears(
     whole = sum(_squares(r, np.zeros(len(r.load))) for r in responses)
     for factors in _NEAR_PLAYS if has_play else _NEAR_SPRINGS:
         if best and fully[best[0]] < _HOPELESS * whole:
-            near = [gear.scaled(*few) for gear in best[:_COUNT] for few in product(*factors)]
+            pairs = product(best[:_COUNT], product(*factors))
+            near = [Flanks(*np.multiply(astuple(gear), few).tolist()) for gear, few in pairs]
             best = try_all(near)
     return [(fully[gear], gear) for gear in best if np.isfinite(fully[gear])][:count]
 
