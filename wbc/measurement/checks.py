@@ -403,18 +403,14 @@ def find_duplicates(logs: Sequence[Log]) -> tuple[tuple[int, ...], ...]:
     """
     seen: dict[str, list[int]] = {}
     for k, log in enumerate(logs):
-        seen.setdefault(_fingerprint(log), []).append(k)
+        total = hashlib.sha256()
+        for name in sorted(log.names):
+            total.update(name.encode("utf-8"))
+            # Nine decimals, so that another file format changes nothing.
+            total.update(np.round(log.column(name), 9).tobytes())
+        total.update(np.round(log.time - log.time[0], 6).tobytes())
+        seen.setdefault(total.hexdigest(), []).append(k)
     return tuple(tuple(group) for group in seen.values() if len(group) > 1)
-
-
-def _fingerprint(log: Log) -> str:
-    """Return a digest of the data: nine decimals, so that another file format changes nothing."""
-    total = hashlib.sha256()
-    for name in sorted(log.names):
-        total.update(name.encode("utf-8"))
-        total.update(np.round(log.column(name), 9).tobytes())
-    total.update(np.round(log.time - log.time[0], 6).tobytes())
-    return total.hexdigest()
 
 
 def _same_excitation(a: Log, b: Log) -> bool:

@@ -369,11 +369,6 @@ class ColumnMap:
     left_out: tuple[str, ...] = ()
     trusted: bool = False
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """Names of the channels that the map gives."""
-        return tuple(rule.target for rule in self.rules)
-
 
 def parse_column_map(
     table: Mapping[str, Any], path: str = "", gear_ratios: Mapping[str, float] | None = None

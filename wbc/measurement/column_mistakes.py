@@ -110,10 +110,8 @@ def wraps(log: Log) -> list[LogFinding]:
             continue
         turn = float(period(sizes.mean()))
         degrees |= turn == 360.0
-        entry = {
-            "unwrap": turn or float(sizes.mean()),
-            **({"unit": "deg"} if turn == 360.0 else {}),
-        }
+        entry: dict[str, Any] = {"unwrap": turn or float(sizes.mean())}
+        entry |= {"unit": "deg"} if turn == 360.0 else {}
         said = f"{rows.size} jumps of {sizes.mean():.6g} ({PERIODS.get(turn, _RESET)}), the first "
         add(name, f"{said}at row {int(rows[0]) + 1}.", entry)
         found[-1] = found[-1] if turn else replace(found[-1], mend={})

@@ -30,8 +30,6 @@ from wbc.measurement.tables import Table
 from wbc.tables import few
 
 _EFFORT = ".effort"
-_CLOCK: Mend = {"time": {"from": "CLOCK"}}
-_RATE: Mend = {"time": {"rate": 100}}
 _MOST_DROPPED = 0.9  # of the rows of a file; where more lack something, no row is whole by chance
 _SHOWN = 8  # combinations of values that a message lists
 
@@ -334,23 +332,19 @@ def _own_rules(table: Table) -> tuple[dict[str, ColumnRule], dict[str, str]]:
             rules[today(name)] = ColumnRule(today(name), (name,), (factor if known else 1.0,))
         elif name.endswith(_EFFORT) and is_column(effort) and effort not in table.names:
             rules[effort] = ColumnRule(effort, (name,), (1.0,))
-            notes[effort] = _taken(name, effort)
+            rotor = {"columns": {effort.replace("motor_", "rotor_"): {"from": name}}}
+            notes[effort] = (
+                f"{name} is taken for {effort}. If it is the rotor's torque (or a current, with "
+                f"current in place of rotor_torque), {say_so(rotor)}"
+            )
     return rules, notes
-
-
-def _taken(name: str, target: str) -> str:
-    """Return the note on an effort, with what to say if it is something else."""
-    rotor: Mend = {"columns": {target.replace("motor_", "rotor_"): {"from": name}}}
-    return (
-        f"{name} is taken for {target}. If it is the rotor's torque (or a current, with current in "
-        f"place of rotor_torque), {say_so(rotor)}"
-    )
 
 
 def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
     """Raise where a column that nothing uses looks like one of ours misspelt."""
     clock = rules.time.rate > 0.0 or rules.time.source != TIME
-    given = {*table.names, *rules.targets, *rules.left_out, *((TIME,) if clock else ())}
+    given = {*table.names, *(rule.target for rule in rules.rules), *rules.left_out}
+    given |= {TIME} if clock else set()
     for name in table.names:
         meant = likely_meant(name)
         if meant is None or meant in given or name in used | set(rules.left_out):
@@ -365,11 +359,11 @@ def _require_spelling(table: Table, rules: ColumnMap, used: set[str]) -> None:
 
 def _require_clock(rules: ColumnMap, table: Table) -> None:
     if rules.time.source == TIME and TIME not in table.names:
+        clock, rate = say_so({"time": {"from": "CLOCK"}}), say_so({"time": {"rate": 100}})
         raise LogError(
-            f"{table.path}: "
-            + unknown_name("column", TIME, table.names)
-            + f" Put the name of the clock's column in place of CLOCK, and {say_so(_CLOCK)}\n"
-            + f"If the file has no clock, put its rate [Hz] in place of 100, and {say_so(_RATE)}"
+            f"{table.path}: {unknown_name('column', TIME, table.names)} Put the name of the "
+            f"clock's column in place of CLOCK, and {clock}\n"
+            f"If the file has no clock, put its rate [Hz] in place of 100, and {rate}"
         )
     if not rules.rules:
         init = f"wbc init MODEL {shlex.quote(str(table.path))}"

@@ -131,15 +131,13 @@ def without_copies(logs: Sequence[Log]) -> tuple[list[Log], list[str]]:
         IdentificationError: one log in place of a sequence, or something else than logs.
     """
     require_logs(logs)
-    warnings, dropped = [], set()
-    for first, *copies in find_duplicates(logs):
-        for copy in copies:
-            dropped.add(copy)
-            warnings.append(
-                f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and "
-                "is left out; record the motion again for a repeat."
-            )
-    return [log for k, log in enumerate(logs) if k not in dropped], warnings
+    copies = {copy: first for first, *others in find_duplicates(logs) for copy in others}
+    warnings = [
+        f"{logs[copy].source.label} holds the same data as {logs[first].source.label} and is left "
+        "out; record the motion again for a repeat."
+        for copy, first in copies.items()
+    ]
+    return [log for k, log in enumerate(logs) if k not in copies], warnings
 
 
 def check_robot(log: Log, robot: Robot) -> list[LogFinding]:

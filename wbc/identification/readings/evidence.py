@@ -209,18 +209,13 @@ def foreign(logs: Sequence[Sequence[Report]]) -> FloatArray:
 def _at_gains(logs: Sequence[Sequence[Report]]) -> tuple[FloatArray, FloatArray]:
     """Return the log likelihood of all logs at each gain of each joint (m, G), and without (m,)."""
     total = sum(np.logaddexp([one.gains for one in r], [[one.idle] for one in r]) for r in logs)
-    joints = zip(*logs, strict=True)
-    return np.asarray(total), np.array([_STRANGE + _strange(reports) for reports in joints])
-
-
-def _strange(reports: Sequence[Report]) -> float:
-    """Return the log likelihood that a joint's reports follow anything but what it needs.
-
-    Speed, direction, load and acceleration may go either way, but the same way in all logs.
-    """
-    left = _free_misfits([one.causes for one in reports], [one.target for one in reports])
-    samples = np.array([one.samples for one in reports])
-    return _EITHER_WAY + float(np.sum(log_likelihood(left, samples)))
+    strange = []
+    for reports in zip(*logs, strict=True):
+        # Speed, direction, load and acceleration may go either way, but the same in all logs.
+        left = _free_misfits([one.causes for one in reports], [one.target for one in reports])
+        samples = np.array([one.samples for one in reports])
+        strange.append(_STRANGE + (_EITHER_WAY + float(np.sum(log_likelihood(left, samples)))))
+    return np.asarray(total), np.array(strange)
 
 
 def _free_misfits(causes: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:

@@ -87,8 +87,7 @@ def readings(
     yield from _late(rows, lags)
     yield from _zeros(rows, log, zeros)
     if doubtful and rows.weighs:
-        names = rows.torques
-        text = f"{listed(names)} {_hold(names)} no gravity: the driver takes it out"
+        text = f"{_holds(rows.torques)} no gravity: the driver takes it out"
         yield Reading("no_gravity", text, EVERYWHERE, weight=0.0)
         text = "gravity acts the other way: the robot hangs upside down"
         yield Reading("upside_down", text, _SOMEWHERE, weight=-1.0)
@@ -227,11 +226,7 @@ def _all_or_one(names: Sequence[str]) -> list[list[str]]:
 
 
 def _holds(names: Sequence[str]) -> str:
-    return f"{listed(names)} {_hold(names)}"
-
-
-def _hold(names: Sequence[str]) -> str:
-    return "holds" if len(names) == 1 else "hold"
+    return f"{listed(names)} {'holds' if len(names) == 1 else 'hold'}"
 
 
 def encoder_columns(log: Log, joint: str) -> list[str]:

@@ -199,6 +199,9 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     velocity = differentiate(position, rate, own.model)
     sensed = np.full_like(torque, np.nan)
     sensed[:, [joints.index(joint) for joint in sensors]] = behind
+    # What holds a joint at rest is stiction, too: its torque may be any within it.
+    samples = np.array([_samples(column) for column in torque[inside].T])
+    samples[[joint in resting for joint in joints]] = 0.0
     rows = LogRows(
         robot=own.with_acting(()),
         position=position[thin],
@@ -210,13 +213,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
         conversion=own.transmission.gear_ratio * shares,
         forces={n: low_pass(f, cutoff, rate, _ORDER)[thin] for n, f in told.forces.items()},
         quantities=tuple(quantities),
-        # What holds a joint at rest is stiction, too: its torque may be any within it.
-        samples=np.array(
-            [
-                0.0 if joint in resting else _samples(column)
-                for joint, column in zip(joints, torque[inside].T, strict=True)
-            ]
-        ),
+        samples=samples,
         sensed=sensed[thin],
         inertia=typical_inertia(robot, [told]),
     )
