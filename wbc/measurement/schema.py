@@ -130,37 +130,24 @@ def reported(names: Iterable[str]) -> list[str]:
     return [name for name in names if name.rpartition(".")[2] in REPORTED]
 
 
-_TURN = 2.0 * pi
-
-LOG_UNITS: dict[str, tuple[str, float]] = {
-    **SI_UNITS,
-    "turn": ("rad", _TURN),
-    "rev": ("rad", _TURN),
-    "mrad": ("rad", 1e-3),
-    "um": ("m", 1e-6),
-    "mm/s": ("m/s", 1e-3),
-    "m/s": ("m/s", 1.0),
-    "mrad/s": ("rad/s", 1e-3),
-    "deg/s": ("rad/s", pi / 180.0),
-    "turn/s": ("rad/s", _TURN),
-    "rev/s": ("rad/s", _TURN),
-    "rad/s^2": ("rad/s^2", 1.0),
-    "deg/s^2": ("rad/s^2", pi / 180.0),
-    "turn/s^2": ("rad/s^2", _TURN),
-    "mm/s^2": ("m/s^2", 1e-3),
-    "kN": ("N", 1e3),
-    "mN": ("N", 1e-3),
-    "kN m": ("N m", 1e3),
-    "N cm": ("N m", 1e-2),
-    "N mm": ("N m", 1e-3),
-    "mA": ("A", 1e-3),
-    "mV": ("V", 1e-3),
-    "%": ("1", 1e-2),
-    "us": ("s", 1e-6),
-    "ns": ("s", 1e-9),
-    "min": ("s", 60.0),
-    "deg C": ("deg C", 1.0),
+_TURN, _DEGREE = 2.0 * pi, pi / 180.0
+_MORE_UNITS = {
+    "rad": {"turn": _TURN, "rev": _TURN, "mrad": 1e-3},
+    "m": {"um": 1e-6},
+    "m/s": {"mm/s": 1e-3, "m/s": 1.0},
+    "rad/s": {"mrad/s": 1e-3, "deg/s": _DEGREE, "turn/s": _TURN, "rev/s": _TURN},
+    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": _DEGREE, "turn/s^2": _TURN},
+    "m/s^2": {"mm/s^2": 1e-3},
+    "N": {"kN": 1e3, "mN": 1e-3},
+    "N m": {"kN m": 1e3, "N cm": 1e-2, "N mm": 1e-3},
+    "A": {"mA": 1e-3},
+    "V": {"mV": 1e-3},
+    "1": {"%": 1e-2},
+    "s": {"us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "deg C": {"deg C": 1.0},
 }
+LOG_UNITS: dict[str, tuple[str, float]] = dict(SI_UNITS)
+LOG_UNITS |= {unit: (kind, own[unit]) for kind, own in _MORE_UNITS.items() for unit in own}
 """Unit -> (unit of the log, factor)."""
 
 
