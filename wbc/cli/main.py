@@ -42,14 +42,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     """Import what the command needs, check what it will write, run it, and write its JSON."""
     entry = COMMANDS[options.command]
-    module, _, function = entry.function.rpartition(".")
     with needs("cli", "the command wbc"):
         from wbc.cli.outputs import PatientConsole, require_outputs, write_json
 
-        command = import_module(f"wbc.cli.{module}")
+        command = import_module(f"wbc.cli.{entry.module}")
     require_outputs(options, entry.options.split())
     target = getattr(options, "json", None)
     console = PatientConsole(markup=False, quiet=target == "-")
-    code, content = getattr(command, function)(options, console)
+    code, content = getattr(command, f"run_{options.command}")(options, console)
     write_json(target, content, console)
     return int(code)

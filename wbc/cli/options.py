@@ -125,13 +125,13 @@ class Subcommand:
         help: one line in the list of commands.
         options: names in `OPTIONS`, in the order of the help.
         epilog: printed below the help.
-        function: MODULE.FUNCTION of `wbc.cli`.
+        module: of `wbc.cli`, with a function run_COMMAND.
     """
 
     help: str
     options: str
     epilog: str
-    function: str
+    module: str
 
 
 _LOGS = "logs --robot --lossless --columns --quiet --verbose --fix"
@@ -145,31 +145,31 @@ COMMANDS: dict[str, Subcommand] = {
 
 Writes robot.toml (for a model file) and columns.toml. What is guessed is marked
 as a guess, with the reason: correct it, then run wbc check.""",
-        "prepare.run_init",
+        "prepare",
     ),
     "look": Subcommand(
         "every column of files over time: look before you map",
         "logs/plain --columns --html/look",
         "example: wbc look run*.csv --html look.html",
-        "look.run_look",
+        "look",
     ),
     "check": Subcommand(
         "what logs are good for, and which columns are wrong",
         f"{_LOGS} --json",
         "example: wbc check run*.csv --robot planar_leg_fixed --fix map.toml",
-        "prepare.run_check",
+        "prepare",
     ),
     "compare": Subcommand(
         "error of the model on logs: how much, and where",
         f"{_LOGS} --json --report",
         "example: wbc compare run*.csv --robot planar_leg_fixed --lossless",
-        "models.run_compare",
+        "models",
     ),
     "diagnose": Subcommand(
         "which physical effect the model lacks; add it, save it",
         f"{_LOGS} --add --save --budget --discover --json --report",
         "example: wbc diagnose run*.csv --robot planar_leg_fixed --save fitted.toml",
-        "models.run_diagnose",
+        "models",
     ),
     "identify": Subcommand(
         "all parameters at once: links, rotors, friction",
@@ -177,20 +177,20 @@ as a guess, with the reason: correct it, then run wbc check.""",
         """example: wbc identify run*.csv --robot planar_leg_fixed --json parameters.json
 
 It says how large each number is; wbc diagnose says which are needed.""",
-        "models.run_identify",
+        "models",
     ),
     "rollout": Subcommand(
         "a position servo fitted by simulating its runs",
         "logs --robot --lossless --columns --save --json",
         "example: wbc rollout light.csv heavy.csv@heavy.toml --robot servo.toml",
-        "models.run_rollout",
+        "models",
     ),
     "trend": Subcommand(
         "which machine changes over days, and how surely",
         "logs/plain --robot --lossless --columns --quiet --verbose --workers --fail-on-drift"
         " --figures --theme --json",
         "example: wbc trend fleet/*/*.csv --robot fitted.toml --figures",
-        "models.run_trend",
+        "models",
     ),
     "play": Subcommand(
         "a recording in motion: one offline page",
@@ -198,13 +198,13 @@ It says how large each number is; wbc diagnose says which are needed.""",
         """example: wbc play run.csv --robot planar_leg --ghost fitted.toml --html a.html
 
 Without --html the page opens in the browser.""",
-        "look.run_play",
+        "look",
     ),
     "metrics": Subcommand(
         "inertia, force capability, impacts and holding of a contact",
         f"robot {_SITE} --figures --theme --json",
         "example: wbc metrics planar_leg --pose hip=-0.5236,knee=1.0472 --figures out",
-        "robots.run_metrics",
+        "robots",
     ),
     "design": Subcommand(
         "sweep gears, links and pose: maps and the best compromises",
@@ -217,7 +217,7 @@ a gear parameter takes .JOINT for one gear alone.
 
 example: wbc design planar_leg --sweep reduction=6:160:40:log
   --sweep forward_efficiency=0.5:0.98:40 --figures out""",
-        "design.run_design",
+        "design",
     ),
     "experiment": Subcommand(
         "a motion that tells rival causes apart, and its expected odds",
@@ -230,19 +230,19 @@ the motion that shrinks its intervals.
 
 example: wbc experiment planar_leg_fixed --lossless --speed 6 --span 1
   --between rotor_inertia@knee payload_mass@shin --out trajectory.csv""",
-        "design.run_experiment",
+        "design",
     ),
     "export": Subcommand(
         "a robot for MuJoCo with its losses, or as URDF",
         "robot --to/format --file --json",
         "example: wbc export fitted.toml --to mujoco --file fitted.xml",
-        "robots.run_export",
+        "robots",
     ),
     "list": Subcommand(
         "the robots, the physical effects and the gearboxes there are",
         "what --json",
         "example: wbc list effects",
-        "robots.run_list",
+        "robots",
     ),
 }
 """The commands by name, in the order of the help."""

@@ -527,19 +527,6 @@ def _combined(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     return entry
 
 
-def in_degrees(names: Iterable[str], joints: Iterable[str], unit: str = "deg") -> Mend:
-    """Return the mend of joints whose encoder columns, among `names`, are in degrees or turns."""
-    known = set(names)
-    return {
-        "columns": {
-            f"{joint}.{quantity}": {"unit": f"{unit}{rate}"}
-            for joint in joints
-            for quantity, rate in ENCODER_RATES.items()
-            if f"{joint}.{quantity}" in known
-        }
-    }
-
-
 def say_so(mend: Mend, what: str = "say so") -> str:
     """Return how to do something in a column map, with the lines of the map that do it.
 

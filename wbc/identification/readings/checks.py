@@ -14,7 +14,7 @@ import numpy as np
 from wbc.arrays import FloatArray
 from wbc.errors import IdentificationError, LogError
 from wbc.identification.readings.evidence import Bench, evidence
-from wbc.identification.readings.kinds import Reading
+from wbc.identification.readings.kinds import Reading, columns_of, in_degrees
 from wbc.identification.readings.log_rows import rows_of
 from wbc.identification.readings.mistakes import (
     SuspiciousLogError,
@@ -38,7 +38,7 @@ from wbc.measurement.checks import (
     resolution,
 )
 from wbc.measurement.clocks import cut_at_gaps, too_short
-from wbc.measurement.column_map import Mend, in_degrees, say_so
+from wbc.measurement.column_map import Mend, say_so
 from wbc.measurement.log import Log, LogFinding, short_label
 from wbc.measurement.names import unread
 from wbc.measurement.read import mended
@@ -165,7 +165,7 @@ def check_ranges(log: Log, robot: Robot | None = None) -> Iterator[LogFinding]:
         lower, upper = _limits(robot, joint)
         spare = 0.05 * (upper - lower) if np.isfinite(upper - lower) else 0.0
         lowest, highest = lower - spare, upper + spare
-        seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log.columns, [joint])
+        seen, mend = f"it runs from {low:.4g} to {high:.4g}", in_degrees(log, [joint])
         if low < lowest or high > highest:
             turns = 2.0 * pi * round((low + high) / (4.0 * pi))
             said = "; read as degrees it would fit."
@@ -356,14 +356,9 @@ def match_joints(
 
 def columns_from(sources: Mapping[str, str], log: Log) -> Mend:
     """Return the map that reads the columns of joints from those of other names in a log."""
-    return {
-        "columns": {
-            f"{ours}.{name.removeprefix(theirs + '.')}": {"from": name}
-            for ours, theirs in sources.items()
-            for name in log.columns
-            if ours != theirs and name.startswith(f"{theirs}.")
-        }
-    }
+    moved = [pair for pair in sources.items() if pair[0] != pair[1]]
+    entries = [columns_of(theirs, log.columns, ours) for ours, theirs in moved]
+    return {"columns": dict(item for own in entries for item in own.items())}
 
 
 def told_by_rows(robot: Robot, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:

@@ -71,27 +71,27 @@ class Report(NamedTuple):
 
     gains: FloatArray
     """(G,) log likelihood at each gain of the grid."""
-    gain: float
-    """The gain of least squares; 0 where the report does not follow the need ..."""
-    spread: float
-    """... and the standard deviation of its logarithm."""
-    left: float
-    """Share of the report's power that is left there."""
-    idle: float
-    """Log likelihood, with its prior, of a drive that carried nothing in this log."""
+    ratios: FloatArray
+    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another."""
     causes: FloatArray
     """(R, 5) what offset, speed, direction, load and acceleration add, over the report's size."""
     target: FloatArray
     """(R,) the report in the same coordinates, over its size."""
-    samples: float
+    gain: float = 0.0
+    """The gain of least squares; 0 where the report does not follow the need ..."""
+    spread: float = inf
+    """... and the standard deviation of its logarithm."""
+    left: float = 1.0
+    """Share of the report's power that is left there."""
+    idle: float = 0.0
+    """Log likelihood, with its prior, of a drive that carried nothing in this log."""
+    samples: float = 0.0
     """Independent samples that count; 0 of a report that tells nothing."""
-    size: float
+    size: float = 0.0
     """Root of the sum of squares of the report about its mean [N m]."""
-    heavy: float
+    heavy: float = 0.0
     """Log likelihood, at usual gains, of a rotor that nobody described and that may be any times
     heavier than its link; such a rotor accuses nobody and frees from being foreign."""
-    ratios: FloatArray
-    """(F,) log likelihood at each factor of the grid by which the gear ratio may be another."""
 
 
 def report(
@@ -117,10 +117,8 @@ def report(
     """
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
     if size <= 0.0 or samples <= 0.0:
-        nothing = np.zeros((1, _CAUSES))
-        flat = np.zeros(GAINS.size)
         return Report(
-            flat, 0.0, inf, 1.0, 0.0, nothing, nothing[:, 0], 0.0, 0.0, 0.0, np.zeros(_RATIOS.size)
+            np.zeros(GAINS.size), np.zeros(_RATIOS.size), np.zeros((1, _CAUSES)), np.zeros(1)
         )
     causes, drawn = need_columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])

@@ -6,7 +6,7 @@ asks the map what it makes of the columns, so that what is judged is what is pri
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from math import degrees, inf, log as ln
@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray
 from wbc.identification.readings.log_rows import LogRows
-from wbc.measurement.column_map import ENCODER_RATES, Mend, in_degrees
+from wbc.measurement.column_map import ENCODER_RATES, Mend
 from wbc.measurement.column_mistakes import COUNTS_OF_A_TURN, EVERYWHERE, log_mixture, whole_counts
 from wbc.measurement.log import Log, listed
 from wbc.measurement.schema import LOG_UNITS
@@ -136,7 +136,7 @@ def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
         name = "degrees" if unit == "deg" else "turns"
         text = f"{_holds([f'{joint}.position' for joint in joints])} {name}"
         prior = (EVERYWHERE if joints == turning else _RARE) + travels
-        yield Reading("degrees", text, prior, in_degrees(log.columns, joints, unit))
+        yield Reading("degrees", text, prior, in_degrees(log, joints, unit))
 
 
 def _travels(log: Log, joint: str, factor: float) -> float:
@@ -174,18 +174,15 @@ def _exchanges(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
     """Yield pairs of joints whose columns are exchanged."""
     driven, names = rows.robot.transmission.joints, rows.torques
     for a, b in combinations(map(int, np.flatnonzero(lost)), 2):
-        both = ((driven[a], driven[b]), (driven[b], driven[a]))
-        moved = {
-            f"{one}.{name.removeprefix(other + '.')}": {"from": name}
-            for one, other in both
-            for name in encoder_columns(log, other)
-        }
+        one, other = driven[a], driven[b]
+        moved = columns_of(other, encoder_columns(log, other), one)
+        moved |= columns_of(one, encoder_columns(log, one), other)
         crossed = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
         ways = [("positions", moved)]
         if rows.quantities[a] == rows.quantities[b]:
             ways += [("torques", crossed), ("positions and torques", {**moved, **crossed})]
         for what, columns in ways:
-            text = f"the {what} of {driven[a]} and {driven[b]} are exchanged"
+            text = f"the {what} of {one} and {other} are exchanged"
             yield _mended("exchanged", text, _RARE, columns, exchanged=(a, b))
 
 
@@ -229,6 +226,19 @@ def _holds(names: Sequence[str]) -> str:
     return f"{listed(names)} {'holds' if len(names) == 1 else 'hold'}"
 
 
-def encoder_columns(log: Log, joint: str) -> list[str]:
-    """Return the columns of a joint that turn with its encoder."""
-    return [name for q in ENCODER_RATES if (name := f"{joint}.{q}") in log.columns]
+def in_degrees(log: Log, joints: Iterable[str], unit: str = "deg") -> Mend:
+    """Return the mend of a log whose encoder columns of some joints are in degrees or turns."""
+    rates = {name: rate for joint in joints for name, rate in encoder_columns(log, joint).items()}
+    return {"columns": {name: {"unit": f"{unit}{rate}"} for name, rate in rates.items()}}
+
+
+def encoder_columns(log: Log, joint: str) -> dict[str, str]:
+    """Return the columns of a joint that turn with its encoder -> what their unit has more."""
+    known = {f"{joint}.{quantity}": rate for quantity, rate in ENCODER_RATES.items()}
+    return {name: rate for name, rate in known.items() if name in log.columns}
+
+
+def columns_of(theirs: str, names: Iterable[str], ours: str) -> dict[str, dict[str, str]]:
+    """Return the entries of a map by which a joint gets columns, among `names`, of another one."""
+    own = [name for name in names if name.startswith(f"{theirs}.")]
+    return {f"{ours}{name.removeprefix(theirs)}": {"from": name} for name in own}
