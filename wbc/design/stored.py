@@ -99,7 +99,7 @@ def run_study(
     *,
     workers: int = 1,
     chunk: int = _CHUNK,
-    watch: Watch | None = None,
+    watch: Watch = lambda done, total: None,
 ) -> Path:
     """Evaluate every design of a study and write the table, whole or not at all.
 
@@ -129,11 +129,9 @@ def run_study(
         with pq.ParquetWriter(file, schema) as writer:
             for rows, columns in zip(chunks, results, strict=True):
                 writer.write_table(pa.table(columns, schema=schema))
-                if watch:
-                    watch(rows.stop, study.size)
+                watch(rows.stop, study.size)
 
-    if watch:
-        watch(0, study.size)
+    watch(0, study.size)
     return atomic_write(path, write)
 
 

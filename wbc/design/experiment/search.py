@@ -154,7 +154,7 @@ def design_experiment(
     seed: int = 0,
     aim: Aim = deciding,
     starts: Sequence[FourierPath] = (),
-    watch: Watch | None = None,
+    watch: Watch = lambda done, total: None,
 ) -> Designed:
     """Return the best motion found for an aim; the same for the same seed.
 
@@ -189,8 +189,7 @@ def design_experiment(
     drawn: list[tuple[FourierPath, Predictions]] = []
     for i in range(_DRAWN):
         drawn.append(fit(_drawn(limits, duration, random)))
-        if watch:
-            watch(i + 1, total)
+        watch(i + 1, total)
     alike: tuple[Pair, ...] = ()
     if aim is deciding:  # judged on the motions that say most about all parameters
         alike = _alike(sorted((f for _, f in drawn), key=lambda f: -f.information())[:2])
@@ -201,9 +200,8 @@ def design_experiment(
             "others do as well. Mount the robot otherwise, or measure one of them off the robot."
         )
     drawn += map(fit, starts)
-    tried = [(aim(found, pairs), path) for path, found in drawn]
-    tried = sorted(tried, key=lambda one: -one[0])[:_KEPT]
-    best = [(value, path, _FIRST) for value, path in tried]
+    tried = [(aim(found, pairs), path, _FIRST) for path, found in drawn]
+    best = sorted(tried, key=lambda one: -one[0])[:_KEPT]
     for i in range(rounds):
         # Each of the best has its turn at first, then whichever is the best.
         k = i % len(best) if i < rounds // 4 else int(np.argmax([one[0] for one in best]))
@@ -214,8 +212,7 @@ def design_experiment(
             best[k] = (new, changed, min(_GROWN * size, _WIDEST))
         else:
             best[k] = (value, path, max(_SHRUNK * size, _FINEST))
-        if watch:
-            watch(_DRAWN + i + 1, total)
+        watch(_DRAWN + i + 1, total)
     path = max(best, key=lambda one: one[0])[1]
     # The rate of the log is denser than the search.
     while predicted(rivals, limits, path, rate)[1] > ROOM:
@@ -231,7 +228,7 @@ def compare_motions(
     rate: float = 100.0,
     rounds: int = ROUNDS,
     seed: int = 0,
-    watch: Watch | None = None,
+    watch: Watch = lambda done, total: None,
 ) -> dict[str, Designed]:
     """Return the designed motion beside the median of random ones and a D-optimal one.
 
