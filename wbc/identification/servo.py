@@ -373,12 +373,12 @@ def fit_servos(
     low, center, high = np.array(list(spans.values())).T
     scale = np.maximum(np.abs(center), 0.02 * (high - low))
 
-    def built(x: FloatArray) -> tuple[Robot, DcDrive]:
-        return build(dict(zip(spans, map(float, x), strict=True)))
+    def named(x: FloatArray) -> dict[str, float]:
+        return dict(zip(spans, map(float, x), strict=True))
 
     def residuals(points: FloatArray, seen: Sequence[ServoRun]) -> FloatArray:
         """Return the errors (V, rows) of V variants, thinned, run after run, then what holds."""
-        positions = servo_rollout([built(x) for x in points], seen, step)
+        positions = servo_rollout([build(named(x)) for x in points], seen, step)
         parts = [
             positions[: run.position.size : _EVERY, :, k] - run.position[::_EVERY, None]
             for k, run in enumerate(seen)
@@ -410,6 +410,6 @@ def fit_servos(
         least = min(found, key=lambda one: float(one.cost))
         edge = np.minimum(least.x - low, high - least.x) < 1e-3 * (high - low)
         at_bound = tuple(name for name, close in zip(spans, edge, strict=True) if close)
-        values = dict(zip(spans, map(float, least.x), strict=True))
-        best.append(ServoFit(values, *built(least.x), at_bound))
+        values = named(least.x)
+        best.append(ServoFit(values, *build(values), at_bound))
     return best

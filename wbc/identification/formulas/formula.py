@@ -399,13 +399,12 @@ class Proposal:
     @property
     def formula(self) -> str:
         """Readable text with units, such as `tau_knee = -0.83 N m * sign(v_knee)`."""
-        parts = []
+        words = []
         for name, e in self.coefficients.items():
             size = f"{abs(e.value):.3g} {e.unit}".removesuffix(" 1")
-            parts.append(("-" if e.value < 0 else "+", size if name == "1" else f"{size} * {name}"))
-        first = ("-" if parts[0][0] == "-" else "") + parts[0][1]
-        rest = "".join(f" {sign} {text}" for sign, text in parts[1:])
-        return f"tau_{self.effect.where} = {first}{rest}"
+            words += ["-" if e.value < 0 else "+", size if name == "1" else f"{size} * {name}"]
+        first = words[0].strip("+") + words[1]
+        return " ".join([f"tau_{self.effect.where} =", first, *words[2:]])
 
 
 @dataclass(frozen=True, eq=False)
