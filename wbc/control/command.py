@@ -137,25 +137,6 @@ def gear_directions(output: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.where(np.abs(sigma) >= 1.0, np.sign(output * sigma), float(Direction.STUCK))
 
 
-def consistent(
-    output: FloatArray,
-    mesh_input: FloatArray,
-    sigma: FloatArray,
-    forward: FloatArray,
-    backward: FloatArray,
-) -> bool:
-    """Whether the mesh law allows t and T (m,) in the directions that gears turn.
-
-    FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all within
-    1e-6 of the largest torque. `forward` and `backward` (m,) are 1/eta_f and eta_b.
-    """
-    directions, ends = gear_directions(output, sigma), np.array([forward, backward]) * output
-    surely = np.where(directions > 0.0, ends[0], ends[1])
-    low, high = (np.where(directions == 0.0, end, surely) for end in (ends.min(0), ends.max(0)))
-    slack = 1e-6 * (1.0 + np.abs(output).max(initial=0.0))
-    return bool(((low - slack <= mesh_input) & (mesh_input <= high + slack)).all())
-
-
 def explain(command: Command) -> str:
     """Return in one sentence why a tick had no solution; empty where nothing is in the way.
 

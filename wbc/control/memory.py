@@ -148,6 +148,6 @@ PART = numbered("position velocity corrected advanced by_gear x z y")
 stands before x is the same in every program of a controller, so that a tick reads there what the
 last one came to, whatever its contacts were."""
 
-GEAR = numbered("turning sigma output share mesh torque drive")
+GEAR = numbered("expected_speed certainty output_torque share mesh_torque torque drive")
 """Rows of gears in a block: expected dpsi, certainty, T, what the rotors take, t, N tau_phi within
 the limits, and what the drives are told."""

@@ -278,7 +278,7 @@ def write(program: ProgramMemory, position: Vector, velocity: Vector, last: Row,
     program.position[:], program.velocity[:], program.step[0] = position, velocity, dt
     first, gears = program.ends[PART.by_gear], len(program.output)
     copy_to(last[program.ends[PART.advanced] : first], program.expected)
-    copy_to(view(last, first, len(GEAR), gears)[GEAR.output], program.output)
+    copy_to(view(last, first, len(GEAR), gears)[GEAR.output_torque], program.output)
     move_joints(program.tree, program.velocity)  # velocities, and accelerations at qdd = 0
     rest_contacts(program)  # J, and what J qdd must be for contacts to rest
     want(program)  # J, and what J qdd is to be for tasks

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.arrays import FloatArray, IntArray
-from wbc.control.command import Refused, Status, consistent
+from wbc.control.command import Refused, Status, gear_directions
 from wbc.control.inputs import TOO_LARGE, Complaint
 from wbc.control.memory import COUNT, GEAR, PART
 from wbc.control.qp.active_set import FEW, STEPS, keep_hopeful
@@ -29,13 +29,6 @@ _PROGRAM, _GUESS, _STEP = 70, 30, 2
 # Solo12 would be 740 us in place of 450.
 _SEARCHED = 0.5
 _BINDS = 1e-6
-_ROWS = {
-    "output_torque": GEAR.output,
-    "mesh_torque": GEAR.mesh,
-    "expected_speed": GEAR.turning,
-    "certainty": GEAR.sigma,
-}
-
 
 _EMPTY = np.zeros(0)
 SOLVED: Complaint = (Status.SOLVED, "")
@@ -139,16 +132,25 @@ class LevelAnswer(NamedTuple):
 
     def field(self, name: str) -> Any:
         """Return a field of `Command`."""
-        if name in _ROWS:
-            return self.row(_ROWS[name])
+        if name in GEAR._fields:
+            return self.row(getattr(GEAR, name))
         return getattr(self if name in vars(LevelAnswer) else self.found, name)
 
     @property
     def consistent(self) -> bool:
-        """Whether the mesh law allows the torques."""
-        gears = self.level.program.memory.gears
-        output, mesh, sigma = self.row(GEAR.output), self.row(GEAR.mesh), self.row(GEAR.sigma)
-        return consistent(output, mesh, sigma, gears.forward, gears.backward)
+        """Whether the mesh law allows t and T in the directions that gears turn.
+
+        FORWARD needs t = T/eta_f, BACKWARD t = eta_b T, STUCK t anywhere between the two; all
+        within 1e-6 of the largest torque.
+        """
+        gears, wanted = self.level.program.memory.gears, (GEAR.output_torque, GEAR.mesh_torque)
+        output, mesh = map(self.row, wanted)
+        turns = gear_directions(output, self.row(GEAR.certainty))
+        ends = np.array([gears.forward, gears.backward]) * output
+        surely = np.where(turns > 0.0, ends[0], ends[1])
+        low, high = (np.where(turns == 0.0, end, surely) for end in (ends.min(0), ends.max(0)))
+        slack = 1e-6 * (1.0 + np.abs(output).max(initial=0.0))
+        return bool(((low - slack <= mesh) & (mesh <= high + slack)).all())
 
     @property
     def forces(self) -> Mapping[str, FloatArray]:
@@ -243,7 +245,7 @@ class Level:
         found = above.found.solution
         limited = found is not NOTHING and bool(found.z[program.torque].any())
         if limited:
-            self._place(above.found.decided, above.row(GEAR.output))
+            self._place(above.found.decided, above.row(GEAR.output_torque))
         self._passing = x
         left = int(hold(memory, lock, x, limited))
         if left < 0:
@@ -260,9 +262,9 @@ class Level:
         """
         program, slopes = self.program, self.program.memory.gears.slopes
         self.rounds, self.iterations, self.spent = 0, 0, 0.0
-        output, decided = last[program.rows[GEAR.output]].copy(), self.unsearched.decided
+        output, decided = last[program.rows[GEAR.output_torque]].copy(), self.unsearched.decided
         if above is not None:
-            output, decided = above.row(GEAR.output), above.found.decided
+            output, decided = above.row(GEAR.output_torque), above.found.decided
         for _ in range(GUESSES):
             found = self._branch(output, decided)
             settled = found.verdict is SOLVED and found.excess is None
@@ -286,7 +288,7 @@ class Level:
             last: block whose torques the efforts go by.
             decided: directions of gears (m,).
         """
-        self._place(decided, last[self.program.rows[GEAR.output]])
+        self._place(decided, last[self.program.rows[GEAR.output_torque]])
         return self.program.dense()
 
     def _place(self, decided: IntArray, output: FloatArray) -> None:

@@ -57,7 +57,7 @@ def guess(program: ProgramMemory, block: OutRow) -> int:
     """
     slopes, ends, positive = program.gears.slopes, program.ends, program.positive
     rows = view(block, ends[PART.by_gear], len(GEAR), len(positive))
-    output, share = rows[GEAR.output], rows[GEAR.share]
+    output, share = rows[GEAR.output_torque], rows[GEAR.share]
     x = block[ends[PART.x] : ends[PART.x + 1]]
     y, z = block[ends[PART.y] : ends[PART.y + 1]], block[ends[PART.z] : ends[PART.z + 1]]
     for i in range(len(positive)):

@@ -168,7 +168,7 @@ def place_torques(program: ProgramMemory, block: OutRow) -> bool:
     x, expected = block[ends[PART.x] : ends[PART.x + 1]], program.corrected
     jacobian, nv, m = program.contacts.rows.jacobian, len(expected), len(gears.driven)
     rows, advanced = view(block, ends[PART.by_gear], len(GEAR), m), block[ends[PART.advanced] :]
-    output, mesh, torque = rows[GEAR.output], rows[GEAR.mesh], rows[GEAR.torque]
+    output, mesh, torque = rows[GEAR.output_torque], rows[GEAR.mesh_torque], rows[GEAR.torque]
     copy_to(program.position, block[ends[PART.position] :])
     copy_to(program.velocity, block[ends[PART.velocity] :])
     copy_to(expected, block[ends[PART.corrected] :])
@@ -181,7 +181,7 @@ def place_torques(program: ProgramMemory, block: OutRow) -> bool:
             load[row] -= program.numbers[NUMBER.scale] * jacobian[k, row] * x[nv + k]
     place_output(program, x, output, rows[GEAR.share])
     for i in range(m):
-        rows[GEAR.turning, i], rows[GEAR.sigma, i] = gears.turning[i], gears.sigma[i]
+        rows[GEAR.expected_speed, i], rows[GEAR.certainty, i] = gears.turning[i], gears.sigma[i]
         mesh[i] = gears.slopes[1 if output[i] > 0.0 else 0, i] * output[i]
         needed = mesh[i] + rows[GEAR.share, i]
         torque[i] = min(max(needed, gears.lower[i]), gears.upper[i])
