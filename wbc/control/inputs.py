@@ -155,7 +155,15 @@ class InputCheck:
     ) -> None:
         """Raise TickInputError where something besides the state is wrong."""
         tasks, weighed, feet = self._names
-        _check_references(references, tasks)
+        if type(references) is not dict and not isinstance(references, Mapping):
+            kind = type(references).__name__
+            raise TickInputError(f"references map a task's name to a Reference; got {kind}.")
+        for name, reference in references.items():
+            if name not in tasks:
+                raise TickInputError(unknown_name("task with a reference", str(name), tasks))
+            if type(reference) is not Reference and not isinstance(reference, Reference):
+                kind = type(reference).__name__
+                raise TickInputError(f"task '{name}' needs a Reference, got {kind}.")
         _check_numbers("contacts, the greatest normal forces [N],", "contact", contacts, feet)
         _check_numbers("weights", "task", weights, weighed)
         _check_numbers("activation", "task", activation, weighed, 1.0)
@@ -210,19 +218,6 @@ def _motion(position: FloatArray, velocity: FloatArray) -> Motion:
     made = object.__new__(Motion)
     made.__dict__.update(position=position, velocity=velocity)
     return made
-
-
-def _check_references(references: object, tasks: Collection[str]) -> None:
-    """Check that references are such, and of tasks that there are."""
-    if type(references) is not dict and not isinstance(references, Mapping):
-        kind = type(references).__name__
-        raise TickInputError(f"references map a task's name to a Reference; got {kind}.")
-    for name, reference in references.items():
-        if name not in tasks:
-            raise TickInputError(unknown_name("task with a reference", str(name), tasks))
-        if type(reference) is not Reference and not isinstance(reference, Reference):
-            kind = type(reference).__name__
-            raise TickInputError(f"task '{name}' needs a Reference, got {kind}.")
 
 
 def _check_numbers(

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray, IntArray, Remade, checked, frozen
+from wbc.arrays import FloatArray, IntArray, Ranged, Remade, checked, frozen, must
 from wbc.errors import RobotError, require_known, unknown_name
 from wbc.robot.effect import Effect, Motion
 from wbc.tables import few
@@ -21,7 +21,7 @@ from wbc.transmission import Transmission
 
 
 @dataclass(frozen=True, eq=False)
-class ContactPoint(Remade):
+class ContactPoint(Remade, Ranged):
     """A point fixed to a link that may touch the ground, or the centre of a ball that does.
 
     Attributes:
@@ -35,17 +35,16 @@ class ContactPoint(Remade):
     name: str
     frame: str
     offset: FloatArray
-    friction: float = 0.7
-    radius: float = 0.0
+    friction: float = field(default=0.7, metadata=must(">= 0"))
+    radius: float = field(default=0.0, metadata=must(">= 0 and < inf"))
+
+    told, raised = "contact '{0.name}': ", RobotError
 
     def __post_init__(self) -> None:
         """Check and freeze."""
         label = f"offset of contact '{self.name}'"
         object.__setattr__(self, "offset", checked(self.offset, (3,), label, RobotError))
-        if not self.friction >= 0.0:
-            raise RobotError(f"contact '{self.name}': friction must be >= 0, got {self.friction}.")
-        if not 0.0 <= self.radius < np.inf:
-            raise RobotError(f"contact '{self.name}': radius must be >= 0, got {self.radius}.")
+        super().__post_init__()
 
     def placement(self) -> pin.SE3:
         """Return the placement of the point in its frame."""
@@ -96,7 +95,7 @@ class LinkSolid:
 
 
 @dataclass(frozen=True)
-class BodySurface:
+class BodySurface(Ranged):
     """How the links of a robot touch the ground beside its contacts (`body_surfaces`).
 
     Attributes:
@@ -108,17 +107,12 @@ class BodySurface:
     """
 
     links: tuple[str, ...] | None = None
-    friction: float = 0.7
-    depth: float = 0.02
+    friction: float = field(default=0.7, metadata=must(">= 0"))
+    depth: float = field(default=0.02, metadata=must("> 0 m"))
     pairs: tuple[tuple[str, str], ...] = ()
     solids: tuple[LinkSolid, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not self.friction >= 0.0:
-            raise RobotError(f"bodies: friction must be >= 0, got {self.friction}.")
-        if not self.depth > 0.0:
-            raise RobotError(f"bodies: depth must be positive, got {self.depth}.")
+    told, raised = "bodies: ", RobotError
 
 
 class RotorMounting(NamedTuple):

@@ -11,14 +11,14 @@ docs/method/physics.md).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from math import cos, tan
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, Ranged, must
 from wbc.errors import TransmissionError
 
 
@@ -155,7 +155,7 @@ class Flanks:
 
 
 @dataclass(frozen=True)
-class WedgeBlock:
+class WedgeBlock(Ranged):
     """A wedge (mass m, coordinate u) that pushes a block (mass M, coordinate x) by friction.
 
     The constraint is x = u cos(alpha); the friction force along u is
@@ -171,20 +171,18 @@ class WedgeBlock:
         friction: mu >= 0.
     """
 
-    block_mass: float
-    wedge_mass: float
+    block_mass: float = field(metadata=must(">= 0 kg and < inf"))
+    wedge_mass: float = field(metadata=must(">= 0 kg and < inf"))
     slope: float
-    friction: float
+    friction: float = field(metadata=must(">= 0 and < inf"))
+
+    told, raised = "", TransmissionError
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0.0 <= self.slope < np.pi / 2:
             raise TransmissionError(f"slope must lie in [0, pi/2) rad, got {self.slope:g}.")
-        for name in ("block_mass", "wedge_mass", "friction"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise TransmissionError(
-                    f"{name} must be >= 0 and finite, got {getattr(self, name):g}."
-                )
+        super().__post_init__()
 
     @property
     def loss_coefficient(self) -> float:
@@ -234,7 +232,7 @@ class WedgeBlock:
 
 
 @dataclass(frozen=True)
-class CompoundPlanetaryGear:
+class CompoundPlanetaryGear(Ranged):
     """A 3K planetary gear: sun in, one ring fixed, the other ring out.
 
     The paper takes its backward efficiency from equation (38) of Matsuki, Nagano and Fujimoto
@@ -255,15 +253,10 @@ class CompoundPlanetaryGear:
         ring_ratio: i2 = z_r1 z_p2/(z_p1 z_r2), in (0, 1); close to 1 at high reductions.
     """
 
-    sun_ratio: float
-    ring_ratio: float
+    sun_ratio: float = field(metadata=must("> 1 and < inf"))
+    ring_ratio: float = field(metadata=must("> 0 and < 1"))
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if not 1.0 < self.sun_ratio < np.inf:
-            raise TransmissionError(f"sun_ratio must be > 1, got {self.sun_ratio:g}.")
-        if not 0.0 < self.ring_ratio < 1.0:
-            raise TransmissionError(f"ring_ratio must lie in (0, 1), got {self.ring_ratio:g}.")
+    told, raised = "", TransmissionError
 
     @classmethod
     def of_reduction(cls, reduction: float, sun_ratio: float) -> CompoundPlanetaryGear:
