@@ -26,6 +26,7 @@ _BUSY: Complaint = (
     "step is called while another thread is in it; give every thread a controller of its own.",
 )
 _OF_GEARS = "output_torque", "mesh_torque", "expected_speed", "certainty", "velocity"
+_UNASKED = {"solution": None, "refused": None, "solve_time": 0.0, "rounds": 0, "iterations": 0}
 _SHARE = 0.25
 """Greatest part of a speed that damping may take away in one tick.
 
@@ -112,15 +113,11 @@ class Fallback:
             status=complaint[0],
             message=complaint[1],
             tick_time=perf_counter() - start,
-            solution=None if asked is None else asked.found.solution,
             forces={},
             position=unknown if place is None else place[self._robot.actuated_position],
-            refused=None if asked is None else asked.refused,
             passed={},
-            prospect=None,
-            solve_time=0.0 if asked is None else asked.solve_time,
-            rounds=0 if asked is None else asked.found.rounds,
-            iterations=0 if asked is None else asked.found.iterations,
+            prospect=asked,
+            **_UNASKED if asked is None else {"refused": asked.refused},
             **dict.fromkeys(_OF_GEARS, np.zeros(self._size)),
         )
 

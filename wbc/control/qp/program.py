@@ -22,7 +22,7 @@ from wbc.control.qp.lock_rows import LOCK
 from wbc.control.qp.solvers import INFINITE, QPProblem, QPSolution
 from wbc.control.rows.collision import CollisionLimit, CollisionRows
 from wbc.control.rows.contacts import BoundContact, Contact, ContactSet
-from wbc.control.rows.limits import Effort, JointLimit, RotorTorqueLimit
+from wbc.control.rows.limits import Effort, JointLimit, MeshLossEffort, RotorTorqueLimit
 from wbc.control.rows.task_stack import TaskStack
 from wbc.control.rows.tasks import Task
 from wbc.control.settings import ControllerSettings
@@ -95,6 +95,8 @@ class Recipe:
         drivetrain = GearModel(robot, kinematics, settings, _single(RotorTorqueLimit, limits))
         efforts = [task for task in tasks if isinstance(task, Effort)]
         weights = [effort.weights(robot) for effort in efforts]
+        of_rotors = [float(effort.of_rotors) for effort in efforts]
+        least = [e.least_torque if isinstance(e, MeshLossEffort) else 0.0 for e in efforts]
         apart, stops = _single(CollisionLimit, limits), _single(JointLimit, limits)
         if stops is None or not stops.joints:
             stops = JointLimit.of(robot, () if stops is None else None)
@@ -112,7 +114,7 @@ class Recipe:
             collision=None if apart is None else CollisionRows(apart, kinematics.model),
             settings=settings,
             efforts=np.array(weights).reshape(-1, drivetrain.size),
-            effort_kinds=np.array([e.kind for e in efforts]).reshape(-1, 2),
+            effort_kinds=np.column_stack((of_rotors, least)),
             stacks=tuple(TaskStack(robot, some, kinematics.model) for some in by_rank),
             contacts=bound,
         )

@@ -134,27 +134,21 @@ class WarmStart(Enum):
 def solve(name: str, problem: QPProblem, *, tolerance: float, most: int) -> QPSolution:
     """Return the solution of a program whose numbers are finite and bounds ordered, from nothing.
 
+    ProxQP would not return where bounds are not ordered. The duality gap is part of its stopping
+    rule: without it a point that is feasible and stationary, but pushes against a bound that is
+    elsewhere, may be returned as the solution.
+
     Args:
         name: "proxqp" or "daqp".
         problem: the program.
         tolerance: absolute, on residuals.
         most: iterations, inner and outer ones together.
     """
-    if name == "proxqp":
-        return _solve_proxqp(problem, tolerance, most)
     H, g, A, b, C, lower, upper = problem
-    bounds = [(np.concatenate([b, lower]), np.concatenate([b, upper]))]
-    rows = np.concatenate([A, C])
-    return Daqp().solve(H, g, rows, bounds, len(b), tolerance=tolerance, most=most)[-1]
-
-
-def _solve_proxqp(problem: QPProblem, tolerance: float, most: int) -> QPSolution:
-    """Solve with proxsuite's dense ProxQP; it would not return where bounds are not ordered.
-
-    The duality gap is part of the stopping rule: without it a point that is feasible and
-    stationary, but pushes against a bound that is elsewhere, may be returned as the solution.
-    """
-    H, g, A, b, C, lower, upper = problem
+    if name == "daqp":
+        bounds = [(np.concatenate([b, lower]), np.concatenate([b, upper]))]
+        rows = np.concatenate([A, C])
+        return Daqp().solve(H, g, rows, bounds, len(b), tolerance=tolerance, most=most)[-1]
     backend = proxqp.dense.DenseBackend.PrimalDualLDLT
     qp = proxqp.dense.QP(len(g), len(b), len(lower), dense_backend=backend)
     settings = qp.settings

@@ -228,11 +228,6 @@ class Effort(Checked):
         """Return w (m,); what a mesh loses is multiplied with |e - 1| |dpsi| / |T_0| as well."""
         return np.full(robot.transmission.size, self.weight)
 
-    @property
-    def kind(self) -> tuple[float, float]:
-        """What the tick reads besides: 1 where y is N tau_phi, and a least torque, see PROGRAM."""
-        return float(self.of_rotors), 0.0
-
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -277,11 +272,6 @@ class MeshLossEffort(Effort):
 
     name: str = "mesh_loss"
     least_torque: float = field(default=0.5, metadata=must("> 0 N m"))
-
-    @property
-    def kind(self) -> tuple[float, float]:
-        """The least torque, too."""
-        return 0.0, self.least_torque
 
 
 @final
