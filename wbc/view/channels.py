@@ -499,8 +499,7 @@ def ghost_at(
     """
     if ghost.position.shape[1] != robot.model.nq:
         raise ViewError(f"the ghost '{ghost.label}' has other joints than '{robot.name}'.")
-    later = np.clip(np.searchsorted(ghost.time, time), 1, len(ghost.time) - 1)
-    rows = np.where(time - ghost.time[later - 1] < ghost.time[later] - time, later - 1, later)
+    rows = np.rint(np.interp(time, ghost.time, np.arange(len(ghost.time)))).astype(np.int_)
     residual = {
         joint: np.interp(time, ghost.residual_time, values)
         for joint, values in ghost.residual.items()

@@ -125,8 +125,7 @@ def write_figure(path: str | Path, figure: Figure) -> Path:
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of `axes` above the whole figure."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns)
 
 
 def fill_power(axes: Axes, time: FloatArray, power: FloatArray, directions: FloatArray) -> None:
@@ -178,9 +177,6 @@ def plot_mean(
     rows = round(len(time) * SHOWN)
     mean = window_mean(values, rows, jumps)
     rough = float(np.nanstd(values - mean)) > _ROUGH * float(np.nanstd(values))
-    if not rough:
-        axes.plot(time, values, **style)
-        return
-    if samples:
+    if rough and samples:
         axes.plot(time, values, color=style.get("color"), linewidth=0.5, alpha=0.25, zorder=1.5)
-    axes.plot(time, mean, **style)
+    axes.plot(time, mean if rough else values, **style)

@@ -164,13 +164,7 @@ def _columns(
     values, levels = _values(robot, motion, joint, terms)
     weight = (gain * record.scale)[:, outputs]
     parts = [
-        np.stack(
-            [
-                record.condense_driven(values[:, k : k + _BATCH] * weight[:, [o]])
-                for o in range(outputs.size)
-            ],
-            axis=1,
-        )
+        record.condense_driven(values[:, None, k : k + _BATCH] * weight[:, :, None])
         for k in range(0, len(terms), _BATCH)
     ]
     sure = record.weight[:, outputs].min(axis=1, keepdims=True) > 0.5
