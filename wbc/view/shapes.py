@@ -117,7 +117,8 @@ class LinkShape:
         placement: of the body in the frame of that joint.
         geometry: what meshcat draws.
         colour: written #RRGGBB.
-        low, high: (3,) [m] corners of its box in the frame of the joint.
+        low, high: (3,) [m] ends of its box in the frame of the joint.
+        corners: (8, 3) [m] of that box.
     """
 
     def __init__(self, name: str, joint: int, place: pin.SE3, body: Any, colour: str = "") -> None:
@@ -125,16 +126,12 @@ class LinkShape:
         body.computeLocalAABB()
         moved = _box_corners(body.aabb_local.min_, body.aabb_local.max_) @ place.rotation.T
         self.low, self.high = (end + place.translation for end in (moved.min(0), moved.max(0)))
+        self.corners = _box_corners(self.low, self.high)
         self.name, self.joint, self.placement = name, joint, place
         self.geometry, self.colour = (
             meshcat_geometry(body),
             colour or _NEUTRALS[joint % len(_NEUTRALS)],
         )
-
-    @property
-    def corners(self) -> FloatArray:
-        """Corners (8, 3) [m] of its box."""
-        return _box_corners(self.low, self.high)
 
 
 def _box_corners(low: FloatArray, high: FloatArray) -> FloatArray:

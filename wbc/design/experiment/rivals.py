@@ -61,7 +61,6 @@ def _effect(text: str, robot: Robot) -> Effect:
     kind = effect_class(name)
     typical = typical_values(name, kind.null_values(robot, where))
     effect = kind.at(where, {**typical, **given})
-    effect.check_place(robot)
     require_predictable(effect, robot)
     return effect
 
@@ -82,13 +81,14 @@ def require_predictable(effect: Effect, robot: Robot) -> None:
     Raises:
         DesignError: it does not; a link behind a soft gear follows no plan, and a motor at its
             limit does not either.
+        EffectError: the effect cannot sit where it says on this robot.
     """
+    gears = robot.with_effect(effect).transmission
     if "drive" in effect.acts_by and "drive_inverse" not in effect.acts_by:
         raise DesignError(
             f"'{effect.name}' shows only where a motor cannot follow, which a planned motion "
             "avoids. Leave it out of --between."
         )
-    gears = effect.change(robot).transmission
     if np.isfinite(gears.stiffness).any() or np.any(gears.backlash > 0.0):
         raise DesignError(
             f"'{effect.name}' is a soft or loose gear: its link moves as it likes, so that a "

@@ -38,14 +38,14 @@ def tied_causes(table: Mapping[str, Any], robot: Robot) -> tuple[Cause, ...]:
         raise DesignError(
             "--between: this JSON is no diagnosis; give what `wbc diagnose --json FILE` wrote."
         )
-    own = tuple(_effect(entry, robot) for entry in table["effects"])
+    own = tuple(map(_effect, table["effects"]))
     if not own:
         raise DesignError(
             f"the diagnosis is '{table.get('verdict')}' and names no effect; there is nothing to "
             "tell apart. Name causes with --between EFFECT@PLACE EFFECT@PLACE."
         )
     causes, refused = [own], ""
-    for rival in _ranked(table, robot):
+    for rival in _ranked(table):
         try:
             for effect in rival:
                 require_predictable(effect, robot)
@@ -104,16 +104,16 @@ def _covariance(table: Mapping[str, Any], cause: Cause) -> FloatArray | None:
     return None
 
 
-def _ranked(table: Mapping[str, Any], robot: Robot) -> list[Cause]:
+def _ranked(table: Mapping[str, Any]) -> list[Cause]:
     """Return the rivals of the ranking: those that tie, else the closest one."""
     rows = [row for row in table.get("ranking", []) if row.get("effects") and row["added"]]
     instead = [row for row in rows if row["removed"]]
     tied = [row for row in instead if row["standing"] in ("better", "not distinguishable")]
     chosen = tied or instead[:1] or rows[:1]
-    return [tuple(_effect(e, robot) for e in row["effects"]) for row in chosen]
+    return [tuple(map(_effect, row["effects"])) for row in chosen]
 
 
-def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
+def _effect(entry: Mapping[str, Any]) -> Effect:
     try:
         name, where = entry["effect"], entry["where"]
         values = {
@@ -122,6 +122,4 @@ def _effect(entry: Mapping[str, Any], robot: Robot) -> Effect:
         }
     except (KeyError, TypeError, ValueError) as cause:
         raise DesignError(f"--between: an effect of the diagnosis lacks {cause}.") from cause
-    effect = effect_class(name).at(where[0] if isinstance(where, list) else where, values)
-    effect.check_place(robot)
-    return effect
+    return effect_class(name).at(where[0] if isinstance(where, list) else where, values)

@@ -116,8 +116,8 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
         known=found.known,
         dropped=tuple(e.key for e in known if e.key not in {kept.key for kept in found.known}),
         error=ErrorLevel(
-            before=float(np.sqrt(start.error)),
-            after=float(np.sqrt(found.error)),
+            before=float(np.sqrt(start.hypothesis.error)),
+            after=float(np.sqrt(found.hypothesis.error)),
             floor=1.0,
             floor_source=problem.floor.source,
         ),
@@ -191,13 +191,14 @@ def _preferred(problem: EstimationProblem, fresh: Attempt, beside: Attempt) -> A
     if better_somewhere(problem, beside, fresh):
         return fresh
     # Names are worth more than formulas that explain the same.
-    return fresh if beside.formulas and fresh.freedom < beside.freedom else beside
+    own, other = (sum(e.search.freedom(e) for e in one.fit.effects) for one in (fresh, beside))
+    return fresh if beside.formulas and own < other else beside
 
 
 def _outcome(start: Attempt, found: Attempt) -> Outcome:
     if not found.formulas:
         return "none"
-    left, first = (np.sqrt(max(one.error - 1.0, 0.0)) for one in (found, start))
+    left, first = (np.sqrt(max(one.hypothesis.error - 1.0, 0.0)) for one in (found, start))
     return "partial" if left > max(_EXPLAINED_FLOOR, _EXPLAINED_SHARE * first) else "formula"
 
 
@@ -208,6 +209,7 @@ class Attempt:
         fit: all of them, refitted together; named effects first.
         hypothesis: what it leaves on held-out data.
         formulas: by joint.
+        known: the named effects.
     """
 
     def __init__(
@@ -216,21 +218,7 @@ class Attempt:
         """Fit `effects`, which hold the `formulas`, to all records of `problem`."""
         self.fit = problem.fit(effects)
         self.hypothesis, self.formulas = hypothesis_of(problem, self.fit), formulas
-
-    @property
-    def error(self) -> float:
-        """Held-out mean square in floors."""
-        return self.hypothesis.error
-
-    @property
-    def known(self) -> tuple[Effect, ...]:
-        """The named effects."""
-        return tuple(e for e in self.fit.effects if not isinstance(e, CustomTorque))
-
-    @property
-    def freedom(self) -> int:
-        """How many numbers had to be chosen."""
-        return sum(effect.search.freedom(effect) for effect in self.fit.effects)
+        self.known = tuple(e for e in self.fit.effects if not isinstance(e, CustomTorque))
 
 
 def better_somewhere(problem: EstimationProblem, worse: Attempt, better: Attempt) -> bool:
