@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
 
-from wbc.arrays import FloatArray, IntArray, frozen
+from wbc.arrays import FloatArray, frozen
 from wbc.compiled import (
     Dense,
     Matrix,
@@ -394,7 +394,9 @@ class Kinematics:
         self.gravity = float(np.linalg.norm(model.gravity.linear))
         self._rest = np.zeros(nv)
         self._moved = False
-        starts, columns = joint_columns(model)
+        own = [range(one.idx_v, one.idx_v + one.nv) for one in model.joints]
+        own[0] = range(0)  # the world
+        columns = [[k for joint in path for k in own[joint]] for path in model.supports]
         joints, shapes = joints_of(model)  # the world goes before them, as in pinocchio
         joints[:, [0, 4]] += 1
         self.tree = TREE.of(
@@ -407,8 +409,8 @@ class Kinematics:
             joints=np.insert(joints, 0, [-1, -1, 0, 0, 0], axis=0),
             shapes=np.insert(shapes, 0, 0.0, axis=0),
             gravity=frozen(model.gravity.linear),
-            starts=starts,
-            columns=columns,
+            starts=np.cumsum([0, *map(len, columns)]),
+            columns=np.array(list(chain(*columns)), dtype=np.int_),
             moved=np.zeros(1, np.bool_),
         )
         self.bias: FloatArray = self.tree.bias
@@ -573,12 +575,3 @@ def _fixed_at(model: pin.Model, frame: str) -> tuple[int, FloatArray]:
     found = model.frames[model.getFrameId(frame)]
     turn, place = found.placement.rotation.reshape(-1), found.placement.translation
     return int(found.parentJoint), np.concatenate([turn, place])
-
-
-def joint_columns(model: pin.Model) -> tuple[IntArray, IntArray]:
-    """Return which columns of J move each joint: where they start (j + 1,), and the columns."""
-    own = [range(one.idx_v, one.idx_v + one.nv) for one in model.joints]
-    own[0] = range(0)  # the world
-    columns = [[k for joint in path for k in own[joint]] for path in model.supports]
-    starts = np.cumsum([0, *map(len, columns)])
-    return frozen(starts, np.int_), frozen(list(chain(*columns)), np.int_)

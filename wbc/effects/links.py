@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import islice
 from typing import Self, final
 
 import numpy as np
@@ -368,9 +367,7 @@ class LinkInertias(RedrawnLinks):
         known = self.values
         for name in values:
             require_known(EffectError, f"parameter of {self.name}", name, known)
-        changed = iter([float(value) for value in {**known, **values}.values()])
-        links = tuple((body, tuple(islice(changed, _COUNT))) for body, _ in self.links)
-        return type(self)(self.where, links)
+        return self.at(self.where, {**known, **values})
 
     def check_place(self, robot: Robot) -> None:
         """Raise EffectError unless every body is one of `robot` that has a mass."""

@@ -120,10 +120,6 @@ class ForceCapability:
         Raises:
             DynamicsError: a singular pose, or a gear that holds any torque: no finite corners.
         """
-        return self._corners(*self.interval(direction))
-
-    def interval(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return least and greatest gear torque (k,), (k,) [N m] of a motion; see `moving`."""
         n = self.task.direction(direction)
         jacobian = self.task.jacobian[0]
         moved = self.task.response(Direction.STUCK, jacobian.T[None])[0]
@@ -133,7 +129,7 @@ class ForceCapability:
         lift, hold = self.limits(Direction.FORWARD), self.limits(Direction.BACKWARD)
         high = np.where(turning > 0.0, lift, hold)
         low = np.where(turning < 0.0, -lift, -hold)
-        return low, high
+        return self._corners(low, high)
 
     def vertices(self, directions: ArrayLike) -> FloatArray:
         """Return the corners (c, n) [N] of the polytope: of a polygon in order around it.

@@ -62,7 +62,7 @@ def _parse(path: Path, base: str) -> pin.Model:
             if base == "free_flyer" and not _floats(model):
                 return pin.buildModelFromMJCFAndRootJoint(str(path), pin.JointModelFreeFlyer())
             return model
-    except (ValueError, RuntimeError) as cause:
+    except (ValueError, RuntimeError, ET.ParseError) as cause:
         raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
     raise RobotError(f"'{path}': a model file ends in .urdf or .xml (MJCF).")
 
@@ -73,29 +73,9 @@ def _parse_urdf(path: Path, base: str) -> pin.Model:
     pinocchio's own continuous joint has the coordinates (cos q, sin q), which forget the turns
     that encoders count and are no position of a log.
     """
-    text, endless = _with_revolute_joints(path)
-    root = (pin.JointModelFreeFlyer(),) if base == "free_flyer" else ()
-    model = pin.buildModelFromXML(text, *root)
-    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    for joint in endless:
-        number = model.getJointId(joint)
-        if number < model.njoints:
-            row = model.joints[number].idx_q
-            low[row], high[row] = -np.inf, np.inf
-    model.lowerPositionLimit, model.upperPositionLimit = low, high
-    return model
-
-
-def _with_revolute_joints(path: Path) -> tuple[str, list[str]]:
-    """Return a URDF whose continuous joints are revolute ones, and their names."""
     text = path.read_text(encoding="utf-8", errors="replace")
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as cause:
-        raise RobotError(f"cannot read the model file '{path}': {cause}.") from cause
-    turning = [joint for joint in root.findall("joint") if joint.get("type") == "continuous"]
-    if not turning:
-        return text, []
+    robot = ET.fromstring(text)
+    turning = [joint for joint in robot.findall("joint") if joint.get("type") == "continuous"]
     for joint in turning:
         joint.set("type", "revolute")
         limit = joint.find("limit")
@@ -103,7 +83,16 @@ def _with_revolute_joints(path: Path) -> tuple[str, list[str]]:
             limit = ET.SubElement(joint, "limit", effort=f"{_ENDLESS:g}", velocity=f"{_ENDLESS:g}")
         limit.set("lower", f"{-_ENDLESS:g}")
         limit.set("upper", f"{_ENDLESS:g}")
-    return ET.tostring(root, encoding="unicode"), [str(joint.get("name")) for joint in turning]
+    text = ET.tostring(robot, encoding="unicode") if turning else text
+    root = (pin.JointModelFreeFlyer(),) if base == "free_flyer" else ()
+    model = pin.buildModelFromXML(text, *root)
+    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    for number in (model.getJointId(str(joint.get("name"))) for joint in turning):
+        if number < model.njoints:
+            row = model.joints[number].idx_q
+            low[row], high[row] = -np.inf, np.inf
+    model.lowerPositionLimit, model.upperPositionLimit = low, high
+    return model
 
 
 def _floats(model: pin.Model) -> bool:
