@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import BoolArray, FloatArray, IntArray, frozen
+from wbc.arrays import BoolArray, FloatArray, frozen
 from wbc.errors import LogError
-from wbc.identification.records.record import Record, output_count, output_gear, output_row
+from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
 from wbc.measurement import Log
 from wbc.robot import Robot
 from wbc.tables import FEW
@@ -70,16 +70,15 @@ def moving_bases(robot: Robot, logs: Sequence[Log]) -> list[str]:
     """
     if robot.floating_size:
         return []
-    found: dict[str, list[float]] = {}
+    found: dict[str, float] = {}
     labels = []
     for log in logs:
         moves = _base_moves(robot, log)
         labels += [log.source.label] if moves else []
-        for owner, distance in moves.items():
-            found.setdefault(owner, []).append(distance)
+        found |= {owner: max(move, found.get(owner, 0.0)) for owner, move in moves.items()}
     if not found:
         return []
-    listed = ", ".join(f"{owner} by {max(distances):.2g}" for owner, distances in found.items())
+    listed = ", ".join(f"{owner} by {distance:.2g}" for owner, distance in found.items())
     return [
         f"{', '.join(labels)}: the base moves ({listed} m or rad), and that of '{robot.name}' is "
         "fixed: what its motion asks of the joints is taken for something else. Give the robot "
@@ -117,12 +116,6 @@ _DEVIATIONS = 2.0
 _BLOCKS = 20  # of which what is left is taken to be independent
 
 
-def rubbing(robot: Robot) -> IntArray:
-    """Return the rows in v of the joints that can rub: the driven ones, then the passive ones."""
-    passive = [robot.velocity_index(joint) for joint in robot.passive_joints]
-    return np.concatenate([robot.actuated, np.array(passive, dtype=np.int_)])
-
-
 def not_judged_at_rest(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records without weight where an output stands still that moves in another log.
 
@@ -148,7 +141,9 @@ def standing(records: Sequence[Record]) -> BoolArray:
     moving = np.stack([r.noise.moving(r.motion.velocity, r.bandwidth) for r in records])
     travel = np.stack([np.ptp(r.motion.position[:, columns], axis=0) for r in records])
     moving = moving[:, rubbing(robot)] & (travel > _TREMBLES * travel.max(axis=0))
-    moves = np.stack([_outputs(r, own) for r, own in zip(records, moving, strict=True)])
+    # A motor turns with each joint of which its own angle is made.
+    size, made_of = robot.transmission.size, np.abs(robot.transmission.motor_from_joint) > 0.0
+    moves = at_outputs(robot, moving[:, :size] @ made_of.T, moving[:, size:])
     return np.asarray(~moves & moves.any(axis=0))
 
 
@@ -167,22 +162,6 @@ def standing_joints(records: Sequence[Record]) -> list[str]:
         f"joints that stand still: {'; '.join(found)}. They are not judged there, because friction "
         "at rest or a brake carries an unknown part of their load."
     ]
-
-
-def _outputs(record: Record, moving: BoolArray) -> BoolArray:
-    """Return (outputs,) whether what stands behind an output moves, by the joints that do."""
-    robot, gears = record.robot, record.robot.transmission
-    # A motor turns with each joint of which its own angle is made.
-    turns = (np.abs(gears.motor_from_joint) > 0.0) @ moving[: gears.size]
-    of_row = dict(zip(rubbing(robot).tolist(), moving.tolist(), strict=True))
-    found = np.ones(record.weight.shape[1], dtype=bool)
-    for output in range(found.size):
-        gear = output_gear(robot, output)
-        # A base rubs nowhere.
-        found[output] = (
-            turns[gear] if gear is not None else of_row.get(output_row(robot, output), True)
-        )
-    return found
 
 
 def sensed_joints(robot: Robot, logs: Sequence[Log]) -> tuple[str, ...]:
@@ -271,9 +250,10 @@ def silent_drives(
         given, columns = reported[:, k], np.column_stack([needed[:, k], *friction[:, :, k]])
         given, columns = given - given.mean(), columns - columns.mean(axis=0)
         share, deviation = _share(given, columns)
+        sizes = np.linalg.norm(given) * np.linalg.norm(columns[:, 0])
         silent[k] = (
             abs(share) + _DEVIATIONS * deviation < _SHARE
-            and abs(_correlation(given, columns[:, 0])) < _FOLLOWS
+            and abs(given @ columns[:, 0]) < _FOLLOWS * max(float(sizes), 1e-300)
             and given.std() < _FLOORS * floor[k]
         )
     return tuple(n for n, yes in zip(robot.transmission.joints, silent, strict=True) if yes)
@@ -301,10 +281,6 @@ def _share(given: FloatArray, columns: FloatArray) -> tuple[float, float]:
     blocks = np.array_split(scaled * left[:, None], min(_BLOCKS, len(left)))
     sums = np.array([block.sum(axis=0) for block in blocks]) @ inverse[:, 0]
     return float(solution[0] / size[0]), float(np.linalg.norm(sums) / size[0])
-
-
-def _correlation(one: FloatArray, other: FloatArray) -> float:
-    return float(one @ other) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-300)
 
 
 def _friction(record: Record) -> FloatArray:

@@ -24,8 +24,8 @@ from wbc.identification.records.filters import (
     white_level,
 )
 from wbc.identification.records.noise import load_bands, synthetic_noise
-from wbc.identification.records.not_judged import not_judged_at_rest, rubbing
-from wbc.identification.records.record import Record, output_count
+from wbc.identification.records.not_judged import not_judged_at_rest
+from wbc.identification.records.record import Record, at_outputs, output_count, rubbing
 from wbc.measurement import Log, derivative, differentiate, low_pass
 from wbc.robot import Motion, Robot
 
@@ -80,9 +80,7 @@ def prepare(robot: Robot, logs: Sequence[Log], reversal: float = REVERSAL) -> tu
 def _noise(robot: Robot, channels: Channels) -> NoiseDensity:
     model = robot.model
     positions = np.full((len(channels.time), model.nv), np.nan)
-    for name in robot.single_joints:
-        if name in channels.placeless:
-            continue
+    for name in set(robot.single_joints) - set(channels.placeless):
         positions[:, robot.velocity_index(name)] = channels.position[:, robot.position_index(name)]
     if robot.has_free_flyer:
         positions[:, :6] = _shaken_pose(robot, channels)
@@ -263,15 +261,9 @@ def _weight(
     trusted = gate(speed, threshold)
     # A mesh turns with every joint that its motor moves: all of them must have a direction.
     moves = np.abs(robot.transmission.topology) > 0.0
-    gears = robot.transmission.size
-    per_gear = np.stack(
-        [trusted[:, :gears][:, moves[:, k]].min(axis=1) for k in range(gears)], axis=1
-    )
-    # A base rubs nowhere; a joint that nothing drives does.
-    passive = np.ones((len(speed), robot.floating_size))
-    passive[:, np.searchsorted(robot.unactuated, rows[gears:])] = trusted[:, gears:]
-    weight = np.concatenate([per_gear, passive, per_gear[:, robot.sensed]], axis=1)
-    return np.asarray(weight * settled[:, None])
+    driven, passive = np.split(trusted, [robot.transmission.size], axis=1)
+    per_gear = np.where(moves, driven[:, :, None], np.inf).min(axis=1)
+    return np.asarray(at_outputs(robot, per_gear, passive) * settled[:, None])
 
 
 def away_from_impacts(robot: Robot, channels: Channels, band: Bandwidth) -> BoolArray:

@@ -12,9 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import contact_torque, inertial_parameters, inertial_regressor, link_torque
@@ -37,11 +39,10 @@ def output_count(robot: Robot) -> int:
 
 def output_names(robot: Robot) -> tuple[str, ...]:
     """Return the names (m + b + s,) of the rows."""
-    names = list(robot.transmission.joints)
-    for row in robot.unactuated:
-        single = [n for n in robot.single_joints if robot.velocity_index(n) == row]
-        names.append(single[0] if single else f"base[{row}]")
-    return (*names, *(f"{joint} (link side)" for joint in robot.torque_sensors))
+    single = {robot.velocity_index(joint): joint for joint in robot.single_joints}
+    undriven = [single.get(row, f"base[{row}]") for row in robot.unactuated.tolist()]
+    behind = [f"{joint} (link side)" for joint in robot.torque_sensors]
+    return (*robot.transmission.joints, *undriven, *behind)
 
 
 def output_units(robot: Robot) -> tuple[str, ...]:
@@ -52,19 +53,32 @@ def output_units(robot: Robot) -> tuple[str, ...]:
 
 def output_gear(robot: Robot, output: int) -> int | None:
     """Return the number of the gear that an output belongs to, None for an undriven coordinate."""
-    size = robot.transmission.size
-    if output < size:
-        return output
-    sensor = output - size - robot.floating_size
-    return int(robot.sensed[sensor]) if sensor >= 0 else None
+    undriven = [None] * robot.floating_size
+    gears: list[int | None] = [*range(robot.transmission.size), *undriven, *robot.sensed.tolist()]
+    return gears[output]
 
 
 def output_row(robot: Robot, output: int) -> int:
     """Return the row in v of the coordinate behind an output."""
-    gear = output_gear(robot, output)
-    if gear is not None:
-        return int(robot.actuated[gear])
-    return int(robot.unactuated[output - robot.transmission.size])
+    rows = robot.actuated, robot.unactuated, robot.actuated[robot.sensed]
+    return int(np.concatenate(rows)[output])
+
+
+def rubbing(robot: Robot) -> IntArray:
+    """Return the rows in v of the joints that can rub: the driven ones, then the passive ones."""
+    passive = [robot.velocity_index(joint) for joint in robot.passive_joints]
+    return np.concatenate([robot.actuated, np.array(passive, dtype=np.int_)])
+
+
+def at_outputs(robot: Robot, gears: NDArray[Any], passive: NDArray[Any]) -> NDArray[Any]:
+    """Return (..., m + b + s) what is known of gears (..., m) and of passive joints (..., p).
+
+    One where nothing can rub: a base.
+    """
+    undriven = np.ones((*gears.shape[:-1], robot.floating_size), dtype=gears.dtype)
+    rows = rubbing(robot)[gears.shape[-1] :]
+    undriven[..., np.searchsorted(robot.unactuated, rows)] = passive
+    return np.concatenate([gears, undriven, gears[..., robot.sensed]], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,9 +243,7 @@ class Record:
 
     def along(self, motion: Motion) -> Record:
         """Return this record for another motion under the same measured forces."""
-        if motion is self.motion:
-            return self
-        return replace(self, motion=motion)
+        return self if motion is self.motion else replace(self, motion=motion)
 
     @cached_property
     def links(self) -> FloatArray:
@@ -290,8 +302,9 @@ class Record:
         return self._regressors[key]
 
     def condensed_at(self, values: FloatArray, output: int) -> FloatArray:
-        """Return `values` (N, k) condensed as torques at one output, (rows, k)."""
-        return self.condense_driven(values * self.scale[:, output, None])
+        """Return `values` (N or only the first of them, ...) condensed as torques at one output."""
+        weight = self.scale[: len(values), output].reshape(-1, *(1,) * (values.ndim - 1))
+        return self.condense_driven(values * weight)
 
     def response_of(self, robot: Robot, joint: str) -> LinkResponse:
         """Return how the link behind a gear of a robot reacts to a deflection of the gear.
@@ -311,7 +324,7 @@ class Record:
                 damping=damping,
                 stiffness=stiffness,
                 unexplained=np.zeros(len(self.links)),
-                band=partial(self._own_band, column=int(np.flatnonzero(own.actuated == row)[0])),
+                band=partial(self.condensed_at, output=int(np.flatnonzero(own.actuated == row)[0])),
                 rows=np.arange(self.edge, len(self.links) - self.edge, self.stride),
             )
         response = self._responses[joint]
@@ -346,11 +359,6 @@ class Record:
         each = ((pushed, 1.0), (faster, _SMALL), (bent, _SMALL))
         return [(needed(moved) - here) / step for moved, step in each]
 
-    def _own_band(self, values: FloatArray, column: int) -> FloatArray:
-        """Condense `values` (N or only the first of them, ...) as a torque of one driven joint."""
-        weight = self.scale[: len(values), column].reshape(-1, *(1,) * (values.ndim - 1))
-        return self.condense_driven(values * weight)
-
 
 _BLOCKS_PER_LOG = 5
 # Of the band, at least: two are independent. With five, 20 generated logs (seed 4242) got the same
@@ -369,17 +377,11 @@ def held_out_folds(records: Sequence[Record], repeats: Sequence[tuple[int, int]]
     moves some joint is cut, too: without it nothing would be known of that joint.
     """
     group = _groups(len(records), repeats)
-    few = len(set(group)) < _ENOUGH_RUNS
-    alone = _only_ones(records, group)
+    cut = _only_ones(records, group) | (group.max() + 1 < _ENOUGH_RUNS)
     folds = []
-    for record, g in zip(records, group, strict=True):
-        if not few and g not in alone:
-            folds.append(np.full(record.rows, g * _BLOCKS_PER_LOG))
-            continue
-        part = np.minimum(
-            np.arange(record.rows) * _BLOCKS_PER_LOG // max(record.rows, 1), _BLOCKS_PER_LOG - 1
-        )
-        folds.append(g * _BLOCKS_PER_LOG + part)
+    for record, g in zip(records, group.tolist(), strict=True):
+        parts = _BLOCKS_PER_LOG if cut[g] else 1
+        folds.append(g * _BLOCKS_PER_LOG + np.arange(record.rows) * parts // max(record.rows, 1))
     return np.concatenate(folds)
 
 
@@ -446,18 +448,23 @@ def correlated_rows(parts: Sequence[FloatArray], white: float) -> FloatArray:
     return np.asarray(1.0 + 2.0 * lags)
 
 
-def _only_ones(records: Sequence[Record], group: Sequence[int]) -> set[int]:
-    """Return the groups without which some output has no weight in any log."""
-    judged = np.array([record.weight.any(axis=0) for record in records])
-    per_group = np.array([judged[np.equal(group, g)].any(axis=0) for g in range(max(group) + 1)])
+def _only_ones(records: Sequence[Record], group: IntArray) -> BoolArray:
+    """Return (groups,) whether some output has no weight in any log without this group."""
+    weighed = judged(records)
+    per_group = np.array([weighed[group == g].any(axis=0) for g in range(group.max() + 1)])
     single = per_group.sum(axis=0) == 1
-    return {int(g) for g in np.flatnonzero((per_group & single).any(axis=1))}
+    return np.asarray((per_group & single).any(axis=1))
 
 
-def _groups(count: int, repeats: Sequence[tuple[int, int]]) -> list[int]:
-    group = list(range(count))
-    for first, second in repeats:
-        old, new = group[second], group[first]
-        group = [new if g == old else g for g in group]
-    numbers = {g: k for k, g in enumerate(dict.fromkeys(group))}
-    return [numbers[g] for g in group]
+def judged(records: Sequence[Record]) -> BoolArray:
+    """Return (logs, outputs) whether an output has any weight in a log."""
+    return np.array([record.weight.any(axis=0) for record in records])
+
+
+def _groups(count: int, repeats: Sequence[tuple[int, int]]) -> IntArray:
+    """Return (logs,) the number of the group of each log: those that repeat one another."""
+    group = np.arange(count)
+    for pair in repeats:
+        first, other = np.sort(group[list(pair)])
+        group[group == other] = first
+    return np.unique(group, return_inverse=True)[1]
