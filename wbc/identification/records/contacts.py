@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.ndimage import minimum_filter1d
 
 from wbc.arrays import BoolArray, FloatArray
 from wbc.dynamics import Workspace
@@ -108,9 +109,7 @@ def settled(touches: BoolArray, edge: int) -> BoolArray:
 
     Filters carry what moves before and after into the contact.
     """
-    padded = np.concatenate([np.full(edge, True), touches, np.full(edge, True)])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * edge + 1)
-    return np.asarray(windows.all(axis=1))
+    return np.asarray(minimum_filter1d(touches, 2 * edge + 1, mode="constant", cval=1))
 
 
 def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -> FloatArray:
@@ -123,23 +122,28 @@ def strays(robot: Robot, position: FloatArray, holds: Mapping[str, BoolArray]) -
         position: q (N, nq).
         holds: contact name -> (N,).
     """
-    space = Workspace(robot)
-    names = [contact.name for contact in robot.contacts]
-    numbers = [names.index(name) for name in holds]
-    frames = [space.frames[number] for number in numbers]
-    points = np.empty((len(position), len(frames), 3))
-    turned = np.empty((len(position), len(frames), 3, 3))
-    for row, q in enumerate(position):
-        pin.framesForwardKinematics(space.model, space.data, q)
-        for column, frame in enumerate(frames):
-            place = space.data.oMf[frame]
-            points[row, column], turned[row, column] = place.translation, place.rotation
-    points -= rolled(turned, [robot.contacts[n].radius for n in numbers], level_normal(robot))
+    contacts = [robot.contact(name) for name in holds]
+    numbers = [robot.contacts.index(contact) for contact in contacts]
+    points, turned = (values[:, numbers] for values in _places(robot, position))
+    points -= rolled(turned, [contact.radius for contact in contacts], level_normal(robot))
     for column, rows in enumerate(holds.values()):
         points[~rows, column] = 0.0
         for start, stop in zip(*true_runs(rows), strict=True):
             points[start:stop, column] -= points[start:stop, column].mean(axis=0)
     return points.reshape(len(position), -1)
+
+
+def _places(robot: Robot, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (N, c, 3) the places [m] and (N, c, 3, 3) the orientations of all contact points."""
+    space = Workspace(robot)
+    points = np.empty((len(position), len(space.frames), 3))
+    turned = np.empty((*points.shape, 3))
+    for row, q in enumerate(position):
+        pin.framesForwardKinematics(space.model, space.data, q)
+        for column, frame in enumerate(space.frames):
+            place = space.data.oMf[frame]
+            points[row, column], turned[row, column] = place.translation, place.rotation
+    return points, turned
 
 
 def stray_noise(
@@ -216,12 +220,7 @@ def moving_contact(robot: Robot, position: FloatArray) -> tuple[str, float] | No
 
     What one row in fifty shows does not count.
     """
-    space = Workspace(robot)
-    places = np.empty((len(position), len(robot.contacts), 3))
-    for row, q in enumerate(position):
-        pin.framesForwardKinematics(space.model, space.data, q)
-        places[row] = [space.data.oMf[frame].translation for frame in space.frames]
-    low, high = np.quantile(places, [0.01, 0.99], axis=0)
+    low, high = np.quantile(_places(robot, position)[0], [0.01, 0.99], axis=0)
     distances = np.linalg.norm(high - low, axis=1)
     most = int(np.argmax(distances))
     moves = distances[most] > _STANDS
