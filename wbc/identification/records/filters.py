@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.signal import welch
@@ -47,9 +48,9 @@ class NoiseDensity:
     position: FloatArray
     velocity: FloatArray
     torque: FloatArray
-    forces: Mapping[str, FloatArray] = field(default_factory=dict)
-    sensed: FloatArray = field(default_factory=lambda: np.zeros(0))
-    passed: FloatArray = field(default_factory=lambda: np.full(1, np.inf))
+    forces: Mapping[str, FloatArray]
+    sensed: FloatArray
+    passed: FloatArray
 
     def acceleration_variance(self, cutoff: float) -> tuple[FloatArray, FloatArray]:
         """Return the variance (nv,) of accelerations up to `cutoff` from position, velocity."""
@@ -108,14 +109,10 @@ def choose_bandwidth(
         rate: [Hz], the slowest of the logs.
     """
     best = min(_HIGHEST, max(float(noise.passed.max()) for noise in noises))
-    for noise in noises:
-        candidates = np.geomspace(0.5, 0.2 * rate, 80)
-        for cutoff in candidates:
-            by_position, by_velocity = noise.acceleration_variance(float(cutoff))
-            acceleration = np.fmin(by_position, by_velocity)[actuated]
-            if np.any(inertia**2 * acceleration > noise.torque * cutoff):
-                best = min(best, 0.65 * float(cutoff))
-                break
+    for noise, cutoff in product(noises, np.geomspace(0.5, 0.2 * rate, 80).tolist()):
+        acceleration = np.fmin(*noise.acceleration_variance(cutoff))[actuated]
+        if np.any(inertia**2 * acceleration > noise.torque * cutoff):
+            best = min(best, 0.65 * cutoff)
     residual = float(np.clip(best, _LOWEST, min(_HIGHEST, 0.1 * rate)))
     return Bandwidth(residual, min(SPREAD * residual, 0.2 * rate))
 
