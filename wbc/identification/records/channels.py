@@ -42,10 +42,8 @@ def rotor_torques(log: Log, transmission: Transmission) -> FloatArray:
         LogError: a joint has none of these, a current and no torque constant, or a target and no
             drive gains.
     """
-    torques = np.empty((len(log), transmission.size))
-    for k in range(transmission.size):
-        torques[:, k] = made_torque(log, transmission, k, drive_law(log, transmission, k)).torque
-    return frozen(torques)
+    drives = range(transmission.size)
+    return frozen(np.stack([made_torque(log, transmission, k).torque for k in drives], axis=1))
 
 
 def drive_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
@@ -86,9 +84,8 @@ def feedback_torques(log: Log, transmission: Transmission) -> FloatArray | None:
     """
     if set(torque_sources(log, transmission)) <= set(REPORTED):
         return None
-    laws = [drive_law(log, transmission, k) for k in range(transmission.size)]
-    made = [made_torque(log, transmission, k, law).feedback for k, law in enumerate(laws)]
-    return frozen(np.stack(made, axis=1))
+    drives = range(transmission.size)
+    return frozen(np.stack([made_torque(log, transmission, k).feedback for k in drives], axis=1))
 
 
 def torque_sources(log: Log, transmission: Transmission) -> list[str]:
@@ -309,15 +306,16 @@ def target_law(log: Log, transmission: Transmission, row: int) -> DriveLaw:
     )
 
 
-def made_torque(log: Log, transmission: Transmission, row: int, law: DriveLaw) -> DriveTorque:
-    """Return what a drive makes of the measured motion by its law.
+def made_torque(log: Log, transmission: Transmission, row: int) -> DriveTorque:
+    """Return what a drive makes of the measured motion by its law (`drive_law`).
 
     A velocity that was not recorded is the derivative of the position. The drive sees both by the
     gear's `feedback_delay` later, the velocity through a filter with its `velocity_lag`.
 
     Raises:
-        LogError: a position or velocity that the law needs is missing.
+        LogError: a position or velocity that the law needs is missing, or as `rotor_torques`.
     """
+    law = drive_law(log, transmission, row)
     follows, brakes = law.stiffness.any(), law.damping.any()
     position, velocity = (
         _late(log, transmission, row, quantity, "feedback_delay") if felt else np.zeros(len(log))
@@ -381,10 +379,8 @@ def _late(
     log: Log, transmission: Transmission, row: int, quantity: str, time: str = "target_delay"
 ) -> FloatArray:
     """Return a quantity (N,) at the output of one motor as its drive has it, by `time` later."""
-    told, delay = (
-        _at_motor(log, transmission, row, quantity),
-        float(getattr(transmission, time)[row]),
-    )
+    told = _at_motor(log, transmission, row, quantity)
+    delay = float(getattr(transmission, time)[row])
     if not delay > 0.0 or len(log) < 2:
         return told
     then = np.maximum(log.time - delay, log.time[0])
