@@ -275,7 +275,7 @@ def verdict_of(
         certain = any(s.group_probability >= CERTAIN for s in support.values())
         return "partial" if certain and _substantial(first, final) else "unknown"
     if not support:
-        return "none" if problem.floor.excess < _DISAGREEMENT else "not_repeatable"
+        return "none" if problem.floor.excesses.max() < _DISAGREEMENT else "not_repeatable"
     likely = [s for s in support.values() if s.group_probability >= EVEN]
     if not likely:
         # What drives that are late by times of their own do as well may be nothing else.

@@ -16,10 +16,10 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 from scipy.signal import welch
 
-from wbc.arrays import BoolArray, FloatArray, IntArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import contact_torque
 from wbc.dynamics.batch import inverse_dynamics
-from wbc.identification.records.record import Record, output_count, rows_per_sample
+from wbc.identification.records.record import Record, judged, output_count, rows_per_sample
 from wbc.measurement import derivative, low_pass
 
 _SHRINKAGE = 0.03
@@ -55,11 +55,6 @@ class NoiseFloor:
     def values(self) -> FloatArray:
         """Root mean square (m + b,) per output [N m, N]."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def excess(self) -> float:
-        """How many times the floor exceeds what the sensors explain, at the worst output."""
-        return float(self.excesses.max())
 
     @property
     def excesses(self) -> FloatArray:
@@ -121,9 +116,9 @@ def with_even_noise(
     """
     levels = np.array([np.mean(noise**2, axis=0) for noise in drawn]) + 1e-300
     repeated = sorted({k for pair in repeats for k in pair})
-    judged = _judged(records)
-    chosen = judged & np.isin(range(len(records)), repeated)[:, None]
-    chosen = np.where(chosen.any(axis=0), chosen, judged)
+    weighed = judged(records)
+    chosen = weighed & np.isin(range(len(records)), repeated)[:, None]
+    chosen = np.where(chosen.any(axis=0), chosen, weighed)
     reference = np.sum(levels * chosen, axis=0) / np.maximum(chosen.sum(axis=0), 1)
     certainty = np.minimum(np.sqrt(reference / levels), 1.0)
     even = tuple(replace(r, certainty=share) for r, share in zip(records, certainty, strict=True))
@@ -174,20 +169,15 @@ def _over_all(
     An output may have no weight in some logs: their rows count as zeros in every mean. Where it has
     none in the repeats, the sensors' noise is all that is known.
     """
-    judged, rows = _judged(records), np.array([record.rows for record in records])
+    weighed, rows = judged(records), np.array([record.rows for record in records])
     chosen = [i for i, _ in pairs]
-    everywhere = rows @ judged / rows.sum()
-    there = rows[chosen] @ judged[chosen] / rows[chosen].sum()
+    everywhere = rows @ weighed / rows.sum()
+    there = rows[chosen] @ weighed[chosen] / rows[chosen].sum()
     known = there > 0.0
     scale = np.sqrt(np.where(known, everywhere / np.where(known, there, 1.0), 0.0))
     covariance = repeated * np.outer(scale, scale)
     neither = np.outer(~known, ~known)
     return np.where(np.outer(known, known), covariance, np.where(neither, sensors, 0.0))
-
-
-def _judged(records: Sequence[Record]) -> BoolArray:
-    """Return (logs, outputs) whether an output has any weight in a log."""
-    return np.array([record.weight.any(axis=0) for record in records])
 
 
 def _covariance(values: FloatArray) -> FloatArray:
@@ -260,13 +250,18 @@ def synthetic_noise(record: Record, seed: int = 0) -> tuple[FloatArray, FloatArr
 
 def reported_noise(record: Record, random: np.random.Generator) -> FloatArray:
     """Return drawn noise (N, m + b + s) of the reported torque."""
-    gears, balance = record.robot.transmission, record.balance
     reported = np.zeros((len(record.motion.velocity), output_count(record.robot)))
-    reported[:, : gears.size] = _white(record, random, record.noise.torque)
-    if balance is not None:
-        sign = np.sign(gears.gear_ratio)
-        reported[:, : gears.size] = sign * balance.seen(sign * reported[:, : gears.size])
+    drawn = _white(record, random, record.noise.torque)
+    reported[:, : drawn.shape[1]] = _seen(record, drawn)
     return reported
+
+
+def _seen(record: Record, torque: FloatArray) -> FloatArray:
+    """Return what of torque (N, m) at the motors no contact force that was not measured can be."""
+    if record.balance is None:
+        return torque
+    sign = np.sign(record.robot.transmission.gear_ratio)
+    return sign * record.balance.seen(sign * torque)
 
 
 def noise_of_links(record: Record) -> Callable[[pin.Model], FloatArray]:
@@ -329,10 +324,8 @@ def _needed(
     needed = np.sign(gears.gear_ratio) * mesh + np.abs(gears.gear_ratio) * (
         gears.rotor_inertia * gears.gear_ratio * spin
     )
-    if balance is not None:
-        sign = np.sign(gears.gear_ratio)
-        needed = sign * balance.seen(sign * needed)
-    return np.concatenate([-needed, -torque[:, robot.unactuated], behind], axis=1)
+    seen = _seen(record, needed)
+    return np.concatenate([-seen, -torque[:, robot.unactuated], behind], axis=1)
 
 
 def load_bands(record: Record, noise: FloatArray) -> FloatArray:
