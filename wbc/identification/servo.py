@@ -24,6 +24,7 @@ from wbc.measurement import Log
 from wbc.robot import Effect, Robot, state_gear
 from wbc.sim.servo_rollout import DcDrive, ServoRun, servo_rollout
 from wbc.tables import TextTable
+from wbc.transmission import GEAR_NUMBERS
 
 MOTOR = ("torque_constant", "resistance", "rotor_inertia")
 """Fitted numbers that the description of a gear holds."""
@@ -37,10 +38,7 @@ MODELS: dict[str, tuple[str, ...]] = {
 }
 """Name of a model -> its numbers; each holds those of the one before."""
 
-UNITS = {
-    "torque_constant": "N m/A",
-    "resistance": "ohm",
-    "rotor_inertia": "kg m^2",
+UNITS = {name: GEAR_NUMBERS[name].unit for name in MOTOR} | {
     "tilt": "rad",
     "coulomb": "N m",
     "viscous": "N m s/rad",
@@ -178,21 +176,23 @@ class Rollouts:
 
     Attributes:
         models: from few numbers to many.
-        best: number of the smallest model whose held-out error is within one standard error of the
-            least (Hastie, Tibshirani & Friedman, section 7.10).
         held_out: names of the logs that each fold leaves out.
         given: mean absolute position error of the robot as given [rad].
     """
 
     models: tuple[RolloutModel, ...]
-    best: int
     held_out: tuple[tuple[str, ...], ...]
     given: float
 
     @property
     def chosen(self) -> RolloutModel:
-        """The model that the held-out errors ask for."""
-        return self.models[self.best]
+        """The smallest model whose held-out error is within one standard error of the least.
+
+        Hastie, Tibshirani & Friedman, section 7.10.
+        """
+        least = min(self.models, key=lambda model: model.error)
+        gaps = [model.held_out - least.held_out for model in self.models]
+        return next(m for m, gap in zip(self.models, gaps, strict=True) if gap.mean() <= sem(gap))
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -272,7 +272,6 @@ def fit_rollouts(
     given = ServoFit({}, robot, drive, ()).error(runs, _STEP)
     return Rollouts(
         models=tuple(found),
-        best=_smallest(found),
         held_out=tuple(tuple(logs[k].source.label for k in out) for out in folds),
         given=float(np.mean(given)),
     )
@@ -307,13 +306,6 @@ def _setting(log: Log) -> tuple[float, ...]:
     gears = log.machine.transmission
     drive = (gears.duty_gain[0], gears.supply_voltage[0])
     return (*map(float, drive), *map(float, log.machine.inertia))
-
-
-def _smallest(models: Sequence[RolloutModel]) -> int:
-    """Return the first model within one standard error of the least held-out error."""
-    least = min(models, key=lambda model: model.error)
-    gaps = [model.held_out - least.held_out for model in models]
-    return next(k for k, gap in enumerate(gaps) if np.mean(gap) <= sem(gap))
 
 
 @dataclass(frozen=True, eq=False)
