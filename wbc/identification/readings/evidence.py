@@ -94,26 +94,15 @@ class Report(NamedTuple):
     heavier than its link; such a rotor accuses nobody and frees from being foreign."""
 
 
-def report(
-    reported: FloatArray,
-    need: Need,
-    joint: int,
-    samples: float,
-    inertia: float,
-    rotor: float,
-    power: float,
-) -> Report:
+def report(rows: LogRows, need: Need, joint: int, reported: FloatArray, samples: float) -> Report:
     """Return how a report agrees with a need.
 
     Args:
-        reported: (N,) torque at the output of the motor [N m].
+        rows: tell inertias, and which quantity the drive reports.
         need: of all joints.
         joint: which of them.
+        reported: (N,) torque at the output of the motor [N m].
         samples: independent samples that the report amounts to.
-        inertia: typical inertia of the joint, with its rotor [kg m^2].
-        rotor: reflected inertia of the rotor alone [kg m^2]; 0 where it is not known.
-        power: by which a gain follows from a factor of the gear ratio: -1 for what is measured on
-            the rotor, 0 for torque behind the gear.
     """
     size = float(np.sqrt(np.sum((reported - reported.mean()) ** 2)))
     if size <= 0.0 or samples <= 0.0:
@@ -123,15 +112,17 @@ def report(
     causes, drawn = need_columns(need, joint)
     table = np.column_stack([causes, drawn, reported / size])
     reduced: FloatArray = np.asarray(np.linalg.qr(table, mode="r"))
-    limit = _INERTIA * inertia / size
+    limit = _INERTIA * float(rows.inertia[joint]) / size
+    rotor = float(rows.robot.transmission.reflected_inertia[joint])  # 0 where it is not known
     count = min(samples, MOST_SAMPLES)
-    subsets = _Subsets.of(reduced[:, :-1])
-    held = _Held(reduced, subsets.without(2))
-    gains, left, heavy = _likelihoods(held, subsets.without(1), GAINS / size, rotor, limit, count)
+    subsets = _Subsets.of(reduced)
+    gains, left, heavy = _likelihoods(subsets, GAINS / size, rotor, limit, count)
     ratios = np.zeros(_RATIOS.size)
     if rotor > 0.0:
+        # A factor of the gear ratio changes what is measured on the rotor, not torque behind it.
+        power = 0.0 if rows.quantities[joint] == "motor_torque" else -1.0
         inertias = rotor / size * _RATIOS ** (power + 2.0)
-        ratios = log_likelihood(held.left(_RATIOS**power / size, inertias), count)
+        ratios = log_likelihood(subsets.left(_RATIOS**power / size, inertias), count)
     best = int(np.argmax(gains))
     rest, found = subsets.fitted(reduced[:, -1:])
     share = abs(float(found[-1, 0] * reduced[-2, -2]))  # of the report, that only the need explains
@@ -241,24 +232,23 @@ def need_columns(need: Need, joint: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _likelihoods(
-    given: _Held, causes: _Subsets, gains: FloatArray, rotor: float, limit: float, count: float
+    subsets: _Subsets, gains: FloatArray, rotor: float, limit: float, count: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the log likelihood at each gain, the share of power left there, and `heavy`.
 
     A rotor unlike its data sheet has its price.
     """
-    reduced = given.reduced
-    targets = reduced[:, -1:] - gains * reduced[:, -2:-1]
-    free, found = causes.fitted(targets)
+    reduced = subsets.reduced
+    free, found = subsets.fitted(reduced[:, -1:] - gains * reduced[:, -2:-1], without=1)
     left, inertia, over = free.copy(), np.minimum(found[-1], limit), found[-1] > limit
-    left[over] = given.left(gains[over], inertia[over])
+    left[over] = subsets.left(gains[over], inertia[over])
     likelihood = log_likelihood(left, count)
     if rotor <= 0.0:
         turned = log_likelihood(free[_USUAL], count)
         return likelihood, left, float(_log_sum(GAIN_PRIOR[_USUAL] + turned))
     size = np.log(np.maximum(inertia, 1e-300) / (gains * rotor))
     price = np.maximum(-0.5 * (size / _ROTOR_SPREAD) ** 2, _ROTOR_WRONG)
-    held = log_likelihood(given.left(gains, gains * rotor), count)
+    held = log_likelihood(subsets.left(gains, gains * rotor), count)
     return np.maximum(likelihood + price, held), left, -inf
 
 
@@ -274,46 +264,41 @@ class _Subsets(NamedTuple):
     squares of one of them.
     """
 
+    reduced: FloatArray
+    """(R, n + 1) the causes, the acceleration and the need last, and the report."""
     columns: FloatArray
     """(S, R, n) of each subset, zero where a cause is not in it."""
     inverses: FloatArray
     """(S, n, R), likewise."""
 
     @classmethod
-    def of(cls, causes: FloatArray) -> _Subsets:
-        """Solve the subsets of causes (R, n)."""
+    def of(cls, reduced: FloatArray) -> _Subsets:
+        """Solve the subsets of causes, see `reduced`."""
+        causes = reduced[:, :-1]
         others = product((0.0, 1.0), repeat=causes.shape[1] - 1)
         used = np.array([(1.0, *other) for other in others])
         columns = causes * used[:, None]
-        return cls(columns, np.linalg.pinv(columns, rcond=ROUNDING) * used[:, :, None])
+        return cls(reduced, columns, np.linalg.pinv(columns, rcond=ROUNDING) * used[:, :, None])
 
-    def without(self, count: int) -> _Subsets:
-        """Return the subsets that hold none of the last causes, so many of them."""
-        kept = self.columns.shape[2] - count
-        return _Subsets(self.columns[:: 2**count, :, :kept], self.inverses[:: 2**count, :kept])
+    def left(self, gains: FloatArray, inertias: FloatArray) -> FloatArray:
+        """Return the share of power left at gains (G,) and coefficients of the acceleration."""
+        need, change = self.reduced[:, -2:-1], self.reduced[:, -3:-2]
+        return self.fitted(self.reduced[:, -1:] - gains * need - inertias * change, without=2)[0]
 
-    def fitted(self, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what is left of targets (R, G) at least, (G,) squares, and coefficients (n, G)."""
-        found = self.inverses @ targets
-        left = np.sum((targets - self.columns @ found) ** 2, axis=1)
+    def fitted(self, targets: FloatArray, without: int = 0) -> tuple[FloatArray, FloatArray]:
+        """Return what is left of targets (R, G) at least, (G,) squares, and coefficients (n, G).
+
+        Args:
+            targets: one in each column.
+            without: so many of the last causes are not among the n.
+        """
+        kept, step = self.columns.shape[2] - without, 2**without
+        found = self.inverses[::step, :kept] @ targets
+        left = np.sum((targets - self.columns[::step, :, :kept] @ found) ** 2, axis=1)
         left[(found[:, 1:] < 0.0).any(axis=1)] = np.inf
         best = np.argmin(left, axis=0)
         each = np.arange(best.size)
         return left[best, each], found[best, :, each].T
-
-
-class _Held(NamedTuple):
-    """A report whose gain and coefficient of the acceleration are given."""
-
-    reduced: FloatArray
-    """(R, 7) causes, need and report; the last of the causes is the acceleration."""
-    others: _Subsets
-    """The causes but the acceleration."""
-
-    def left(self, gains: FloatArray, inertias: FloatArray) -> FloatArray:
-        """Return the share of power left at each gain and coefficient of the acceleration."""
-        need, change = self.reduced[:, -2:-1], self.reduced[:, -3:-2]
-        return self.others.fitted(self.reduced[:, -1:] - gains * need - inertias * change)[0]
 
 
 class Judged(NamedTuple):
@@ -361,10 +346,8 @@ class Bench:
         for k, source in enumerate(sources):
             key = place + torque[:, k].tobytes() + bytes([k])
             if key not in self._reports:
-                count, rotor = self._share * float(rows.samples[source]), gears.reflected_inertia[k]
-                power = 0.0 if rows.quantities[k] == "motor_torque" else -1.0
-                inertia = float(rows.inertia[k])
-                told = report(torque[:, k], need, k, count, inertia, float(rotor), power)
+                count = self._share * float(rows.samples[source])
+                told = report(rows, need, k, torque[:, k], count)
                 # What means nothing does so however it is read.
                 idle = self._idle.setdefault(int(source), told.idle)
                 self._reports[key] = told._replace(idle=idle)
