@@ -19,7 +19,7 @@ from wbc.errors import WbcError
 from wbc.files import as_json
 from wbc.identification.readings import LogQuality, check_logs, find_repeats, first_guess
 from wbc.identification.readings.checks import clock_rows
-from wbc.measurement import LogFinding, read_table, write_map
+from wbc.measurement import LogFinding, merged, read_table, write_map
 from wbc.measurement.guess import MapGuess, guess_names
 from wbc.measurement.log import short_label
 from wbc.robot.model_file import left_out
@@ -117,6 +117,7 @@ def run_init(options: Options, console: Console) -> Outcome:
     if options.rate is not None and not options.rate > 0.0:
         raise WbcError("--rate must be > 0.")
     say, known = partial(console.print, soft_wrap=True), read_table(options.columns)
+    known = known if options.rate is None else merged(known, {"time": {"rate": options.rate}})
     robot = load_robot(options.robot) if described else None
     joints = first_guess.model_joints(model, options.base) if robot is None else robot.single_joints
     if not options.logs:
@@ -128,7 +129,7 @@ def run_init(options: Options, console: Console) -> Outcome:
         say(f'next: wbc.load_robot("{description}") for wbc.control and wbc.sim')
         return 0, {}
     first = Path(str(options.logs[0]).partition("#")[0])
-    start = guess_names(first, joints, options.rate, known)
+    start = guess_names(first, joints, known)
     if robot is None:
         driven, targets, held = _drives(start, joints, say)
         ratios = first_guess.guess_ratios(first, driven, known)
@@ -188,7 +189,7 @@ def _describe(
 ) -> None:
     """Write the robot.toml; name it, what of the model file it leaves out, and its guesses."""
     model = Path(options.robot)
-    first_guess.write_robot(target, model, options.base, driven, model.resolve().stem, **more)
+    first_guess.write_robot(target, model, options.base, driven, **more)
     say(f"wrote {target}")
     for note in left_out(model):
         say(f"note: {note}")

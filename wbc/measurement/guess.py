@@ -41,18 +41,15 @@ class MapGuess:
 
 
 def guess_names(
-    path: str | Path,
-    joints: Sequence[str],
-    rate: float | None = None,
-    start: Mapping[str, Any] | None = None,
+    path: str | Path, joints: Sequence[str], start: Mapping[str, Any] | None = None
 ) -> MapGuess:
     """Return what the names of a file's columns suggest for the joints of a robot.
 
     Args:
         path: a log; others like it are taken for the same.
         joints: of the robot, with one degree of freedom, from the base to the tips.
-        rate: rows per second [Hz] of logs without a clock; None where they have one.
-        start: a column map that the user gives; what it says is taken as it is.
+        start: a column map that the user gives; what it says is taken as it is, for example
+            `{"time": {"rate": 100.0}}` of logs without a clock.
 
     Raises:
         LogError: a file that cannot be read, without anything like a position or velocity, or whose
@@ -92,13 +89,10 @@ def guess_names(
     ]
     columns: dict[str, Any] = {n: entry for n, entry in found.items() if entry["from"] != n}
     mapped: dict[str, Any] = {"columns": columns} if columns else {}
-    if rate is not None:
-        mapped["time"] = {"rate": rate}
-    elif "time" not in given:
+    if "time" not in given:
         mapped |= _clock(table)
     mapped = merged(mapped, given)
-    if rate is None:
-        mapped = merged(mapped, _parts(table, mapped))
+    mapped = merged(mapped, _parts(table, mapped))
     held: dict[str, set[str]] = {joint: set() for joint in whose.values()}
     for name in (*found, *mapped.get("columns", {})):
         joint, _, quantity = today(name).rpartition(".")

@@ -391,16 +391,16 @@ def _whose(
         logs: of it.
         moved: joints whose columns are exchanged, pair by pair, while that explains more.
     """
-    known = [(log, rows) for log in logs if (rows := rows_of(robot, log)) is not None]
+    known = [rows for log in logs if (rows := rows_of(robot, log)) is not None]
     driven = robot.transmission.joints
     sources = {joint: joint for joint in (*driven, *moved)}
-    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for _, rows in known):
+    if not known or len(driven) < 2 or any(len(set(rows.quantities)) > 1 for rows in known):
         return sources, {}
-    benches = [(log, Bench(rows)) for log, rows in known]
+    benches = [Bench(rows) for rows in known]
 
     def judged(sources: Mapping[str, str]) -> tuple[float, float, FloatArray]:
         """Evidence, how far the reports stray, and what is left of each of them."""
-        each = [b.judged(Reading(mend=columns_from(sources, log))) for log, b in benches]
+        each = [b.judged(Reading(mend=columns_from(sources, b.rows.log))) for b in benches]
         left = np.array([[one.left for one in own.reports] for own in each])
         # A joint at rest has next to no power in its report: the logs in which it moves count.
         powers = np.array([[one.size**2 for one in own.reports] for own in each])

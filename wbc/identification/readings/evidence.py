@@ -323,7 +323,7 @@ class Bench:
             rows: of the log.
             share: of its samples that count: a run that is repeated n times says the nth part.
         """
-        self._rows = rows
+        self.rows = rows
         self._share = share
         self._needs: dict[bytes, Need] = {}
         self._reports: dict[bytes, Report] = {}
@@ -332,7 +332,7 @@ class Bench:
 
     def judged(self, reading: Reading) -> Judged:
         """Return what a reading makes of the reports of all driven joints."""
-        rows, gears = self._rows, self._rows.robot.transmission
+        rows, gears = self.rows, self.rows.robot.transmission
         rules = parse_column_map(reading.mend).rules
         moved = linear([f"{joint}.position" for joint in rows.robot.single_joints], rules)[:3]
         sources, factor, _, lag = linear(rows.torques, rules)

@@ -148,7 +148,6 @@ def write_robot(
     model: Path,
     base: str,
     driven: Sequence[str],
-    name: str,
     targets: Sequence[str] = (),
     held: Sequence[str] = (),
     ratios: Mapping[str, RatioGuess] = MappingProxyType({}),
@@ -162,7 +161,6 @@ def write_robot(
         model: URDF or MJCF.
         base: fixed or free_flyer.
         driven: joints that get a gear.
-        name: of the robot.
         targets: joints of those whose drive follows a target that the logs hold, without a torque.
         held: joints that are welded at zero.
         ratios: gear ratios that the logs tell.
@@ -172,7 +170,7 @@ def write_robot(
     stated = _stated(model)
     lines = [
         "# Written by `wbc init`. Numbers whose source is 'guess' are to be looked up.",
-        f'name = "{name}"',
+        f'name = "{model.resolve().stem}"',
         f'model = "{model.resolve().as_posix()}"',
         f'base = "{base}"',
     ]

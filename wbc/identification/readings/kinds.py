@@ -59,18 +59,12 @@ class Reading:
 
 
 def readings(
-    rows: LogRows,
-    log: Log,
-    lost: BoolArray,
-    doubtful: bool,
-    lags: Sequence[Lag],
-    zeros: Sequence[Zero],
+    rows: LogRows, lost: BoolArray, doubtful: bool, lags: Sequence[Lag], zeros: Sequence[Zero]
 ) -> Iterator[Reading]:
     """Yield the log as it stands, and then every mistake with the reading that undoes it.
 
     Args:
         rows: of the log.
-        log: names the columns.
         lost: (m,) driven joints whose report does not follow the need as the log stands; only
             theirs may be exchanged.
         doubtful: whether any report leaves more than physics usually does; only then gravity
@@ -80,12 +74,12 @@ def readings(
             the log prior of it.
     """
     yield Reading()
-    yield from _signs(rows, log)
-    yield from _units(rows, log)
+    yield from _signs(rows)
+    yield from _units(rows)
     yield from _sides(rows)
-    yield from _exchanges(rows, log, lost)
+    yield from _exchanges(rows, lost)
     yield from _late(rows, lags)
-    yield from _zeros(rows, log, zeros)
+    yield from _zeros(rows, zeros)
     if doubtful and rows.weighs:
         text = f"{_holds(rows.torques)} no gravity: the driver takes it out"
         yield Reading("no_gravity", text, EVERYWHERE, weight=0.0)
@@ -93,7 +87,7 @@ def readings(
         yield Reading("upside_down", text, _SOMEWHERE, weight=-1.0)
 
 
-def _signs(rows: LogRows, log: Log) -> Iterator[Reading]:
+def _signs(rows: LogRows) -> Iterator[Reading]:
     """Yield torques and positions whose sign is the other way round."""
     for chosen in _all_or_one(rows.torques):
         many = len(chosen) > 1
@@ -103,12 +97,12 @@ def _signs(rows: LogRows, log: Log) -> Iterator[Reading]:
         prior = EVERYWHERE if many else _SOMEWHERE
         yield _mended("torque_sign", text, prior, {name: {"sign": -1} for name in chosen})
     for joint in rows.robot.single_joints:
-        columns = {name: {"sign": -1} for name in encoder_columns(log, joint)}
+        columns = {name: {"sign": -1} for name in encoder_columns(rows.log, joint)}
         text = f"the sign of {joint}.position is reversed"
         yield _mended("position_sign", text, _SOMEWHERE, columns)
 
 
-def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
+def _units(rows: LogRows) -> Iterator[Reading]:
     """Yield torques and angles in other units."""
     names, driven = rows.torques, rows.robot.transmission.joints
     # A torque, a force and a current have no unit in common. Those of one kind have one: drivers
@@ -122,7 +116,7 @@ def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
         for unit in ("N mm", "N cm") if kind == "N mm" else (kind,):
             columns = {name: {"unit": unit} for name in chosen}
             yield _mended("torque_unit", f"{_holds(chosen)} {unit}", EVERYWHERE, columns)
-    if counted := whole_counts(log):
+    if counted := whole_counts(rows.log):
         for turn, worth in COUNTS_OF_A_TURN.items():
             text = f"{_holds(counted)} counts of an encoder of {turn} a turn"
             prior = EVERYWHERE - ln(len(COUNTS_OF_A_TURN))
@@ -132,11 +126,11 @@ def _units(rows: LogRows, log: Log) -> Iterator[Reading]:
     for joints, unit in product(_all_or_one(turning) if turning else [], ("deg", "turn")):
         # One excitation moves all joints: their travels are one observation.
         worth = LOG_UNITS[unit][1]
-        travels = float(np.mean([_travels(log, joint, worth) for joint in joints]))
+        travels = float(np.mean([_travels(rows.log, joint, worth) for joint in joints]))
         name = "degrees" if unit == "deg" else "turns"
         text = f"{_holds([f'{joint}.position' for joint in joints])} {name}"
         prior = (EVERYWHERE if joints == turning else _RARE) + travels
-        yield Reading("degrees", text, prior, in_degrees(log, joints, unit))
+        yield Reading("degrees", text, prior, in_degrees(rows.log, joints, unit))
 
 
 def _travels(log: Log, joint: str, factor: float) -> float:
@@ -170,13 +164,13 @@ def _sides(rows: LogRows) -> Iterator[Reading]:
             yield _mended("gear_side", text, prior, columns)
 
 
-def _exchanges(rows: LogRows, log: Log, lost: BoolArray) -> Iterator[Reading]:
+def _exchanges(rows: LogRows, lost: BoolArray) -> Iterator[Reading]:
     """Yield pairs of joints whose columns are exchanged."""
     driven, names = rows.robot.transmission.joints, rows.torques
     for a, b in combinations(map(int, np.flatnonzero(lost)), 2):
         one, other = driven[a], driven[b]
-        moved = columns_of(other, encoder_columns(log, other), one)
-        moved |= columns_of(one, encoder_columns(log, one), other)
+        moved = columns_of(other, encoder_columns(rows.log, other), one)
+        moved |= columns_of(one, encoder_columns(rows.log, one), other)
         crossed = {names[a]: {"from": names[b]}, names[b]: {"from": names[a]}}
         ways = [("positions", moved)]
         if rows.quantities[a] == rows.quantities[b]:
@@ -198,14 +192,14 @@ def _late(rows: LogRows, lags: Sequence[Lag]) -> Iterator[Reading]:
         yield _mended("torque_late", text, _SOMEWHERE, {name: {"lag": lag} for name in late})
 
 
-def _zeros(rows: LogRows, log: Log, zeros: Sequence[Zero]) -> Iterator[Reading]:
+def _zeros(rows: LogRows, zeros: Sequence[Zero]) -> Iterator[Reading]:
     """Yield positions whose zero is another one."""
     model = rows.robot.model
     for i, turn, prior in zeros:
         joint = rows.robot.single_joints[i]
         # Behind the last joint of a chain, a link that is turned needs the same torque.
         last = len(model.subtrees[model.getJointId(joint)]) == 1
-        names = [n for n in encoder_columns(log, joint) if n.endswith("position")]
+        names = [n for n in encoder_columns(rows.log, joint) if n.endswith("position")]
         text = f"the zero of {joint}.position is off by {degrees(-turn):.0f} degrees"
         columns = {name: {"offset": turn} for name in names}
         rivals = prior - ln(3.0) if last else -inf

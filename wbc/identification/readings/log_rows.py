@@ -45,6 +45,7 @@ class LogRows:
 
     Attributes:
         robot: without effects that act on torques; bodies and gears are as given.
+        log: the whole log.
         position: q (N, nq), smoothed.
         velocity: v (N, nv).
         acceleration: a (N, nv).
@@ -61,6 +62,7 @@ class LogRows:
     """
 
     robot: Robot
+    log: Log
     position: FloatArray
     velocity: FloatArray
     acceleration: FloatArray
@@ -162,7 +164,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     reading explains next to nothing, and the one that needs least torque, such as degrees, would
     be called the best.
     """
-    log = longest_piece(log)
+    whole, log = log, longest_piece(log)
     own = robot if log.machine is None else log.machine.of(robot)
     joints, resting = own.transmission.joints, resting_joints(log)
     quantities = torque_sources(log, own.transmission)
@@ -204,6 +206,7 @@ def rows_of(robot: Robot, log: Log) -> LogRows | None:
     samples[[joint in resting for joint in joints]] = 0.0
     rows = LogRows(
         robot=own.with_acting(()),
+        log=whole,
         position=position[thin],
         velocity=velocity[thin],
         acceleration=derivative(velocity, rate)[thin],

@@ -285,7 +285,7 @@ def _tables(robot: Robot, logs: Sequence[Log]) -> _Tables:
     return {
         k: {
             reading.text: bench.judged(reading)
-            for reading in readings(known[k], logs[k], lost, doubtful, lags, offsets[k])
+            for reading in readings(known[k], lost, doubtful, lags, offsets[k])
         }
         for k, bench in benches.items()
     }
