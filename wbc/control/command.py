@@ -97,12 +97,6 @@ class Command:
         """Take some fields; the others are read from `prospect`, which is one of these."""
         self.__dict__ = fields
 
-    def keep_deadline(self, deadline: float | None) -> None:
-        """Say it where the tick took longer than a deadline [s], None for no deadline."""
-        if deadline is not None and self.tick_time > deadline:
-            self.status = Status.LATE
-            self.message = f"{1e3 * self.tick_time:.2f} ms of {1e3 * deadline:.2f} ms."
-
     def __getattr__(self, name: str) -> Any:
         """Return a field that the command was made without."""
         prospect = self.__dict__.get("prospect")

@@ -13,6 +13,7 @@ from wbc.control.rows.limits import RotorTorqueLimit
 from wbc.control.settings import ControllerSettings, RestPolicy
 from wbc.dynamics.equation import rotor_coupling
 from wbc.effects.tables import (
+    COEFFICIENT,
     add_torques,
     effect_table,
     fill_commands,
@@ -69,7 +70,7 @@ class GearModel:
         self.differs = bool(asked & {"rotor_torque", "drive_inverse"})
         self._pushed = bool(asked & {"joint_torque", "joint_friction", "rotor_torque"})
         self._asks_gears = "gear_efficiencies" in asked
-        self._gears_act = self._asks_gears or self._table.act_on_gears
+        self._gears_act = self._asks_gears or bool(self._table.gears[:, COEFFICIENT].any())
         varies = limit is not None and (limit.knee is not None or "rotor_torque" in asked)
         self._varying = limit if varies else None
         self._contacts: object = None

@@ -228,7 +228,9 @@ class Controller:
             drive = gears.to_drive(motion, answer.row(GEAR.torque))
         status, took = answer.found.verdict[0], perf_counter() - start
         command = Command(rotor_torque=drive, status=status, tick_time=took, prospect=answer)
-        command.keep_deadline(self.settings.deadline)
+        if (deadline := self.settings.deadline) is not None and took > deadline:
+            command.status = Status.LATE
+            command.message = f"{1e3 * took:.2f} ms of {1e3 * deadline:.2f} ms."
         return command
 
     def _refused(

@@ -76,11 +76,6 @@ class EffectTable(NamedTuple):
     drives: FloatArray
     gears: FloatArray
 
-    @property
-    def act_on_gears(self) -> bool:
-        """Whether the efficiencies of any gear depend on its speed."""
-        return bool(np.any(self.gears[:, COEFFICIENT]))
-
 
 _PERFECT = frozen([1.0, np.inf, 0.0])
 

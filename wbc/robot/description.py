@@ -105,7 +105,11 @@ def find_model(reference: str, folder: Path) -> Path:
             raise RobotError(f"the model file '{reference}' is not in '{folder}'.")
         return path
     package, inner = reference.split(":", 1)
-    for root in _package_roots(package):
+    # wheels built with cmeel put files under a shared prefix instead of a package of their own
+    spec = find_spec(package) if package.isidentifier() else None
+    own = list(spec.submodule_search_locations or []) if spec is not None else []
+    prefix = Path(pin.__file__).resolve().parents[4] / "share" / package.replace("_", "-")
+    for root in (*map(Path, own), prefix):
         candidate = root / inner
         if candidate.is_file():
             return candidate
@@ -113,17 +117,6 @@ def find_model(reference: str, folder: Path) -> Path:
         f"the model '{inner}' of package '{package}' is not installed; "
         f"install it with: pip install {package.replace('_', '-')}"
     )
-
-
-def _package_roots(package: str) -> list[Path]:
-    """Return folders in which a data package may keep its files.
-
-    Wheels built with cmeel put them under a shared prefix instead of a package of their own.
-    """
-    spec = find_spec(package) if package.isidentifier() else None
-    own = list(spec.submodule_search_locations or []) if spec is not None else []
-    prefix = Path(pin.__file__).resolve().parents[4] / "share" / package.replace("_", "-")
-    return [*map(Path, own), prefix]
 
 
 def read_description(name: str | Path) -> tuple[Path, dict[str, Any]]:

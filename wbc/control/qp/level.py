@@ -212,11 +212,10 @@ class Level:
         """Take the program of the level of a rank, below `rank` more important ones."""
         settings, stacks = program.recipe.settings, program.recipe.stacks
         self.program, self._above = program, [stack.memory for stack in stacks[:rank]]
-        self._solver, self._tolerance = settings.solver, settings.tolerance
-        self._most, self._limits = settings.max_iterations, program.joint.start < program.bounds
+        self._settings, self._most = settings, settings.max_iterations
+        self._limits = program.joint.start < program.bounds
         self._gives = self._limits and rank == 0
         self._may_guess = settings.warm_start is WarmStart.ACTIVE_SET
-        self._least = 10.0 * settings.tolerance  # push from which a bound binds
         self._passing: FloatArray | None = None  # x (n,) of the level above
         m = program.recipe.drivetrain.size
         self.output, self._beyond, self._sides = np.empty(m), np.empty(m, bool), np.empty(m, int)
@@ -390,10 +389,10 @@ class Level:
         self.rounds += 1
         if self._may_guess and keep_hopeful(solver):
             found = self._guessed(FEW)
-        if found is NOTHING and self._solver == "proxqp":
+        if found is NOTHING and self._settings.solver == "proxqp":
             self.iterations += _PROGRAM
             most, problem = max(self._most - self.iterations - _GUESS, 1), self.program.dense()
-            found = solve(self._solver, problem, tolerance=self._tolerance, most=most)
+            found = solve("proxqp", problem, tolerance=self._settings.tolerance, most=most)
             self.iterations += found.iterations
             if found.status is QPStatus.SOLVED and self._may_guess:
                 found = self._refined(found)
@@ -422,7 +421,7 @@ class Level:
             # each may take one iteration more than it is allowed
             most = self._most - self.iterations - _GUESS - len(bounds)
             asked = H, g, rows, bounds, len(rows) - program.bounds
-            found = self._daqp.solve(*asked, tolerance=self._tolerance, most=most)
+            found = self._daqp.solve(*asked, tolerance=self._settings.tolerance, most=most)
             self.iterations += sum(one.iterations for one in found)
             last = found.pop()
             if last.status is not QPStatus.SOLVED:
@@ -448,7 +447,8 @@ class Level:
         3 rad/s of noise.
         """
         solver = self.program.memory.solver
-        pushes, wanted = np.abs(found.z) > self._least, self.program.wanted
+        pushes = np.abs(found.z) > 10.0 * self._settings.tolerance  # else it hardly binds
+        wanted = self.program.wanted
         solver.taken[:] = np.where(pushes, np.sign(found.z), wanted)
         exact = self._guessed(min((self._most - self.iterations) // _STEP, steps))
         return found if exact is NOTHING else exact
