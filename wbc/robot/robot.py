@@ -316,11 +316,11 @@ class Robot(Remade):
         The coordinates of a base are those between the world and the first driven joint of a robot
         with contact points: they stand for a body that moves freely.
         """
-        driven = {self._joint_id(joint) for joint in self.transmission.joints}
-        loose = [self._joint_id(j) for j in self.single_joints if self._joint_id(j) not in driven]
+        loose = [joint for joint in self.single_joints if joint not in self.transmission.joints]
         if self.contacts:
-            loose = [one for one in loose if driven & set(self.model.supports[one])]
-        return tuple(str(self.model.names[one]) for one in loose)
+            driven, behind = set(map(self._joint_id, self.transmission.joints)), self.model.supports
+            loose = [joint for joint in loose if driven & set(behind[self._joint_id(joint)])]
+        return tuple(loose)
 
     @property
     def has_free_flyer(self) -> bool:

@@ -212,10 +212,8 @@ def _swinging(
 def _on_joints(robot: Robot, residual: FloatArray) -> FloatArray:
     """Return the residual of the driven joints (N, nv), as torque on the links' side."""
     gears = robot.transmission
-    torque = np.zeros((len(residual), robot.model.nv))
     output = residual[:, : gears.size] * np.sign(gears.gear_ratio)
-    torque[:, robot.actuated] = output @ gears.motor_from_joint
-    return torque
+    return np.asarray(output @ robot.motor_rows)
 
 
 def _unexplained(

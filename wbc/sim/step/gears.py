@@ -27,8 +27,7 @@ class Drivetrain:
         """Collect the gears of `robot`."""
         self.robot, self.gears = robot, robot.transmission
         gears = self.gears
-        self.rows = np.zeros((gears.size, robot.model.nv))
-        self.rows[:, robot.actuated] = gears.motor_from_joint
+        self.rows = np.array(robot.motor_rows)
         # What these lose is up to their effects, which carry a state.
         kept = np.ones(gears.size, dtype=bool)
         kept[[gears.index(e.where) for e in robot.effects if "meshed" in e.acts_by]] = False
