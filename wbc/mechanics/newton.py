@@ -42,13 +42,6 @@ SEVERAL see `wbc.sim.step.self_locking`."""
 WAYS = ("newton", "proximal", "ranges", "passive")
 """The same as words."""
 
-TOLERANCE = 1e-10
-"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1.
-
-A target below zero does not count: a row reaches it only at speeds that count already, and a
-barrier that is kept in a short part has one that no speed comes near.
-"""
-
 _STEPS = 20
 """Solo12 in stance needs up to 6, TALOS 8, a robot on 20 feet that rock 13. Of 2,420 dense steps
 (corpora of tests/sim/step/test_cones.py) 2,172 settle within 20 and 2,223 within 30, with `HOLD` at
@@ -135,9 +128,9 @@ def solve_tangents(system: RowSystem, one_sided: bool, room: Room, impulse: Row)
         for i in range(len(impulse)):
             copy_to(room.rise[i], room.known[i])
         if not one_sided:
-            stiffened(system, room.rise, False, room.line, room.total)
+            stiffened(system, room.rise, False, room.line, room.lower)
         room.pivots[0] = -1
-        if one_sided or not factor_inertia(room.total, room.lower):
+        if one_sided or not factor_inertia(room.lower, room.lower):
             stiffened(system, room.rise, True, room.line, room.lower)
             if not factor(room.lower, room.pivots):
                 room.known[:] = np.nan
@@ -175,35 +168,22 @@ def speeds_at(system: RowSystem, impulse: Row, x: OutRow, speed: OutRow) -> None
 
 
 @inner
-def look_at(
-    system: RowSystem, hold: float, impulse: Row, speed: OutRow, room: Room
-) -> tuple[float, bool]:
+def look_at(system: RowSystem, hold: float, impulse: Row, room: Room) -> tuple[float, bool]:
     """Write the speeds and tangents at row impulses (r,); return what `tangents_at` does."""
-    speeds_at(system, impulse, room.line, speed)
-    return tangents_at(system, hold, impulse, speed, room)
-
-
-@compiled
-def tolerance_of(system: RowSystem) -> float:
-    """Return the largest distance of a row from its law in a solution, as a speed."""
-    fastest = 0.0
-    for i in range(len(system.free)):
-        fastest = max(fastest, abs(system.free[i]))
-    for i in range(len(system.targets)):
-        fastest = max(fastest, system.targets[i])
-    return TOLERANCE * (1.0 + fastest)
+    speeds_at(system, impulse, room.line, room.speed)
+    return tangents_at(system, hold, impulse, room)
 
 
 @compiled
 def residuals(system: RowSystem, impulse: Row) -> tuple[float, OutRow, OutRow]:
     """Return the largest residual at row impulses (r,), all of them (r,), and the speeds (r,)."""
-    speed, room = np.empty(len(impulse)), room_for(system)
-    worst, _ = look_at(system, HOLD, impulse, speed, room)
-    return worst, room.off, speed
+    room = room_for(system)
+    worst, _ = look_at(system, HOLD, impulse, room)
+    return worst, room.off, room.speed
 
 
 @compiled(inside=True)
-def is_near(system: RowSystem, tolerance: float, impulse: Row) -> bool:
+def is_near(system: RowSystem, impulse: Row) -> bool:
     """Return whether what rows at impulses (r,) are off their laws by makes rounding of work.
 
     So it may be where rows that hold contradict each other.
@@ -212,17 +192,17 @@ def is_near(system: RowSystem, tolerance: float, impulse: Row) -> bool:
     for i in range(len(impulse)):
         work += abs(off[i] * impulse[i])
         pushes += abs(impulse[i])
-    return worst <= _NEAR * tolerance and work <= _MEAN * tolerance * pushes
+    rounding = work <= _MEAN * system.tolerance * pushes
+    return worst <= _NEAR * system.tolerance and rounding
 
 
 @compiled(inside=True)
-def newton(system: RowSystem, start: Row, tolerance: float, firm: bool, impulse: OutRow) -> int:
+def newton(system: RowSystem, start: Row, firm: bool, impulse: OutRow) -> int:
     """Write the row impulses (r,) at which every row is on its law, by Newton's steps.
 
     Args:
         system: of the rows.
         start: (r,).
-        tolerance: largest accepted residual.
         firm: whether rows that hold hardly give way, as laws that fall and rows with a compliance
             of their own need; else steps may end near the laws where they come no nearer.
         impulse: to write.
@@ -230,20 +210,20 @@ def newton(system: RowSystem, start: Row, tolerance: float, firm: bool, impulse:
     Returns:
         the number of linear systems solved, as a negative number where it did not converge.
     """
-    speed, room, hold = np.empty(len(start)), room_for(system), _FIRM if firm else HOLD
+    room, hold = room_for(system), _FIRM if firm else HOLD
     copy_to(start, impulse)
-    least, one_sided = look_at(system, hold, impulse, speed, room)
+    least, one_sided = look_at(system, hold, impulse, room)
     for iteration in range(1, _STEPS + 1):
         if not solve_tangents(system, one_sided, room, impulse):
             return -iteration
         follow_tangents(system, room, impulse)
-        worst, one_sided = look_at(system, hold, impulse, speed, room)
-        if worst <= tolerance:
+        worst, one_sided = look_at(system, hold, impulse, room)
+        if worst <= system.tolerance:
             if same_tangents(room):
                 solve_tangents(system, one_sided, room, impulse)
                 follow_tangents(system, room, impulse)
             return iteration
-        if not firm and worst > 0.5 * least and is_near(system, tolerance, impulse):
+        if not firm and worst > 0.5 * least and is_near(system, impulse):
             return iteration
         least = min(least, worst)
     return -_STEPS
@@ -252,7 +232,7 @@ def newton(system: RowSystem, start: Row, tolerance: float, firm: bool, impulse:
 @compiled(inside=True)
 def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
     """Return the system with a compliance in every row, a share of its own, about `about` (r,)."""
-    soft = copied(system)
+    soft = copied(system, system.tolerance)
     for i in range(len(about)):
         own = compliance * system.own[i]
         soft.give[i] += own
@@ -262,7 +242,7 @@ def softened(system: RowSystem, compliance: float, about: Row) -> RowSystem:
 
 
 @compiled(inside=True)
-def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse: OutRow) -> int:
+def proximal(system: RowSystem, start: Row, most: int, impulse: OutRow) -> int:
     """Write the row impulses (r,) by proximal rounds, like `newton`.
 
     A split of forces that has to move far (a corner of a sole that must let go before the rest
@@ -275,9 +255,9 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
     following = np.empty(len(start))
     for _ in range(_PROXIMAL_ROUNDS):
         soft = softened(system, compliance, impulse)
-        count = newton(soft, impulse, tolerance, True, following)
+        count = newton(soft, impulse, True, following)
         used += abs(count)
-        if residuals(system, following)[0] <= tolerance:
+        if residuals(system, following)[0] <= system.tolerance:
             copy_to(following, impulse)
             return used
         if count > 0:
@@ -291,9 +271,7 @@ def proximal(system: RowSystem, start: Row, tolerance: float, most: int, impulse
 
 
 @compiled(inside=True)
-def solve_system(
-    system: RowSystem, start: Row, tolerance: float, work: float, impulse: OutRow
-) -> tuple[int, int]:
+def solve_system(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
     """Write the row impulses (r,) at which every row is on its law.
 
     Where nothing leads to the laws, contacts get half the friction, and so on, and gears that lock
@@ -302,7 +280,6 @@ def solve_system(
     Args:
         system: of the rows.
         start: (r,) impulses of the step before, or zeros.
-        tolerance: largest accepted residual.
         work: share of `_WORK` beyond which nothing more is tried; below one for what may fail, and
             has no passive end.
         impulse: to write.
@@ -321,7 +298,7 @@ def solve_system(
     for fresh in range(2 if falls else 1):  # the last step's tangents may lead astray
         if fresh:
             begin[:] = 0.0
-        count = newton(system, begin, tolerance, falls, impulse)
+        count = newton(system, begin, falls, impulse)
         used += abs(count)
         if count > 0:
             return used, NEWTON
@@ -334,17 +311,17 @@ def solve_system(
     for fresh in range(2):
         if fresh:
             begin[:] = 0.0
-        count = proximal(system, begin, tolerance, most, impulse)
+        count = proximal(system, begin, most, impulse)
         used += abs(count)
-        if count > 0 or is_near(system, tolerance, impulse):
+        if count > 0 or is_near(system, impulse):
             return used, PROXIMAL
-    weaker = copied(system)
+    weaker = copied(system, _EXACT * system.tolerance)
     for i in range(len(system.laws)):
         weaker.laws[i, 4] = max(system.laws[i, 4], 0.0)
     for turn in range(_WEAKER if work >= 1.0 else 0):
         if turn or not falls:
             weaker.frictions[:] *= 0.5 if turn < _WEAKER - 1 else 0.0
-        count = proximal(weaker, begin, _EXACT * tolerance, most, impulse)
+        count = proximal(weaker, begin, most, impulse)
         used += abs(count)
         if count > 0:
             return used, PASSIVE

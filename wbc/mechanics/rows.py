@@ -56,6 +56,7 @@ class RowSystem(NamedTuple):
         targets: (l + k,) lowest speeds of limits and normals.
         frictions: mu (k,) of the contacts.
         tangents: d per contact.
+        tolerance: largest distance of a row from its law in a solution, as a speed.
     """
 
     ways: OutDense
@@ -67,6 +68,15 @@ class RowSystem(NamedTuple):
     targets: OutRow
     frictions: OutRow
     tangents: int
+    tolerance: float
+
+
+TOLERANCE = 1e-10
+"""Accepted distance of a row from its law, as a share of the largest speed or target plus 1.
+
+A target below zero does not count: a row reaches it only at speeds that count already, and a
+barrier that is kept in a short part has one that no speed comes near.
+"""
 
 
 @compiled
@@ -90,13 +100,15 @@ def system_of(
         free: v (n,) without the rows.
         laws, targets, frictions, tangents: see `RowSystem`.
     """
-    size, ways, most = len(matrix), matrix.copy(), 0.0
+    size, ways, most, fastest = len(matrix), matrix.copy(), 0.0, 0.0
     own, speed, slope = np.empty(size), np.empty(size), np.empty(size)
     for i in range(size):
         speed[i] = dot(free, matrix[i])
         halfway(lower, ways[i])
         own[i] = dot(ways[i], ways[i])
-        most = max(most, own[i])
+        most, fastest = max(most, own[i]), max(fastest, abs(speed[i]))
+    for i in range(len(targets)):
+        fastest = max(fastest, targets[i])
     for i in range(size):
         own[i] = max(own[i], 1e-9 * most, 1e-21)
     for i in range(size - 2 * len(frictions) if tangents == 2 else size, size, 2):
@@ -105,17 +117,17 @@ def system_of(
         slope[i] = 1.0 / own[i]
         if i < len(laws) and laws[i, 4] < 0.0:
             slope[i] = min(slope[i], 0.5 * laws[i, 2] / -laws[i, 4])
-    give = np.zeros(size)
-    return RowSystem(ways, own, speed, give, slope, laws, targets, frictions, tangents)
+    give, tolerance = np.zeros(size), TOLERANCE * (1.0 + fastest)
+    return RowSystem(ways, own, speed, give, slope, laws, targets, frictions, tangents, tolerance)
 
 
 @compiled(inside=True)
-def copied(system: RowSystem) -> RowSystem:
-    """Return a system whose numbers can be changed, but for `ways` and `own`."""
+def copied(system: RowSystem, tolerance: float) -> RowSystem:
+    """Return a system of another tolerance; its numbers can be changed, but for `ways`, `own`."""
     return RowSystem(
         system.ways, system.own, system.free.copy(), system.give.copy(), system.slope.copy(),
         system.laws.copy(), system.targets.copy(), system.frictions.copy(),
-        system.tangents,
+        system.tangents, tolerance,
     )  # fmt: skip
 
 
@@ -203,22 +215,23 @@ class Room(NamedTuple):
     """Memory for tangents.
 
     Attributes:
-        aim: (r,) impulses of the tangents at the speeds of their point.
+        speed: (r,) of their point.
+        aim: (r,) impulses of the tangents there.
         off, turning: (r,) residuals there, and how speeds change.
         rise: (r, 3) by which the impulses fall per speed of the row itself, or of the contact's
             normal, and of the contact's two tangents.
         known: (r, 3) rise of those that `lower` is of.
-        total, lower: (n, n) the system's matrix, and its factors.
+        lower: (n, n) factors of the system's matrix.
         pivots: (n,) of the latter.
         change, line: (n,) of x, and memory.
     """
 
+    speed: OutRow
     aim: OutRow
     off: OutRow
     turning: OutRow
     rise: OutDense
     known: OutDense
-    total: OutDense
     lower: OutDense
     pivots: OutPlaces
     change: OutRow
@@ -230,15 +243,15 @@ def room_for(system: RowSystem) -> Room:
     """Return memory for the tangents of a system."""
     size, n = system.ways.shape
     return Room(
-        np.empty(size), np.empty(size), np.empty(size), np.empty((size, 3)),
-        np.full((size, 3), np.nan), np.empty((n, n)), np.empty((n, n)),
+        np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty((size, 3)),
+        np.full((size, 3), np.nan), np.empty((n, n)),
         np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
     )  # fmt: skip
 
 
 @inner
 def friction_tangent(
-    system: RowSystem, hold: float, contact: int, push: float, impulse: Row, speed: Row, room: Room
+    system: RowSystem, hold: float, contact: int, push: float, impulse: Row, room: Room
 ) -> bool:
     """Write the tangent of a contact's friction; return whether it falls with the normal speed.
 
@@ -246,12 +259,12 @@ def friction_tangent(
     slip. The piece is linear in p_n.
 
     Args:
-        system, hold, impulse, speed, room: see `tangents_at`.
+        system, hold, impulse, room: see `tangents_at`.
         contact: its number.
         push: normal impulse of the point where the line meets the law.
     """
     d, contacts, slope = system.tangents, len(system.frictions), system.slope
-    aim, rise, off = room.aim, room.rise, room.off
+    aim, rise, off, speed = room.aim, room.rise, room.off, room.speed
     first, mu = len(aim) - (contacts - contact) * d, system.frictions[contact]
     row, bound = len(aim) - contacts * (1 + d) + contact, mu * max(push, 0.0)
     wish, along = local(2), 0.0
@@ -289,17 +302,14 @@ def friction_tangent(
 
 
 @inner
-def tangents_at(
-    system: RowSystem, hold: float, impulse: Row, speed: Row, room: Room
-) -> tuple[float, bool]:
+def tangents_at(system: RowSystem, hold: float, impulse: Row, room: Room) -> tuple[float, bool]:
     """Write the tangents of the laws where the lines of `slope` through (speed, impulse) meet them.
 
     Args:
         system: of the rows.
         hold: compliance of rows that hold, as a share of their own.
         impulse: (r,).
-        speed: (r,).
-        room: whose aim, rise and residuals are written.
+        room: with the speeds; aim, rise and residuals are written.
 
     Returns:
         the largest residual, infinite where one is no number, and whether the rise is one-sided:
@@ -307,6 +317,7 @@ def tangents_at(
     """
     targets, contacts, one_sided = system.targets, len(system.frictions), False
     m, count, aim, rise, off = len(system.laws), len(targets), room.aim, room.rise, room.off
+    speed = room.speed
     rise[:] = 0.0
     for i in range(m):
         own = 1.0 / system.slope[i]
@@ -324,7 +335,7 @@ def tangents_at(
             off[i], aim[i] = -impulse[i] / system.slope[i], 0.0
         contact = i - m - count + contacts
         if contact >= 0:
-            falls = friction_tangent(system, hold, contact, push, impulse, speed, room)
+            falls = friction_tangent(system, hold, contact, push, impulse, room)
             one_sided = one_sided or falls
     worst = 0.0
     for i in range(len(off)):

@@ -7,7 +7,7 @@ import numpy as np
 
 from wbc.errors import SimulationError
 from wbc.mechanics.linear import factor_inertia
-from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, residuals, tolerance_of, velocity_after
+from wbc.mechanics.newton import SEVERAL, UNSOLVED, WAYS, residuals, velocity_after
 from wbc.mechanics.rows import system_of
 from wbc.sim.step.self_locking import solve_rows
 
@@ -49,7 +49,7 @@ def solve_program(program: Program, guess: np.ndarray | None = None) -> Solution
     system = system_of(*row_numbers, own.tangents)
     start = np.zeros(size) if guess is None else guess
     impulse, velocity = np.empty(size), np.empty(len(lower))
-    used, way = solve_rows(system, start, tolerance_of(system), 1.0, impulse)
+    used, way = solve_rows(system, start, 1.0, impulse)
     if way >= UNSOLVED:
         raise SimulationError("several solutions" if way == SEVERAL else "no solution")
     velocity_after(system, lower, own.free_velocity, impulse, velocity)

@@ -16,7 +16,7 @@ import numpy as np
 from wbc.compiled import OutRow, Row, compiled, inner
 from wbc.mechanics.inertia import momentum_of, motion_at
 from wbc.mechanics.linear import dot
-from wbc.mechanics.newton import TOLERANCE
+from wbc.mechanics.rows import TOLERANCE
 from wbc.sim.step.contacts import put, solid_gap, touch_ground
 from wbc.sim.step.gears import motor_speeds, rotor_energy
 from wbc.sim.step.motion import look, set_momentum

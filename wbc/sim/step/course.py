@@ -16,7 +16,7 @@ import numpy as np
 from wbc.compiled import Flags, OutRow, OutTable, Row, Vector, ask, compiled, inner
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import copy_to, dot
-from wbc.mechanics.newton import UNSOLVED, residuals, tolerance_of
+from wbc.mechanics.newton import UNSOLVED, residuals
 from wbc.sim.step.contacts import gaps_of
 from wbc.sim.step.impact import HIT, impact_rows, settle
 from wbc.sim.step.part import LANDED, begin, part_with_mesh
@@ -329,6 +329,5 @@ def look_again(plant: Opened, in_impact: bool, told: OutTable) -> tuple[int, flo
         rows = begin(plant, plant.now.numbers[LENGTH])
         found = plant.end.impulse[rows.places]
     system = part_system(rows, plant.obstacles.tangents)
-    tolerance, found = tolerance_of(system), found[: len(rows.start)]
-    off = residuals(system, found)[0]
-    return tell_ranges(system, rows.start, tolerance, told), off, tolerance
+    off = residuals(system, found[: len(rows.start)])[0]
+    return tell_ranges(system, rows.start, told), off, system.tolerance

@@ -106,26 +106,23 @@ def hold_to(law: OutRow, which: int) -> None:
 
 
 @compiled(inside=True)
-def try_ranges(
-    system: RowSystem, held: RowSystem, start: Row, tolerance: float, impulse: OutRow
-) -> tuple[int, bool]:
+def try_ranges(system: RowSystem, held: RowSystem, start: Row, impulse: OutRow) -> tuple[int, bool]:
     """Write row impulses (r,) from a start; return linear systems, and if all laws are met.
 
     Args:
         system: of the step.
-        held: the same with falling rows held to ranges.
+        held: the same with falling rows held to ranges, and a stricter tolerance.
         start: (r,).
-        tolerance: largest distance of a row from its law.
         impulse: to write.
     """
-    used = abs(newton(held, start, 0.1 * tolerance, True, impulse))
-    if not residuals(held, impulse)[0] <= tolerance:
-        used += abs(proximal(held, start, 0.1 * tolerance, _SYSTEMS, impulse))
-    return used, residuals(system, impulse)[0] <= tolerance
+    used = abs(newton(held, start, True, impulse))
+    if not residuals(held, impulse)[0] <= system.tolerance:
+        used += abs(proximal(held, start, _SYSTEMS, impulse))
+    return used, residuals(system, impulse)[0] <= system.tolerance
 
 
 @compiled(inside=True)
-def is_new(system: RowSystem, impulse: Row, found: Dense, tolerance: float) -> bool:
+def is_new(system: RowSystem, impulse: Row, found: Dense) -> bool:
     """Return whether the speeds of row impulses (r,) are not those of solutions (s, r)."""
     x, speed, other = np.empty(system.ways.shape[1]), np.empty(len(impulse)), np.empty(len(impulse))
     speeds_at(system, impulse, x, speed)
@@ -134,14 +131,14 @@ def is_new(system: RowSystem, impulse: Row, found: Dense, tolerance: float) -> b
         speeds_at(system, found[s], x, other)
         for i in range(len(impulse)):
             apart = max(apart, abs(speed[i] - other[i]))
-        if apart <= _APART * tolerance:
+        if apart <= _APART * system.tolerance:
             return False
     return True
 
 
 @compiled(inside=True)
 def solve_in_ranges(
-    system: RowSystem, rows: Places, start: Row, tolerance: float, found: OutDense
+    system: RowSystem, rows: Places, start: Row, found: OutDense
 ) -> tuple[int, int]:
     """Write solutions (s, r) of a step, the first one that where its gears go on.
 
@@ -149,7 +146,6 @@ def solve_in_ranges(
         system: of the step.
         rows: (f,) its falling rows.
         start: row impulses (r,) of the step before, zeros for none.
-        tolerance: largest distance of a row from its law.
         found: to write.
 
     Returns:
@@ -157,7 +153,8 @@ def solve_in_ranges(
         before hold, none also where there are too many gears to try.
     """
     f, used, count, nearest, known = len(rows), 0, 0, np.inf, dot(start, start) > 0.0
-    held, impulse, origins = copied(system), np.zeros(len(start)), np.zeros((3, len(start)))
+    held = copied(system, 0.1 * system.tolerance)
+    impulse, origins = np.zeros(len(start)), np.zeros((3, len(start)))
     laws = held.laws
     copy_to(start, origins[0])
     for choice in range(-1 if known else 0, 3**f if f <= _MOST else 0):
@@ -173,7 +170,7 @@ def solve_in_ranges(
             rest //= 3
         for k in range(0 if known else 1, 3):
             copy_to(impulse, origins[2])
-            more, good = try_ranges(system, held, origins[k], tolerance, impulse)
+            more, good = try_ranges(system, held, origins[k], impulse)
             used, moved, same = used + more, 0.0, True
             for i in rows:
                 moved = max(moved, abs(impulse[i] - start[i]))
@@ -182,7 +179,7 @@ def solve_in_ranges(
             if good and choice < 0 and same:
                 copy_to(impulse, found[0])
                 return used, 1
-            if good and choice >= 0 and is_new(system, impulse, found[:count], tolerance):
+            if good and choice >= 0 and is_new(system, impulse, found[:count]):
                 slot = min(count, len(found) - 1)
                 at = 0 if moved < nearest else slot
                 copy_to(found[at], found[slot])
@@ -192,9 +189,7 @@ def solve_in_ranges(
 
 
 @compiled
-def solve_rows(
-    system: RowSystem, start: Row, tolerance: float, work: float, impulse: OutRow
-) -> tuple[int, int]:
+def solve_rows(system: RowSystem, start: Row, work: float, impulse: OutRow) -> tuple[int, int]:
     """Write the row impulses (r,) as `solve_system` does, those of self-locking gears by ranges.
 
     Returns:
@@ -202,15 +197,15 @@ def solve_rows(
     """
     rows = undecided_rows(system)
     if len(rows) == 0:
-        return solve_system(system, start, tolerance, work, impulse)
+        return solve_system(system, start, work, impulse)
     found = np.empty((2, len(start)))
-    used, count = solve_in_ranges(system, rows, start, tolerance, found)
+    used, count = solve_in_ranges(system, rows, start, found)
     copy_to(found[0], impulse)
     return used, RANGES if count == 1 or (count and dot(start, start) > 0.0) else SEVERAL
 
 
 @compiled(inside=True)
-def tell_ranges(system: RowSystem, start: Row, tolerance: float, told: OutTable) -> int:
+def tell_ranges(system: RowSystem, start: Row, told: OutTable) -> int:
     """Write the ranges (s, m) of the undecided rows in each solution of a step; return how many.
 
     Arguments as of `solve_in_ranges`. Other rows get -1; without a solution the first ones are 0.
@@ -219,7 +214,7 @@ def tell_ranges(system: RowSystem, start: Row, tolerance: float, told: OutTable)
     told[:] = -1
     if len(rows) == 0:
         return 0
-    _, count = solve_in_ranges(system, rows, start, tolerance, found)
+    _, count = solve_in_ranges(system, rows, start, found)
     for i in rows:
         told[0, i] = 0
         for k in range(count):

@@ -40,7 +40,6 @@ from wbc.mechanics.newton import (
     residuals,
     solve_system,
     speeds_at,
-    tolerance_of,
     velocity_after,
 )
 from wbc.mechanics.rows import RowSystem, copied, own_speed
@@ -218,7 +217,8 @@ def mean_force(plant: Opened, before: float, after: float, step: float) -> tuple
 @inner
 def softened(plant: Opened, rows: PartRows, system: RowSystem) -> RowSystem:
     """Return the system with compliant contacts as their tangents at the speeds of the rows."""
-    softer, count, step, speed = copied(system), len(system.targets), rows.step, rows.speed
+    softer, count, step = copied(system, system.tolerance), len(system.targets), rows.step
+    speed = rows.speed
     for c in range(len(rows.depths)):
         at = count - len(rows.depths) + c
         row = len(system.laws) + at
@@ -321,7 +321,7 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
     system = part_system(rows, plant.obstacles.tangents)
     coupled, loose = len(gears.coupling) > 0, gears.loose and rows.step > 0.0
     soft, laws, last, shifted = len(rows.depths) > 0, system.laws, speed.copy(), rows.free
-    tolerance, used, way, missed, taken = tolerance_of(system), 0, 0, 0.0, system
+    tolerance, used, way, missed, taken = system.tolerance, 0, 0, 0.0, system
     impulse, after, last_x, work_of = rows.impulse, plant.end.after, np.empty(n), plant.end.work
     room = np.zeros((4, m if loose else 0, 4))
     rounds = Rounds(room[0], room[1], room[2], room[3])
@@ -337,9 +337,9 @@ def solve_part(plant: Opened, rows: PartRows, speed: Row, work: float) -> int:
         if soft:
             taken = softened(plant, rows, system)
         if coupled or gears.loose:
-            more, way = solve_system(taken, rows.start, tolerance, work, impulse)
+            more, way = solve_system(taken, rows.start, work, impulse)
         else:
-            more, way = solve_rows(taken, rows.start, tolerance, work, impulse)
+            more, way = solve_rows(taken, rows.start, work, impulse)
         used, missed = used + more, 0.0
         velocity_after(system, rows.lower, shifted, impulse, after)
         speeds_at(system, impulse, last_x, rows.speed)
