@@ -14,7 +14,7 @@ from wbc.mechanics.kinematics import place
 from wbc.sim.setup import Setup
 from wbc.sim.step.books import KINETIC, MADE, NORMAL, TAKEN, TRAFFIC
 from wbc.sim.step.stages import Course, EnergyAudit, EnergyFlow, Flow, Impact
-from wbc.sim.step.tables import RETURN_SPEED, TOUCH, SimState
+from wbc.sim.step.tables import LENGTH, RETURN_SPEED, TOUCH, SimState
 
 _ROUNDING = 1e-8  # of the energy in play: laws hold to 1e-10 of the speeds
 _COARSE = 0.01  # share of the energy in play
@@ -92,7 +92,11 @@ class StepResult:
     @cached_property
     def _stages(self) -> list[Flow | Impact]:
         """All parts and impacts in turn."""
-        return [stage for course in self.courses for stage in course.divided()]
+        return [
+            (Flow if length > 0.0 else Impact)(course, stage)
+            for course in self.courses
+            for stage, length in enumerate(course.stages[:-1, LENGTH])
+        ]
 
     @property
     def contact_impulse(self) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.compiled import Dense, Flags, OutDense, OutRow, Row, compiled, inner
+from wbc.compiled import Dense, Flags, OutRow, Row, compiled
 from wbc.mechanics.kinematics import moved_along
 from wbc.mechanics.linear import (
     add_all,
@@ -27,7 +27,7 @@ from wbc.sim.step.contacts import barrier_rows, gaps_at, gaps_of, other_place, p
 from wbc.sim.step.motion import advance, carry, look, set_momentum, weigh
 from wbc.sim.step.pairs import FAR
 from wbc.sim.step.part_rows import PartRows
-from wbc.sim.step.tables import RETURN_SPEED, TOUCH, Gears, Opened
+from wbc.sim.step.tables import RETURN_SPEED, TOUCH, Opened
 
 DRIFT = 1e-8
 """Overlap, or gap of a barrier that is pressed, [m, rad] from which on it is taken back."""
@@ -82,18 +82,6 @@ def least(delassus: Dense, pressed: Flags, missing: Row, push: OutRow) -> None:
             return
 
 
-@inner
-def metric_of(inertia: Dense, gears: Gears, metric: OutDense) -> None:
-    """Write H_l (nv, nv) with the rotors of rigid gears: what is light moves first."""
-    for i in range(len(inertia)):
-        copy_to(inertia[i], metric[i])
-    for g in range(len(gears.rows)):
-        turning = gears.rows[g]
-        for i in range(0 if gears.yields[g] else len(inertia)):
-            if turning[i] != 0.0:
-                add_times(gears.inertia[g] * turning[i], turning, metric[i])
-
-
 @compiled(inside=True)
 def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: OutRow) -> bool:
     """Write the least shift (nv,) that takes overlaps back; False where none can be found.
@@ -124,6 +112,8 @@ def shift_of(metric: Dense, matrix: Dense, pressed: Flags, missing: Row, shift: 
 def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthest: float) -> None:
     """Move the robot out of overlaps, in a few shifts, see `_CORRECTIONS`.
 
+    Their size is measured with the rotors of rigid gears: what is light moves first.
+
     Args:
         plant: its memory stands at the end, but for `placed.inertia`: that is the middle's.
             Position, gaps and shift of the end are changed.
@@ -132,12 +122,16 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
         drift: (b,) their gaps.
         furthest: [m, rad] by which an overlap is taken back at most.
     """
-    q, gap, moved = plant.end.position, plant.end.gap, plant.end.moved
+    q, gap, gears = plant.end.position, plant.end.gap, plant.gears
     count, off, n = len(drift), 0.0, rows.matrix.shape[1]
     matrix = rows.matrix[len(rows.laws) : len(rows.laws) + count]
     aim, missing, shift = np.empty(count), np.empty(count), np.empty(n)
-    last, gap_last, metric = np.empty(len(q)), np.empty(len(gap)), np.empty((n, n))
-    metric_of(plant.placed.inertia, plant.gears, metric)
+    last, gap_last, metric = np.empty(len(q)), np.empty(len(gap)), plant.placed.inertia.copy()
+    for g in range(len(gears.rows)):
+        turning = gears.rows[g]
+        for i in range(0 if gears.yields[g] else n):
+            if turning[i] != 0.0:
+                add_times(gears.inertia[g] * turning[i], turning, metric[i])
     for i in range(count):
         nearer = max(-drift[i], -furthest) if pressed[i] else -drift[i]
         aim[i] = drift[i] + min(nearer, furthest)
@@ -160,7 +154,7 @@ def take_back(plant: Opened, rows: PartRows, pressed: Flags, drift: Row, furthes
             copy_to(gap_last, gap)
             put(plant, q)
             return
-        add_times(1.0, shift, moved)
+        add_times(1.0, shift, plant.end.moved)
         if off <= DRIFT or off > 0.5 * before:
             return
 

@@ -36,25 +36,6 @@ def is_ahead(plant: Opened, i: int) -> bool:
 
 
 @inner
-def lands_slowly(plant: Opened, start: Row, short: float) -> bool:
-    """Write which barriers land; return whether only points do, none from farther than `short`.
-
-    Args:
-        plant: with the gaps of the end, and barriers that are kept; `jumps` is written.
-        start: (2 j + c,) gaps.
-        short: [m].
-    """
-    gap, landing, limits = plant.end.gap, plant.end.jumps, plant.obstacles.limits
-    found, slowly = False, True
-    for i in range(len(gap)):
-        landing[i] = is_ahead(plant, i) and gap[i] < -TOUCH
-        if landing[i]:
-            found = True
-            slowly = slowly and i >= limits and start[i] - gap[i] <= short
-    return found and slowly
-
-
-@inner
 def nearest(plant: Opened, start: Row, gap: Row, out: OutRow) -> float:
     """Write gaps (2 j + c,) of the barriers ahead, infinite for others; return the least.
 
@@ -143,6 +124,8 @@ def to_landing(plant: Opened, start: Row, whole: tuple[int, float]) -> tuple[int
 def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
     """Do the part to the end of a step, or to the next touchdown.
 
+    Points that all land slowly are kept instead.
+
     Args:
         plant: what moves, with its state; `kept` and `jumps` of its end are written, too.
         step: that is left [s].
@@ -151,16 +134,21 @@ def flow_until(plant: Opened, step: float) -> tuple[int, float, bool]:
         what `part_of_step` does, the length of the part [s], and whether more barriers are kept.
     """
     now, end, length, short = plant.now, plant.end, step, plant.bounds[SLOW] * step * step
-    size = len(now.closed)
+    size, limits = len(now.closed), plant.obstacles.limits
     for i in range(size):
         end.kept[i], end.jumps[i] = now.kept[i], False
     result = part_with_mesh(plant, step)
-    if result >= 10 or result != LANDED:
+    if result != LANDED:
         return result, step, False
     start = np.empty(size)
     gaps_of(plant, now.position, start)
-    while result < 10 and result == LANDED:
-        if not lands_slowly(plant, start, short):
+    while result == LANDED:
+        slowly = True
+        for i in range(size):
+            end.jumps[i] = is_ahead(plant, i) and end.gap[i] < -TOUCH
+            if end.jumps[i]:
+                slowly = slowly and i >= limits and start[i] - end.gap[i] <= short
+        if not slowly:
             result, length = to_landing(plant, start, (result, step))
             if length > 0.0:
                 return result, length, True

@@ -58,7 +58,7 @@ def mesh_loss(gears: Gears, v: Row, after: Row, motor: Row, following: Row, mesh
         gears: of the plant.
         v, after: (nv,) before and after.
         motor, following: (m,) speeds of the motor outputs before and after.
-        mesh: (m,) impulses T.
+        mesh: impulses T of the gears, which come first.
     """
     total = 0.0
     for g in range(len(motor)):
@@ -142,17 +142,6 @@ def impact_targets(plant: Opened, share: float, left: float, rows: PartRows) -> 
 
 
 @compiled(inside=True)
-def book_impact(plant: Opened, rows: PartRows) -> None:
-    """Write losses of an impact."""
-    v, after, found = plant.now.velocity, plant.end.after, plant.end.hit
-    following, m = rows.motor.copy(), len(rows.motor)
-    motor_speeds(plant.gears, after, rows.motor, following)
-    mesh = rows.impulse[:m]
-    found[MESH] = mesh_loss(plant.gears, v, after, rows.motor, following, mesh)
-    found[CONTACT] = found[ENERGY] - kinetic_of(plant, after, following) - found[MESH]
-
-
-@compiled(inside=True)
 def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     """Write the impact on barriers that have just been reached into `plant.end`, see `settle`.
 
@@ -166,7 +155,7 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
         work[WAY] is UNSOLVED or more; found[SHARE] is zero where nothing springs back.
     """
     end, gravity, before, v = plant.end, plant.tree.gravity, plant.now.closed, plant.now.velocity
-    found = end.hit
+    gears, found = plant.gears, end.hit
     found[:] = 0.0
     if not reaches(plant, goes_on):
         return APART
@@ -185,10 +174,13 @@ def impact_at(plant: Opened, share: float, left: float, goes_on: bool) -> int:
     copy_to(rows.impulse, end.impulse)
     if way >= UNSOLVED:
         return HIT
-    book_impact(plant, rows)
+    following = rows.motor.copy()
+    motor_speeds(gears, end.after, rows.motor, following)
+    found[MESH] = mesh_loss(gears, v, end.after, rows.motor, following, rows.impulse)
+    found[CONTACT] = found[ENERGY] - kinetic_of(plant, end.after, following) - found[MESH]
     world_pushes(plant, rows)
     # What parts so slowly that gravity brings it back within the step stays closed.
-    slow = 0.5 * left * np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    slow = 0.5 * left * np.sqrt(dot(gravity, gravity))
     for row in range(len(rows.held)):
         i, speed = rows.held[row], rows.speed[len(rows.laws) + row]
         parts = speed > max(TOUCH, slow)

@@ -162,11 +162,6 @@ class Course(NamedTuple):
         """(m,) [N m] on the rotors."""
         return self.stages[0, self.setup.cuts[-1]]
 
-    def divided(self) -> list[Flow | Impact]:
-        """Return the smooth parts and the impacts in turn."""
-        lengths = self.stages[:-1, LENGTH]
-        return [(Flow if h > 0.0 else Impact)(self, stage) for stage, h in enumerate(lengths)]
-
 
 @dataclass(frozen=True, eq=False)
 class Stage:
