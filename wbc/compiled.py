@@ -178,7 +178,9 @@ def compiled(*kinds: Any, counted: bool = True, inside: bool = False) -> Any:
     """
 
     def decorator(function: Callable[..., Any]) -> Any:
-        result, *arguments = map(kind_of, stated or _annotated(function))
+        hints = get_type_hints(function, include_extras=True)
+        declared = stated or (hints.pop("return"), *hints.values())
+        result, *arguments = map(kind_of, declared)
         return MachineCode(function, result(*arguments), counted, inside)
 
     alone = len(kinds) == 1 and isfunction(kinds[0])
@@ -188,12 +190,6 @@ def compiled(*kinds: Any, counted: bool = True, inside: bool = False) -> Any:
 
 inner = compiled(counted=False, inside=True)
 """Decorator of a function that compiled ones alone call, on arrays that they give it."""
-
-
-def _annotated(function: Callable[..., Any]) -> list[Any]:
-    """Return what a function is annotated to return, and to take."""
-    hints = get_type_hints(function, include_extras=True)
-    return [hints.pop("return"), *hints.values()]
 
 
 def kind_of(declared: Any) -> Any:

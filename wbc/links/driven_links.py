@@ -133,10 +133,6 @@ class Motions(NamedTuple):
     ends: FloatArray
     """(W, 2, n, S) deflections and rates at the ends of the windows."""
 
-    def part(self, chosen: slice) -> Motions:
-        """Return some of the S motions."""
-        return Motions(*(values[..., chosen] for values in self))
-
 
 @dataclass(frozen=True, eq=False)
 class DrivenLinks:

@@ -199,10 +199,17 @@ class _Shots:
     def likeliest(self, rough: bool) -> tuple[FloatArray, Motions]:
         """Return starts (W, 2, n) where nothing is known, and the motion from them.
 
-        A `rough` search ends after one step. Else, as from links at rest some windows end in
-        valleys of their own, these go on from where the last one ended, where that leaves less.
+        They are looked for from links at rest, wound up by their loads on either flank. A `rough`
+        search ends after one step. Else, as some windows then end in valleys of their own, these go
+        on from where the last one ended, where that leaves less.
         """
-        first = starts, moved = self.settled(self._least(self._wound()), 1 if rough else _STEPS)
+        load, places = self.links.load[self.first], []
+        for gear, torque in zip(self.gears, load.T, strict=True):
+            far = -torque / max(gear.stiffness, _SLACK) - np.sign(torque) * 0.5 * gear.play
+            places.append((far, -far) if gear.play > 0.0 else (far,))
+        wound = np.stack([np.stack(sides, axis=1) for sides in product(*places)], axis=-1)
+        offers = np.stack([wound, np.zeros_like(wound)], axis=1)
+        first = starts, moved = self.settled(self._least(offers), 1 if rough else _STEPS)
         if len(starts) == 1 or rough:
             return first
         carried = np.concatenate([starts[:1], moved.ends[:-1, ..., 0]])
@@ -215,15 +222,6 @@ class _Shots:
             return offers[..., 0]
         best = np.argmin(self._squares(self._left(self._follow(offers))), axis=0)
         return _chosen(offers, best)
-
-    def _wound(self) -> FloatArray:
-        """Return starts (W, 2, n, S) of links at rest, wound up by their loads on either flank."""
-        load, places = self.links.load[self.first], []
-        for gear, torque in zip(self.gears, load.T, strict=True):
-            far = -torque / max(gear.stiffness, _SLACK) - np.sign(torque) * 0.5 * gear.play
-            places.append((far, -far) if gear.play > 0.0 else (far,))
-        chosen = [np.stack(sides, axis=1) for sides in product(*places)]
-        return np.stack([np.stack([d, np.zeros_like(d)], axis=1) for d in chosen], axis=-1)
 
     def settled(self, starts: FloatArray, steps: int) -> tuple[FloatArray, Motions]:
         """Return starts (W, 2, n) from which less is left, and the motion from them.
@@ -239,7 +237,7 @@ class _Shots:
         given, linear = starts[:1], all(gear.play == 0.0 for gear in self.gears)
         for _ in range(steps):
             around = self.around(starts)
-            moved = around.moved.part(slice(1))
+            moved = Motions(*(values[..., :1] for values in around.moved))
             jumps = self._jumps(starts[..., None], given, moved)
             step = around.step(around.left, jumps.ravel())
             if not np.isfinite(step).all():
