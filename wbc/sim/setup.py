@@ -117,8 +117,9 @@ class Setup:
         self.cuts = [*map(slice, begin[:-1], begin[1:])]
         ending, self.end_kind = _memory(tables.Ending, *end, *[size] * 4)
         width = len(now.words) + len(ending.words)
-        shapes = (n, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
+        shapes = (n + 1, 12), (nv, 6), (n, 10), (n, 10), (nv, nv), (3,)
         placed = *map(np.zeros, shapes), bases, np.zeros((len(bases), 10))
+        placed[0][-1, [0, 4, 8]] = 1.0
         back, gravity = bounds[tables.RESTITUTION], np.linalg.norm(model.gravity.linear)
         bounds[tables.SLOW] = gravity * min(1.0, (1.0 - back) / (2.0 * back) if back > 0.0 else 1.0)
         meshed = any("meshed" in effect.acts_by for effect in self.robot.effects)

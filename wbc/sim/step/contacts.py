@@ -82,16 +82,6 @@ def solid_gaps(solid: Row, points: Dense, gaps: OutRow, normals: OutDense) -> No
 
 
 @inner
-def place_contact(plant: Opened, i: int) -> None:
-    """Write where a contact point is, for the poses in memory."""
-    joint, own = plant.obstacles.contact_at[i], plant.obstacles.contacts[i]
-    if joint >= 0:
-        placed_at(plant.placed.poses[joint], own, plant.obstacles.points[i])
-    else:
-        copy_to(own[:3], plant.obstacles.points[i])
-
-
-@inner
 def touch_ground(plant: Opened, closed: Flags) -> None:
     """Write gap, normal and place of contact barriers, for the poses in memory.
 
@@ -99,10 +89,11 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
     """
     obstacles, poses, pairs = plant.obstacles, plant.placed.poses, plant.bodies.pairs
     contacts, points, touch = obstacles.contacts, obstacles.points, obstacles.touch
+    joints = obstacles.contact_at
     limits, some = obstacles.limits, len(closed) > 0
     apart = some and obstacles.asked == 0 and len(pairs) == 0
     for i in range(0 if apart else len(contacts)):
-        place_contact(plant, i)
+        placed_at(poses[joints[i]], contacts[i], points[i])
     if obstacles.asked != 0:
         ask(obstacles.asked)
     count, ground = len(contacts), len(touch) - len(plant.bodies.slots)
@@ -111,7 +102,7 @@ def touch_ground(plant: Opened, closed: Flags) -> None:
             continue
         contact, one = b % count, touch[b]
         if apart:
-            place_contact(plant, contact)
+            placed_at(poses[joints[contact]], contacts[contact], points[contact])
         radius = contacts[contact, 3]
         if obstacles.asked == 0:
             solid, reach = obstacles.solids[b // count], radius + AHEAD

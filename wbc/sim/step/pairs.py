@@ -30,16 +30,6 @@ _SAME = 1e-5  # [m] within which two barriers are one
 
 
 @inner
-def pose_of(poses: Dense, joint: int, pose: OutRow) -> None:
-    """Write the pose (12,) of a joint, -1 for the world."""
-    if joint >= 0:
-        copy_to(poses[joint], pose)
-        return
-    pose[:] = 0.0
-    pose[0] = pose[4] = pose[8] = 1.0
-
-
-@inner
 def between(outer: Row, inner: Row, pose: OutRow) -> None:
     """Write the pose (12,) of `inner` as `outer` sees it."""
     for i in range(3):
@@ -49,13 +39,6 @@ def between(outer: Row, inner: Row, pose: OutRow) -> None:
             for k in range(3):
                 pose[3 * i + j] += outer[3 * k + i] * inner[3 * k + j]
             pose[9 + i] += outer[3 * j + i] * (inner[9 + j] - outer[9 + j])
-
-
-@inner
-def place_all(pose: Row, points: Dense, placed: OutDense) -> None:
-    """Write points (n, 3) in the outer axes of a pose (12,)."""
-    for i in range(len(points)):
-        placed_at(pose, points[i], placed[i])
 
 
 @inner
@@ -251,27 +234,27 @@ def doubled(touch: OutDense, i: int) -> bool:
 
 @compiled(inside=True)
 def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
-    """Write the touches (s, 7) of a pair, see `Bodies`, in given poses (n, 12) of the joints.
+    """Write the touches (s, 7) of a pair, see `Bodies`, in given poses of `PlacedTree`.
 
     None is there before.
     """
     a, b, whole = bodies.pairs[pair, 0], bodies.pairs[pair, 1], bodies.pairs[pair, 3] == 1
     one, other, shapes = bodies.hulls[a], bodies.hulls[b], bodies.shapes
-    first, second, seen, back = local(12), local(12), local(12), local(12)
+    first, second, seen, back = poses[one[0]], poses[other[0]], local(12), local(12)
     middle, found, size = local(3), local(6), shapes[a, 3]
-    pose_of(poses, one[0], first)
-    pose_of(poses, other[0], second)
     between(second, first, seen)
     placed_at(seen, shapes[a, :3], middle)
     if clearance(bodies, b, middle) > 2.0 * size:
         return
     between(first, second, back)
     corners = np.empty((one[3], 3))
-    place_all(seen, bodies.corners[one[2] : one[2] + one[3]], corners)
+    for i in range(one[3]):
+        placed_at(seen, bodies.corners[one[2] + i], corners[i])
     thin = min(shapes[a, 5], shapes[b, 5])
     deepest, round_a, round_b, slot = -0.5 * thin, shapes[a, 4], shapes[b, 4], 0
     theirs, edges = np.empty((other[3], 3)), np.empty((one[7], 12))
-    place_all(back, bodies.corners[other[2] : other[2] + other[3]], theirs)
+    for i in range(other[3]):
+        placed_at(back, bodies.corners[other[2] + i], theirs[i])
     for f in range(one[7]):
         for k in range(0, 12, 3):
             turned(seen, bodies.edges[one[6] + f, k : k + 3], edges[f, k : k + 3])

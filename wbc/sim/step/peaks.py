@@ -30,7 +30,7 @@ from wbc.sim.step.field import (
     surface_at,
     way_out,
 )
-from wbc.sim.step.pairs import FAR, pose_of, to_segment
+from wbc.sim.step.pairs import FAR, to_segment
 from wbc.sim.step.tables import Opened
 
 _BULGE = 1e-7  # [m] of a place above the line through those beside it; less is flat
@@ -371,7 +371,7 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
 
     `some` says that touches of contact points have been written for closed barriers alone.
     """
-    bodies, obstacles, pose = plant.bodies, plant.obstacles, local(12)
+    bodies, obstacles = plant.bodies, plant.obstacles
     which, solid = bodies.pairs[pair, 0], bodies.pairs[pair, 5]
     hull, field = bodies.hulls[which], obstacles.solids[solid]
     known, least = solid * len(obstacles.contacts) + hull[8], np.inf
@@ -391,6 +391,5 @@ def meet_field(plant: Opened, pair: int, some: bool, touch: OutDense) -> None:
     if radius > 0.0:
         meet_round(plant, which, field, touch)
     else:
-        pose_of(plant.placed.poses, hull[0], pose)
-        meet_faces(plant, which, field, pose, touch)
+        meet_faces(plant, which, field, plant.placed.poses[hull[0]], touch)
         meet_edges(plant, which, field, known, touch)

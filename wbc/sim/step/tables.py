@@ -163,7 +163,7 @@ class PlacedTree(NamedTuple):
     """Memory for a tree in one configuration.
 
     Attributes:
-        poses: (n, 12) rotation by rows and place of the joints, world.
+        poses: (n + 1, 12) rotation by rows and place of the joints, and last of the world, at -1.
         columns: (nv, 6) motion per unit of each row of v.
         bodies: (n, 10) mass, first moment and inertia of each body.
         composite: (n, 10) the same of all behind each joint.
