@@ -131,3 +131,11 @@ def test_a_few_cases_are_told_and_kept(tmp_path: Path) -> None:
     assert [judge_result(result).good for result in results] == [True] * len(QUICK)
     kept = [json.loads((tmp_path / f"{n:04d}.json").read_text()) for n in QUICK]
     assert kept == json.loads(json.dumps(results))
+
+
+def test_laws_of_position_that_are_one_cable_together_are_not_certain(tmp_path: Path) -> None:
+    """A cable that is slack in places was a spring, a wrong zero and a ripple, 0.999 each."""
+    (result,) = try_cases([80], tmp_path, seed=31337)
+    assert [name for name, *_ in result["flaws"]] == ["one_sided_cable"]
+    assert len(result["found"]) > 2
+    assert max(entry["probability"] for entry in result["found"]) < 0.95
