@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wbc.arrays import FloatArray
+from wbc.arrays import FloatArray, IntArray
 from wbc.dynamics import Workspace, evaluate, link_torque, rotor_torque as needed_torque
 from wbc.errors import LogError, ViewError
 from wbc.identification.choice.candidate_columns import evidence
@@ -432,9 +432,11 @@ def make_track(robot: Robot, log: Log) -> Track:
     """
     planned = is_planned(robot, log)
     log = with_needed_torques(robot, log) if planned else log
-    rows = frame_rows(log)
-    position = configuration(robot, log)[rows]
-    poses, center, points = kinematics(robot, position)
+    wanted = min(len(log), _MAX_FRAMES, int(log.duration * _FRAME_RATE) + 1)
+    instants = np.linspace(log.time[0], log.time[-1], max(wanted, 2))
+    rows = np.searchsorted(log.time, instants - 0.5 * log.sample_time)
+    rows = np.unique(np.clip(rows, 0, len(log) - 1))
+    poses, center, points = kinematics(robot, configuration(robot, log)[rows])
     forces, flow = contact_forces(robot, log), gear_flow(robot, log)
     return Track(
         time=log.time[rows],
@@ -471,15 +473,7 @@ def with_needed_torques(robot: Robot, log: Log) -> Log:
     return log.with_columns(dict(zip(names, torque.T, strict=True)))
 
 
-def frame_rows(log: Log) -> FloatArray:
-    """Return the row of the log that each frame shows, (F,) int."""
-    wanted = min(len(log), _MAX_FRAMES, int(log.duration * _FRAME_RATE) + 1)
-    instants = np.linspace(log.time[0], log.time[-1], max(wanted, 2))
-    rows = np.searchsorted(log.time, instants - 0.5 * log.sample_time)
-    return np.unique(np.clip(rows, 0, len(log) - 1))
-
-
-def _largest(force: FloatArray, rows: FloatArray) -> FloatArray:
+def _largest(force: FloatArray, rows: IntArray) -> FloatArray:
     """Return for each frame the force of the largest size since the frame before."""
     size = np.linalg.norm(force, axis=1)
     starts = np.concatenate([[0], rows[:-1] + 1])

@@ -77,7 +77,11 @@ def _draw_pose(
         chain.append(np.asarray(data.oMi[joint].translation)[rows])
         names.append(model.names[joint])
         joint = int(model.parents[joint])
-    _draw_body(ax, robot, data.oMi[joint], joint, rows, theme)
+    carried = [shape.corners for shape in robot_shapes(robot) if shape.joint == joint]
+    corners = np.array([data.oMi[joint].act(one)[rows] for own in carried for one in own])
+    if len(corners) and np.ptp(corners, axis=0).min() > 1e-9:  # the body that carries the limb
+        outline = corners[ConvexHull(corners).vertices]
+        ax.add_patch(Polygon(outline, facecolor=theme.faint, edgecolor=theme.ink, alpha=0.4))
     line = np.array(chain)
     ax.plot(line[:, 0], line[:, 1], color=theme.ink, linewidth=4, solid_capstyle="round", alpha=0.6)
     for name in driven - set(names):  # of other limbs: in their place, without a name
@@ -101,22 +105,6 @@ def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
         left = [k for k in left if k not in same]
         text = "\n".join(names[k] for k in same)
         ax.annotate(text, (here[0], here[1]), xytext=(9, 4), textcoords="offset points", fontsize=8)
-
-
-def _draw_body(
-    ax: Axes, robot: Robot, placement: pin.SE3, joint: int, rows: list[int], theme: Theme
-) -> None:
-    """Draw the outline of the body that carries the limb."""
-    corners = [
-        placement.act(corner)[rows]
-        for shape in robot_shapes(robot)
-        if shape.joint == joint
-        for corner in shape.corners
-    ]
-    if not corners or np.ptp(corners, axis=0).min() < 1e-9:
-        return
-    outline = np.array(corners)[ConvexHull(corners).vertices]
-    ax.add_patch(Polygon(outline, facecolor=theme.faint, edgecolor=theme.ink, alpha=0.4))
 
 
 def _draw_inertia(

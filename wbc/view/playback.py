@@ -132,9 +132,12 @@ def _camera(
     if leaves:
         moved = track.center_of_mass[frames] - track.center_of_mass[0]
         points = points - moved[:, None] * [1.0, 1.0, 0.0]
+    # Those that are outermost along some of 200 directions.
+    points, ways = points.reshape(-1, 3), np.random.default_rng(0).standard_normal((200, 3))
+    outer = points[np.unique(np.argmax(points @ ways.T, axis=0))]
     direction = np.array([0.28, -0.94, 0.2] if flat else [0.75, -0.6, 0.32])
     return {
-        "points": np.round(_outermost(points.reshape(-1, 3)), 4).tolist(),
+        "points": np.round(outer, 4).tolist(),
         "direction": (direction / np.linalg.norm(direction)).tolist(),
     }
 
@@ -152,12 +155,6 @@ def _corners(poses: FloatArray, shapes: Sequence[LinkShape]) -> FloatArray:
         turn = Rotation.from_quat(place[:, 3:]).as_matrix()
         corners.append(shape.corners @ np.swapaxes(turn, 1, 2) + place[:, None, :3])
     return np.concatenate(corners, axis=1)
-
-
-def _outermost(points: FloatArray) -> FloatArray:
-    """Return those of points (k, 3) that are outermost along some of 200 directions."""
-    random = np.random.default_rng(0).standard_normal((200, 3))
-    return np.asarray(points[np.unique(np.argmax(points @ random.T, axis=0))])
 
 
 _VIEWER = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"

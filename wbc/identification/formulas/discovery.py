@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -129,8 +129,9 @@ def _discovered(problem: EstimationProblem, progress: Report, known: Sequence[Ef
 
 def _search(problem: EstimationProblem, start: Attempt, progress: Report) -> Attempt:
     """Return `start` with the formulas that pay, the one that explains most of its joint first."""
-    current = start
-    waiting = list(problem.robot.transmission.joints)
+    current, gears = start, problem.robot.transmission
+    waiting = list(gears.joints)
+    reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
     offers = _offers(problem, current.fit, waiting, progress)
     while offers:
         joint = max(offers, key=lambda name: offers[name].share)
@@ -141,7 +142,8 @@ def _search(problem: EstimationProblem, start: Attempt, progress: Report) -> Att
         if better_somewhere(problem, current, wider):
             current = wider
             progress(f"formula at {joint}")
-            again = _coupled(problem.robot, joint, waiting)
+            # Those whose torque reaches a motor that the torque of this one reaches.
+            again = [other for other in waiting if (reaches[joint] & reaches[other]).any()]
             offers = {name: offer for name, offer in offers.items() if name not in again}
             offers |= _offers(problem, current.fit, again, progress)
     return _pruned(problem, current)
@@ -164,13 +166,6 @@ def _offers(
         if formula is not None:
             found[joint] = formula
     return found
-
-
-def _coupled(robot: Robot, joint: str, others: Iterable[str]) -> list[str]:
-    """Return those of `others` whose torque reaches a motor that the torque of `joint` reaches."""
-    gears = robot.transmission
-    reaches = dict(zip(gears.joints, np.abs(gears.topology) > 0.0, strict=True))
-    return [other for other in others if (reaches[joint] & reaches[other]).any()]
 
 
 def _pruned(problem: EstimationProblem, attempt: Attempt) -> Attempt:

@@ -206,7 +206,9 @@ def find_formula(table: TermTable) -> Formula | None:
     formulas without them leave: motions of joints resemble one another.
     """
     best: Formula | None = None
-    for kept in _widening(table):
+    known = [not term.needs_acceleration for term in table.terms]
+    alone = [k and set(t.joints) <= {table.joint} for k, t in zip(known, table.terms, strict=True)]
+    for kept in (alone, known, [True] * len(known)):
         formula = _formula(table.only(kept)) if any(kept) else None
         if formula is None:
             continue
@@ -216,14 +218,6 @@ def find_formula(table: TermTable) -> Formula | None:
                 continue
         best = formula
     return best
-
-
-def _widening(table: TermTable) -> list[list[bool]]:
-    """Return which terms concern the joint alone, which any controller knows, and all."""
-    known = [not term.needs_acceleration for term in table.terms]
-    alone = [set(term.joints) <= {table.joint} for term in table.terms]
-    own = [k and a for k, a in zip(known, alone, strict=True)]
-    return [own, known, [True] * len(known)]
 
 
 def _formula(table: TermTable) -> Formula | None:
