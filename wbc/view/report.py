@@ -105,11 +105,10 @@ def write_report(
     """
     problem = EstimationProblem.from_logs(robot, logs)
     comparison, qualities = compare_problem(problem), check_logs(logs, robot)
-    series = comparison.series
-    if diagnosis is not None:
-        series = series_of(diagnosis.robot, problem.records)
-    plots = residual_plots(problem, comparison.series, series)
-    steps = [] if diagnosis is None else stairs(diagnosis)
+    given, steps = comparison.series, [] if diagnosis is None else stairs(diagnosis)
+    fitted = given if diagnosis is None else series_of(diagnosis.robot, problem.records)
+    data = residual_plots(problem, given, fitted)
+    data |= {"steps": steps, "fitted": bool(diagnosis and diagnosis.findings)}
     context: dict[str, Any] = {
         "title": f"{robot.name}: {'comparison' if diagnosis is None else 'diagnosis'}",
         "robot": robot,
@@ -127,11 +126,9 @@ def write_report(
         "steps": steps,
         "words": ranking_words(() if diagnosis is None else diagnosis.ranking),
         "provenance": provenance_rows([log.source for log in logs], command),
-        "logs": [short_label(series.name) for series in comparison.series],
+        "logs": data["logs"],
         "playback": embedded(_playback(robot, logs[0], comparison)),
-        "data": embedded(
-            {**plots, "steps": steps, "fitted": bool(diagnosis and diagnosis.findings)}
-        ),
+        "data": embedded(data),
         "plotly": get_plotlyjs(),
         **headline(comparison, diagnosis, commands),
     }
@@ -146,14 +143,8 @@ def _rendered(context: dict[str, Any]) -> str:
         autoescape=True,
         finalize=_unbroken,
     )
-    environment.filters |= {
-        "spoken": spoken,
-        "titled": titled,
-        "plain": plain,
-        "sure": sure,
-        "deviation": with_deviation,
-        "short": short_label,
-    }
+    used = spoken, titled, plain, sure, with_deviation, short_label
+    environment.filters |= {one.__name__: one for one in used}
     return environment.get_template("report.html.j2").render(context)
 
 
