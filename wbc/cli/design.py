@@ -38,7 +38,7 @@ def run_design(options: Options, console: Console) -> Outcome:
     with watching("designs", console) as watch:
         path = design.run_study(study, options.out, workers=options.workers, watch=watch)
     front = design.best_designs(path, objectives)
-    _print(study, front, units, objectives, console)
+    _print(study, front, objectives, console)
     console.print(f"wrote {path}: {study.size} designs")
     if options.figures:
         drawn = design.sampled_designs(path, _DRAWN)
@@ -94,13 +94,10 @@ def _objectives(
 
 
 def _print(
-    study: design.Study,
-    front: Columns,
-    units: Mapping[str, str],
-    objectives: Sequence[design.Objective],
-    console: Console,
+    study: design.Study, front: Columns, objectives: Sequence[design.Objective], console: Console
 ) -> None:
     """Print what varies and the goals of the front, as many rows as fit on a screen."""
+    units = design.describe_columns(study)
     aims = ", ".join(f"{'most' if o.more else 'least'} {o.column}" for o in objectives)
     varied = [p.column for p in study.varied if p.low < p.high]
     names = dict.fromkeys([*varied, *(objective.column for objective in objectives)])

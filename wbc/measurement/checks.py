@@ -86,8 +86,12 @@ def _check_clock(log: Log) -> Iterator[LogFinding]:
 
 
 def _check_velocities(log: Log, said: Collection[str]) -> Iterator[LogFinding]:
-    """Yield findings about velocities that are late or of something else, but for columns and
-    joints of which others speak."""
+    """Yield findings about velocities that are late or of something else.
+
+    Args:
+        log: the log.
+        said: columns and joints of which others speak.
+    """
     for joint, fit in velocity_fits(log).items():
         name, late = f"{joint}.velocity", 1e3 * fit.delay
         if {joint, name} & {*said}:
