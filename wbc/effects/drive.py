@@ -10,16 +10,7 @@ import numpy as np
 
 from wbc.arrays import FloatArray
 from wbc.effects.joint_effect import GearNumbers, JointEffect, ScaledDrive, range_of
-from wbc.robot import (
-    Effect,
-    Evidence,
-    Motion,
-    Robot,
-    Screen,
-    SearchOffer,
-    Usual,
-    number,
-)
+from wbc.robot import Effect, Evidence, Motion, Robot, Screen, SearchOffer, Usual, number
 from wbc.robot.effect import usual_cost
 
 # Drives are off by ten to thirty per cent; a factor of two and more is a wrong unit or column.
