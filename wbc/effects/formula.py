@@ -142,14 +142,12 @@ class TorqueTerm:
             power["m"] -= length if slides else torque
             power["rad"] -= 0 if slides else length
             power["s"] -= time
-        above, below = (
-            [
-                name if n == sign else f"{name}^{sign * n}"
-                for name, n in power.items()
-                if sign * n > 0
-            ]
-            for sign in (1, -1)
-        )
+
+        def written(sign: int) -> list[str]:
+            some = {name: sign * n for name, n in power.items() if sign * n > 0}
+            return [name if n == 1 else f"{name}^{n}" for name, n in some.items()]
+
+        above, below = written(1), written(-1)
         if not below:
             return " ".join(above) or "1"
         bottom = below[0] if len(below) == 1 else f"({' '.join(below)})"

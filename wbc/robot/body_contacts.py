@@ -103,13 +103,10 @@ def _faces(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     face = []  # of each triangle
     for equation in hull.equations:
         plane = np.append(equation[:3], -equation[3])
-        same = [
-            number
-            for number, known in enumerate(planes)
-            if np.abs(plane - known).max() <= _SAME * max(size, 1.0)
-        ]
-        face.append(same[0] if same else len(planes))
-        if not same:
+        off = np.abs(np.reshape(planes, (-1, 4)) - plane).max(axis=1)
+        same = np.flatnonzero(off <= _SAME * max(size, 1.0))
+        face.append(int(same[0]) if same.size else len(planes))
+        if not same.size:
             planes.append(plane)
     edges = []
     for i, (triangle, beside) in enumerate(zip(hull.simplices, hull.neighbors, strict=True)):

@@ -235,20 +235,14 @@ class Transmission(Remade):
 
     def flanks(self, joint: str) -> Flanks:
         """Return the law of one gear that winds up or has play."""
-        k = self.index(joint)
-        numbers = self.stiffness[k], self.damping[k], self.backlash[k]
-        return Flanks(*map(float, numbers))
+        k, numbers = self.index(joint), (self.stiffness, self.damping, self.backlash)
+        return Flanks(*(float(number[k]) for number in numbers))
 
     def lossless(self) -> Transmission:
         """Return the same gears with eta_f = eta_b = 1 and frictionless rotors."""
-        one, zero = np.ones(self.size), np.zeros(self.size)
-        return replace(
-            self,
-            forward_efficiency=one,
-            backward_efficiency=one,
-            rotor_coulomb_friction=zero,
-            rotor_viscous_friction=zero,
-        )
+        kept = dict.fromkeys(("forward_efficiency", "backward_efficiency"), np.ones(self.size))
+        lost = ("rotor_coulomb_friction", "rotor_viscous_friction")
+        return self.replace(**kept, **dict.fromkeys(lost, np.zeros(self.size)))
 
 
 GEAR_NUMBERS: Mapping[str, GearNumber] = {
