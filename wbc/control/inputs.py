@@ -199,12 +199,9 @@ def _unit_parts(model: pin.Model) -> list[tuple[int, int]]:
     """Return where the parts of q that must be of length one start, and how long they are."""
     parts = []
     for joint in model.joints:
-        extra, start = joint.nq - joint.nv, int(joint.idx_q)
-        if extra == 1 and joint.nv in (3, 6) and joint.nq in (4, 7):
-            planar = "Planar" in joint.shortname()
-            parts.append((start + 2, 2) if planar else (start + joint.nq - 4, 4))
-        elif extra == 1 and joint.nv == 1:
-            parts.append((start, 2))
+        if joint.nq - joint.nv == 1 and joint.nv in (1, 3, 6):
+            length = 2 if joint.nv == 1 or "Planar" in joint.shortname() else 4
+            parts.append((int(joint.idx_q) + joint.nq - length, length))
     return parts
 
 

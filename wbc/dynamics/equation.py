@@ -77,14 +77,10 @@ class Workspace:
         self.robot = robot
         self.frames: list[int] = []
         for contact in robot.contacts:
-            parent = model.frames[model.getFrameId(contact.frame)]
-            frame = pin.Frame(
-                f"contact:{contact.name}",
-                parent.parentJoint,
-                model.getFrameId(contact.frame),
-                parent.placement * contact.placement(),
-                pin.FrameType.OP_FRAME,
-            )
+            number, name = model.getFrameId(contact.frame), f"contact:{contact.name}"
+            parent = model.frames[number]
+            place = parent.placement * contact.placement()
+            frame = pin.Frame(name, parent.parentJoint, number, place, pin.FrameType.OP_FRAME)
             self.frames.append(model.addFrame(frame, False))
         self.model = model
         self.data = model.createData()

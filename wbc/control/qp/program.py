@@ -434,8 +434,5 @@ class Program:
             return "what the more important tasks have decided", 1.0, "m/s^2"
         ends = [rows.stop for rows in self.contacts.slices]
         which = self.contacts.contacts[bisect_right(ends, row - self._undriven)].name
-        return (
-            f"contact {which} at rest" if not self.repeats else "the contacts at rest",
-            1.0,
-            "m/s^2",
-        )
+        told = "the contacts at rest" if self.repeats else f"contact {which} at rest"
+        return told, 1.0, "m/s^2"
