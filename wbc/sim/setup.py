@@ -111,7 +111,7 @@ class Setup:
         rows = m + nv + size + told.tangents * len(told.touch)
         pushes = 3 * (barriers.points + len(barriers.pairs))
         end = nq, nv, m, rows, size, nv, m, m, size, pushes, m, 10, 3, nq, nv, size, nv, nv, size, 4
-        now, now_kind = _memory(tables.Now, 4, nq, nv, rows, m, m, m, *[size] * 3)
+        now, now_kind = _memory(tables.Now, 3, nq, nv, rows, m, m, m, *[size] * 3)
         self.closed_at = now_kind.fields["closed"][1]
         begin = [now_kind.fields[name][1] // 8 for name in now_kind.names[:8]]
         self.cuts = [*map(slice, begin[:-1], begin[1:])]
@@ -205,7 +205,7 @@ class Setup:
     def stages(self) -> FloatArray:
         """Return the stages (s + 1, w) of the last step, and its end, see `Opened`."""
         plant, taken = self.plant, self._taken
-        rest = plant.stages[: int(plant.now.numbers[tables.NOTED]) + 1].copy()
+        rest = plant.stages[: int(plant.now.numbers[tables.STAGE]) % _STAGES + 1].copy()
         if not taken:
             return rest
         self._taken = []

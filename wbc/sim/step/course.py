@@ -23,7 +23,7 @@ from wbc.sim.step.part import LANDED, begin, part_with_mesh
 from wbc.sim.step.part_rows import part_system
 from wbc.sim.step.self_locking import tell_ranges
 from wbc.sim.step.solution import WAY
-from wbc.sim.step.tables import LENGTH, NOTED, SLOW, STAGE, TIME, TOUCH, Opened
+from wbc.sim.step.tables import LENGTH, SLOW, STAGE, TIME, TOUCH, Opened
 
 _TRIES = 40
 _SOON = 1e-6  # [s] over which gaps tell their speeds
@@ -187,7 +187,7 @@ def begin_step(
     now, forces, good = plant.now, plant.forces, True
     known = len(closed) == len(now.closed)
     now.impulse[:], now.deflection[:] = 0.0, 0.0
-    now.numbers[STAGE] = now.numbers[NOTED] = 0.0
+    now.numbers[STAGE] = 0.0
     copy_to(q, now.position)
     copy_to(v, now.velocity)
     copy_to(deflection, now.deflection)
@@ -208,14 +208,13 @@ def begin_step(
 def note(plant: Opened, ended: bool) -> None:
     """Write down a part or an impact that has ended, else the end of the step."""
     now, numbers = plant.now.words, plant.now.numbers
-    if numbers[NOTED] == len(plant.stages):
+    place = int(numbers[STAGE]) % len(plant.stages)
+    if place == 0 and numbers[STAGE] > 0.0:
         ask(plant.forces.full)
-        numbers[NOTED] = 0.0
-    stage = plant.stages[int(numbers[NOTED])]
-    copy_to(now, stage)
+    copy_to(now, plant.stages[place])
     if ended:
-        copy_to(plant.end.words, stage[len(now) :])
-        numbers[NOTED], numbers[STAGE] = numbers[NOTED] + 1.0, numbers[STAGE] + 1.0
+        copy_to(plant.end.words, plant.stages[place, len(now) :])
+        numbers[STAGE] += 1.0
 
 
 @compiled(inside=True)

@@ -12,7 +12,7 @@ from math import sqrt
 
 import numpy as np
 
-from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local
+from wbc.compiled import Dense, OutDense, OutRow, Row, compiled, inner, local, view
 from wbc.mechanics.kinematics import placed_at, turned
 from wbc.mechanics.linear import add_times, apart, copy_to, dot, go_along
 from wbc.sim.step.tables import Bodies
@@ -201,19 +201,6 @@ def beyond_faces(bodies: Bodies, which: int, points: Dense) -> float:
 
 
 @inner
-def clearance(bodies: Bodies, which: int, point: Row) -> float:
-    """Return a lower bound of the distance of a point (3,) from a hull, in its axes."""
-    hull, near, away = bodies.hulls[which], local(3), -np.inf
-    for f in range(hull[4], hull[4] + hull[5]):
-        away = max(away, beyond(bodies.planes[f], point))
-    if hull[5] == 0:
-        first, last = hull[2], hull[2] + hull[3] - 1
-        to_segment(bodies.corners[first], bodies.corners[last], point, near)
-        away = sqrt(apart(point, near)) - bodies.shapes[which, 4]
-    return away
-
-
-@inner
 def write_touch(pose: Row, gap: float, found: Row, sign: float, touch: OutRow) -> None:
     """Write a gap, the normal and the place (6,), out of a pose (12,), into a touch (7,)."""
     touch[0] = gap
@@ -244,7 +231,11 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
     middle, found, size = local(3), local(6), shapes[a, 3]
     between(second, first, seen)
     placed_at(seen, shapes[a, :3], middle)
-    if clearance(bodies, b, middle) > 2.0 * size:
+    away = beyond_faces(bodies, b, view(middle, 0, 1, 3))
+    if other[5] == 0:
+        to_segment(bodies.corners[other[2]], bodies.corners[other[2] + other[3] - 1], middle, found)
+        away = sqrt(apart(middle, found)) - shapes[b, 4]
+    if away > 2.0 * size:
         return
     between(first, second, back)
     corners = np.empty((one[3], 3))
@@ -262,14 +253,14 @@ def meet(bodies: Bodies, poses: Dense, pair: int, touch: OutDense) -> None:
             edges[f, k] += seen[9 + k % 3]
     if round_a + round_b == 0.0:
         # No barrier lies deeper than the hulls do: what does has its features on a far side.
-        apart = max(beyond_faces(bodies, a, theirs), beyond_faces(bodies, b, corners))
-        for f in range(one[7] if apart < size else 0):
+        away = max(beyond_faces(bodies, a, theirs), beyond_faces(bodies, b, corners))
+        for f in range(one[7] if away < size else 0):
             for e in range(other[7]):
                 gap = edge_gap(edges[f], bodies.edges[other[6] + e], 0.0, 0.0, found)
-                apart = max(apart, gap if gap < FAR else apart)
-        if apart >= size:
+                away = max(away, gap if gap < FAR else away)
+        if away >= size:
             return
-        deepest = max(deepest, apart - _INSIDE)
+        deepest = max(deepest, away - _INSIDE)
     if whole:
         for i in range(len(corners)):
             ball = round_a > 0.0

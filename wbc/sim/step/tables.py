@@ -222,10 +222,9 @@ class Forces(NamedTuple):
     full: int
 
 
-TIME, LENGTH, STAGE, NOTED = range(4)
+TIME, LENGTH, STAGE = range(3)
 """Numbers of `Now`, its first words: [s]; how long the part takes that begins there [s], zero where
-an impact does; how many parts and impacts the step had before; and how many of them
-`Opened.stages` holds."""
+an impact does; and how many parts and impacts the step had before."""
 
 
 @structured
@@ -233,7 +232,7 @@ class Now(NamedTuple):
     """Memory for where the next part or impact starts: the state, and what is kept of the step.
 
     Attributes:
-        numbers: (4,) TIME to NOTED.
+        numbers: (3,) TIME to STAGE.
         position, velocity: q (nq,), v (nv,).
         impulse: of the rows of the last part, in the layout of `Ending.impulse`.
         deflection, motor_speed: (m,) of the motor outputs [rad], [rad/s].
@@ -323,7 +322,8 @@ class Opened(NamedTuple):
     Attributes:
         tree, obstacles, gears, placed, bodies, forces, now, end: see there.
         stages: (s, w) memory: the words of `now` at the start of parts and impacts, and behind them
-            those of `end` at their end; last of all those of `now` at the end of the step.
+            those of `end` at their end; last of all those of `now` at the end of the step. Those
+            that find no room begin anew, once Python has taken all before.
         bounds: (5,) at RETURN_SPEED: at which an overlap is taken back at most; HERTZ, DISSIPATION:
             K and a of compliant contacts, K = 0 for rigid ones; SLOW: way of a slow landing per
             square of the step, see `course`; RESTITUTION.
