@@ -110,28 +110,24 @@ def _name_places(ax: Axes, names: list[str], places: FloatArray) -> None:
 def _draw_inertia(
     ax: Axes, robot: Robot, q: FloatArray, contact: str, axes: str, theme: Theme
 ) -> None:
-    tensors = {
-        _PERFECT: ("GIT (perfect gears)", generalized_inertia(robot, q, contact, axes)),
-        _BACKWARD: ("Backward-GIT", backward_generalized_inertia(robot, q, contact, axes)),
-    }
-    try:
-        forward = forward_generalized_inertia(robot, q, contact, axes)
-        tensors[_FORWARD] = ("Forward-GIT", forward)
-        missing = ""
-    except DynamicsError:
-        missing = "no Forward-GIT: the base is not driven"
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    for colour, (label, tensor) in tensors.items():
+
+    def draw(colour: int, label: str, tensor: FloatArray) -> None:
         values, vectors = np.linalg.eigh(0.5 * (tensor + tensor.T))
         curve = vectors @ (values[:, None] * circle)
         ax.plot(*curve, label=label, color=theme.series[colour], linestyle=_DASH[colour])
         tip = vectors[:, -1] * values[-1]
         ax.plot([0.0, tip[0]], [0.0, tip[1]], color=theme.series[colour], linewidth=0.7)
+
+    draw(_PERFECT, "GIT (perfect gears)", generalized_inertia(robot, q, contact, axes))
+    draw(_BACKWARD, "Backward-GIT", backward_generalized_inertia(robot, q, contact, axes))
+    try:
+        draw(_FORWARD, "Forward-GIT", forward_generalized_inertia(robot, q, contact, axes))
+    except DynamicsError:
+        ax.plot([], [], " ", label="no Forward-GIT: the base is not driven")
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1, 0.1)
-    if missing:
-        ax.plot([], [], " ", label=missing)
     _legend_below(ax)
     ax.set(
         title="inertia ellipsoids (principal inertias)",

@@ -321,13 +321,11 @@ class Predictions:
 
         Where earlier logs know its values, there are p rows more: what it costs to leave these.
         """
-        spread, slopes = self.rivals.open_part(number), self.sensitivities[number]
-        if spread is None:
-            return np.asarray(torques - slopes @ np.linalg.lstsq(slopes, torques)[0])
-        count = len(spread)
-        held = np.concatenate([slopes @ spread, np.eye(count)])
-        whole = np.concatenate([torques, np.zeros((count, torques.shape[1]))])
-        return np.asarray(whole - held @ np.linalg.lstsq(held, whole)[0])
+        spread, held = self.rivals.open_part(number), self.sensitivities[number]
+        if spread is not None:
+            held = np.concatenate([held @ spread, np.eye(len(spread))])
+            torques = np.concatenate([torques, np.zeros((len(spread), torques.shape[1]))])
+        return np.asarray(torques - held @ np.linalg.lstsq(held, torques)[0])
 
     def misfit(self, pair: Pair) -> FloatArray:
         """Return what the refitted other cause leaves of a true one's torque, (N, m) over noise.

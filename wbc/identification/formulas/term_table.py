@@ -91,33 +91,22 @@ def term_table(
     # What another joint feels is left over here by rounding: scaled up it would pass for a cause.
     known[:, size < _ROUNDING * size.max(axis=0, initial=0.0)] = 0.0
     cells, folds, blocks = _cells(problem)
-    columns, left, levels, first = [], [], [], 0
-    for record in problem.records:
-        rows = slice(first, first + record.rows)
-        first += record.rows
-        own, outputs, level = _columns(fit.robot, record, joint, terms)
-        floor = problem.floor.values[outputs]
-        beside = np.concatenate([own, -known[rows][:, outputs]], axis=-1)
-        columns.append(beside / floor[:, None])
-        left.append(residual[rows][:, outputs] / floor)
-        levels.append(level)
-    whole, missing = np.concatenate(columns), np.concatenate(left)
-    parts = [
-        (whole[rows].reshape(-1, whole.shape[2]), missing[rows].ravel())
-        for rows in rows_of_folds(cells)
-    ]
-    gram = np.array([own.T @ own for own, _ in parts])
-    moment = np.array([own.T @ rest for own, rest in parts])
-    kept, gram, moment = _beside_known(gram, moment, len(terms))
-    together = np.concatenate(levels)
+    each = [_columns(fit.robot, record, joint, terms) for record in problem.records]
+    added, outputs = np.concatenate([columns for columns, _, _ in each]), each[0][1]
+    beside = np.concatenate([-known, residual[:, :, None]], axis=-1)[:, outputs]
+    whole = np.concatenate([added, beside], axis=-1) / problem.floor.values[outputs, None]
+    parts = [whole[rows].reshape(-1, whole.shape[2]) for rows in rows_of_folds(cells)]
+    sums = np.array([own.T @ own for own in parts])
+    kept, gram, moment = _beside_known(sums[:, :-1, :-1], sums[:, :-1, -1], len(terms))
+    together = np.concatenate([levels for _, _, levels in each])
     every = max(1, len(together) // _LEVEL_SAMPLES)
     return TermTable(
         joint=joint,
         terms=tuple(terms[k] for k in kept),
         gram=gram,
         moment=moment,
-        energy=np.array([rest @ rest for _, rest in parts]),
-        count=np.array([float(rest.size) for _, rest in parts]),
+        energy=sums[:, -1, -1],
+        count=np.array([float(len(own)) for own in parts]),
         folds=folds,
         blocks=blocks,
         levels=together[::every, kept],
