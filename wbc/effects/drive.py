@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import final
 
@@ -435,3 +435,22 @@ class ThermalDrift(ScaledDrive):
             time, start = time.reshape((*time.shape, *(1,) * np.ndim(self.rate))), np.zeros(())
         gone = -np.expm1(-time / self.time_constant)
         return np.asarray(start + (self.time_constant - start) * gone)
+
+
+_CHAIN: tuple[type[Effect], ...] = (ActuationDelay, CurrentLimit, SupplySag)
+
+
+def in_drive_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Return effects with those of the drives in the order in which a drive acts.
+
+    It takes its command late, clips it, and what is left sags with its supply. What changes the
+    torque by a factor comes after them. In which order causes were found is no evidence of it.
+    """
+    found = tuple(effects)
+    places = [k for k, effect in enumerate(found) if "drive" in effect.acts_by]
+
+    def link(k: int) -> int:
+        return next((n for n, kind in enumerate(_CHAIN) if isinstance(found[k], kind)), len(_CHAIN))
+
+    drives = dict(zip(places, sorted(places, key=link), strict=True))
+    return tuple(found[drives.get(k, k)] for k in range(len(found)))

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from wbc.effects import Backlash, CoulombFriction
 from wbc.identification.choice.certainty import Support, odds_of
 from wbc.identification.choice.evidence import Hypothesis, left_to_gain, log_densities, weigh
-from wbc.identification.choice.search import _likely
+from wbc.identification.choice.search import Search
 from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.robot import Effect
 
@@ -42,9 +42,23 @@ def test_what_is_unlikely_at_one_joint_does_not_hide_it_at_others() -> None:
         hypothesis(1.0, effects=(PLAY, FRICTION, knee, ankle)), implausible=(0, 0, 9, 2)
     )
     assert not longer.believable
-    assert _likely(longer, known) == (PLAY, FRICTION, ankle)
-    assert _likely(replace(longer, implausible=(0, 9, 9, 9)), known) == ()
-    assert _likely(replace(longer, implausible=(0, 0, 2, 2)), known) == ()
+
+    def tried_beside(found: Hypothesis) -> list[tuple[Effect, ...]]:
+        """Return what is fitted after a group of causes was found."""
+        rounds: list[list[tuple[Effect, ...]]] = []
+
+        def rivals_of(h: Hypothesis, offers: list[tuple[Effect, ...]]) -> list[Hypothesis]:
+            rounds.append(offers)
+            return [found] if len(rounds) == 1 else []
+
+        trials = SimpleNamespace(rivals_of=rivals_of, best_of=lambda group: group[0])
+        proposer = SimpleNamespace(trials=trials, beside=lambda *_: [])
+        assert Search(proposer)._addition(known) is None  # type: ignore[arg-type]
+        return rounds[1]
+
+    assert tried_beside(longer) == [(PLAY, FRICTION, ankle)]
+    assert tried_beside(replace(longer, implausible=(0, 9, 9, 9))) == []
+    assert tried_beside(replace(longer, implausible=(0, 0, 2, 2))) == []
 
 
 def test_less_in_every_fold_is_never_less_evidence() -> None:

@@ -75,13 +75,13 @@ class Hypothesis:
         Where much is left that no hypothesis explains, logs speak for any number that takes up a
         part of it, however impossible, and such causes hide others.
         """
-        return not self.unlikely
+        return len(self.likely) == len(self.effects)
 
     @property
-    def unlikely(self) -> tuple[Effect, ...]:
-        """The causes that are less likely than one in a thousand before the logs speak."""
+    def likely(self) -> Offer:
+        """The causes that are not less likely than one in a thousand before the logs speak."""
         pairs = zip(self.effects, self.implausible, strict=True)
-        return tuple(effect for effect, cost in pairs if cost >= _IMPOSSIBLE)
+        return tuple(effect for effect, cost in pairs if cost < _IMPOSSIBLE)
 
     @property
     def outputs(self) -> FloatArray:

@@ -191,22 +191,6 @@ class Proposer:
         density, prior = exchanged(trials.problem, trials.fit(h), h, (), columns, offer)
         return MISSED * density > -prior
 
-    def with_more(self, h: Hypothesis, offers: Sequence[Offer]) -> list[Offer]:
-        """Return those offers of a hypothesis with causes more that may be worth what they cost.
-
-        Their own derivatives say so: screens see a drive's causes only as the last to act.
-        """
-        kept = []
-        for offer in offers:
-            fit = self.trials.at_start(offer, h)
-            if fit is None:
-                continue
-            new = [row for row, (k, _) in enumerate(fit.parameters) if offer[k].key not in h.keys]
-            columns = fit.jacobian[:, :, new]
-            if columns.any() and self._worth(h, offer, columns):
-                kept.append(offer)
-        return kept
-
     def _around(self, h: Hypothesis) -> LinearScreen:
         """Return the screen of all causes that act at once, in the place of others or beside."""
         self.trials.ask()

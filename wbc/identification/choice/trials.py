@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from wbc.effects.drive import in_drive_order
 from wbc.errors import IdentificationError
 from wbc.identification.choice.evidence import Hypothesis, fold_means, weigh
 from wbc.identification.choice.prior import asked, implausible
@@ -79,7 +80,7 @@ class Trials:
         Raises:
             OutOfTime: it is not known yet, and the search must end.
         """
-        start = tuple(effects) if near is None else near.begun(effects)
+        start = in_drive_order(effects if near is None else near.begun(effects))
         if start not in self._known:
             self._known[start] = self._fitted(start, ITERATIONS, near)
         return self._known[start]
@@ -97,10 +98,6 @@ class Trials:
         """
         if time.monotonic() > self.until:
             raise OutOfTime
-
-    def at_start(self, effects: Sequence[Effect], near: Hypothesis) -> Fit | None:
-        """Return what these start values leave, with derivatives; None where that is impossible."""
-        return self._fit(tuple(effects), 0, near)
 
     def _fit(
         self, start: tuple[Effect, ...], iterations: int, near: Hypothesis | None
@@ -148,7 +145,7 @@ class Trials:
         They begin with its numbers. A fit ends after its first step where that leaves it far behind
         the other one.
         """
-        known = (self._rival_of(h, h.begun(effects)) for effects in offers)
+        known = (self._rival_of(h, in_drive_order(h.begun(effects))) for effects in offers)
         return [found for found in known if found is not None]
 
     def _rival_of(self, h: Hypothesis, start: tuple[Effect, ...]) -> Hypothesis | None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from wbc.arrays import BoolArray, FloatArray, IntArray
 from wbc.dynamics import inertial_parameters
+from wbc.effects.drive import in_drive_order
 from wbc.identification.model.residual import (
     IMPOSSIBLE,
     Asked,
@@ -209,9 +210,9 @@ class Columns:
         effects = {effect.key: effect for effect in at.effects}
         effects |= {change.after.key: change.after for change in changes}
         if any("change" in change.after.acts_by for change in changes):
-            return self.robot.with_effects(*effects.values())
+            return self.robot.with_effects(*in_drive_order(effects.values()))
         # Every number that effects change is as it was.
-        return at.robot.with_acting((*self.robot.effects, *effects.values()))
+        return at.robot.with_acting((*self.robot.effects, *in_drive_order(effects.values())))
 
     def _inertial(
         self, at: Evaluation, changes: Sequence[Change], held: bool
