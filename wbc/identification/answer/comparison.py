@@ -25,7 +25,7 @@ from wbc.identification.model.estimation_problem import EstimationProblem
 from wbc.identification.model.residual import condensed_residual
 from wbc.identification.records.noise import NoiseFloor
 from wbc.identification.records.not_judged import without_links
-from wbc.identification.records.record import block_means, output_names, output_units
+from wbc.identification.records.record import output_names, output_units
 from wbc.measurement import Log, LogSource
 from wbc.robot import Robot
 from wbc.tables import TextTable
@@ -276,14 +276,13 @@ def rank_robots(robots: Mapping[str, Robot], logs: Sequence[Log]) -> tuple[Conte
     """
     if not robots:
         raise IdentificationError("no robot was given to rank.")
-    first, *others = robots.items()
-    for name, robot in others:
-        if robot.model.names.tolist() != first[1].model.names.tolist():
+    first, reference = next(iter(robots.items()))
+    for name, robot in robots.items():
+        if robot.model.names.tolist() != reference.model.names.tolist():
             raise IdentificationError(
-                f"'{name}' and '{first[0]}' have different joints and cannot be compared: "
-                f"{', '.join(robot.model.names)} and {', '.join(first[1].model.names)}."
+                f"'{name}' and '{first}' have different joints and cannot be compared: "
+                f"{', '.join(robot.model.names)} and {', '.join(reference.model.names)}."
             )
-    reference = first[1]
     drives = [robot.transmission for robot in robots.values()]
     if known := [gears for gears in drives if np.isfinite(gears.target_delay).any()]:
         times = {name: getattr(known[0], name) for name in DRIVE_TIMES}
@@ -311,7 +310,7 @@ def _beside(
     best: str,
 ) -> Contestant:
     own, beside = squares[name], squares[best]
-    blocks = block_means((own - beside).mean(axis=1), problem.blocks)
+    blocks = problem.block_means((own - beside).mean(axis=1))
     deviation = float(np.std(blocks, ddof=1) / np.sqrt(blocks.size))
     difference = float(own.mean() - beside.mean())
     clear = difference > _STANDARD_ERRORS * deviation

@@ -21,7 +21,6 @@ from wbc.identification.answer.diagnosis import (
     Verdict,
     correlation_of,
     rank_hypotheses,
-    with_covariances,
 )
 from wbc.identification.answer.findings import describe_findings
 from wbc.identification.answer.model_to_use import Answer, model_to_use
@@ -156,7 +155,7 @@ def diagnose(
         remainder=describe(left),
         robot=fit.robot,
         warnings=tuple(warnings),
-        ranking=with_covariances(rank_hypotheses(odds, final), trials, final),
+        ranking=rank_hypotheses(trials, odds, final),
         correlation=correlation_of(problem, fit),
         before=series_of(problem.robot, problem.records),
         after=series_of(fit.robot, problem.records),

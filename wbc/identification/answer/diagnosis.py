@@ -128,54 +128,35 @@ def effect_entry(effect: Effect) -> dict[str, Any]:
     return {"effect": effect.name, "where": effect.where, "parameters": effect.values}
 
 
-def rank_hypotheses(odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
+def rank_hypotheses(trials: Trials, odds: Odds, found: Hypothesis) -> tuple[Ranked, ...]:
     """Return the hypotheses that differ from `found` in one cause, most evidence first.
 
     One cause is an effect less, an effect more, or one in the place of another, at one place or in
-    all gears; the robot as given is always among them.
+    all gears; the robot as given is always among them. What the logs leave open of the parameters
+    is told of `found` and of its closest rivals. Those whose links swing behind their gears are
+    left out: no experiment is planned for them, and to fit them anew takes long. So are all rivals
+    where somebody waits.
 
     Args:
+        trials: which hold the fits, or make them again.
         odds: of everything that was tried.
         found: the hypothesis chosen.
     """
-    own = set(found.keys)
-    level = odds.level(found)
-    rows = []
+    own, level = set(found.keys), odds.level(found)
+    rows, left = [], 0 if trials.hurried else RIVALS
     for h, nats in zip(odds.hypotheses, odds.evidence, strict=True):
         keys = set(h.keys)
         less, more = own - keys, {name for name, _ in keys - own}
-        if (len(less) <= 1 and len(more) <= 1) or not keys:
-            rows.append(_beside(h, found, nats - level))
-    return tuple(rows)
-
-
-def with_covariances(
-    ranking: Sequence[Ranked], trials: Trials, final: Hypothesis
-) -> tuple[Ranked, ...]:
-    """Return the ranking with what the logs leave open of the parameters of the closest rivals.
-
-    Those whose links swing behind their gears are left out: no experiment is planned for them, and
-    to fit them anew takes long. So are all rivals where somebody waits.
-
-    Args:
-        ranking: of the hypotheses tried.
-        trials: which hold their fits, or make them again.
-        final: what was found.
-    """
-    known = {h.effects: h for h in trials.known}
-    rows, left = [], 0 if trials.hurried else RIVALS
-    for row in ranking:
-        h = known.get(row.effects)
-        rival = bool(row.added and row.removed)
-        wanted = bool(row.effects) and (row.standing == "found" or (rival and left > 0))
-        if not wanted or h is None or h.swings:
-            rows.append(row)
+        if keys and (len(less) > 1 or len(more) > 1):
             continue
-        left -= rival
-        fit = trials.fit(h, final)
-        scales = [parameter.scale for _, parameter in fit.parameters]
-        deviations = block_deviations(fit, trials.problem.blocks) * scales
-        rows.append(replace(row, covariance=deviations.T @ deviations))
+        row, rival = _beside(h, found, nats - level), bool(less and more)
+        if keys and not h.swings and (row.standing == "found" or (rival and left > 0)):
+            left -= rival
+            fit = trials.fit(h, found)
+            scales = [parameter.scale for _, parameter in fit.parameters]
+            deviations = block_deviations(fit, trials.problem.blocks) * scales
+            row = replace(row, covariance=deviations.T @ deviations)
+        rows.append(row)
     return tuple(rows)
 
 
@@ -434,13 +415,10 @@ class Diagnosis:
 
     def effect_rows(self) -> TextTable:
         """Return the effects found, the doubtful last, each kind of them in one line."""
-        sure_ones = [f for f in self.findings if not f.doubtful]
-        doubtful: dict[str, list[Finding]] = {}
-        for finding in self.findings:
-            if finding.doubtful:
-                doubtful.setdefault(finding.effect.name, []).append(finding)
-        cells = [row for finding in sure_ones for row in _finding_cells(finding)]
-        cells += [_doubtful_cells(alike) for alike in doubtful.values()]
+        doubtful = [f for f in self.findings if f.doubtful]
+        cells = [row for f in self.findings if not f.doubtful for row in _finding_cells(f)]
+        for name in dict.fromkeys(f.effect.name for f in doubtful):
+            cells.append(_doubtful_cells([f for f in doubtful if f.effect.name == name]))
         return TextTable.of("~effect at place|>value|90 % interval|unit|is it there?", cells)
 
     def left_rows(self) -> TextTable:
@@ -542,10 +520,9 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain numbers, texts, lists and dictionaries with the keys of the log format."""
-        rivals: dict[str, list[str]] = {}
-        for finding in self.findings:
-            names = rivals.setdefault(finding.effect.name, [])
-            names.extend(name for name in finding.rivals if name not in names)
+        rivals: dict[str, dict[str, None]] = {}
+        for f in self.findings:
+            rivals.setdefault(f.effect.name, {}).update(dict.fromkeys(f.rivals))
         told = {
             "verdict": self.verdict,
             "effects": [
@@ -562,7 +539,7 @@ class Diagnosis:
                 }
                 for f in self.findings
             ],
-            "alternatives": rivals,
+            "alternatives": {name: list(others) for name, others in rivals.items()},
             "next_experiment": self.next_experiment,
             "band": self.band,
             "error": self.error,
